@@ -1,0 +1,1 @@
+//! hysteron-tracking
