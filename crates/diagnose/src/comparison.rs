@@ -1,0 +1,161 @@
+//! What a comparison of model and measurement says: figures for each record, pooled figures, and where the error is.
+
+use hysteron_data::Role;
+use serde::Serialize;
+
+/// Where the noise floor comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NoiseSource {
+    /// Given in the dataset (`[known] sensor_noise_um`).
+    Given,
+    /// Records at constant voltage.
+    QuietRecord,
+    /// Scatter between the periods of periodic records.
+    PeriodScatter,
+    /// High-frequency content of the position that the drive cannot have caused; an upper bound where nothing better is there.
+    HighPass,
+}
+
+/// The noise floor of the position, and what it rests on.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NoiseFloor {
+    /// Noise, micrometres rms.
+    pub rms_um: f64,
+    /// What it was estimated from.
+    pub source: NoiseSource,
+    /// Degrees of freedom behind the estimate (0 where it was given).
+    pub samples: usize,
+}
+
+/// Figures pooled over the records of one role: root mean square over records.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Pooled {
+    /// Eq. 19, percent of peak to peak.
+    pub nrmse_percent: f64,
+    /// `100 (1 - |y - ŷ| / |y - mean y|)`, from the pooled ratio, as MATLAB's `compare`.
+    pub fit_percent: f64,
+    /// Error, micrometres rms.
+    pub rms_um: f64,
+    /// Number of records in the pool (records that do not move have no percentage and are left out).
+    pub records: usize,
+}
+
+/// Model against measurement in one record, free simulation.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RecordComparison {
+    /// File of the record.
+    pub file: String,
+    /// Its role.
+    pub role: Role,
+    /// Eq. 19, percent of peak to peak; `null` where the output does not move.
+    pub nrmse_percent: Option<f64>,
+    /// Fit percent; `null` where the output does not move.
+    pub fit_percent: Option<f64>,
+    /// Error, micrometres rms (volts rms for an inverse model).
+    pub rms_um: f64,
+    /// Largest error, micrometres (volts for an inverse model).
+    pub max_um: f64,
+    /// Error over noise floor, both rms.
+    pub noise_ratio: f64,
+    /// Number of samples.
+    pub samples: usize,
+    /// How the record's start was taken: `periodic`, or `remanent 0.35`.
+    pub initial_state: String,
+    /// The series themselves, for pictures.
+    #[serde(skip)]
+    pub series: Series,
+}
+
+/// The series behind a record's figures. All of one length.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Series {
+    /// Time, seconds.
+    pub time_s: Vec<f64>,
+    /// Input of the model: volts (forward) or micrometres (inverse).
+    pub input: Vec<f64>,
+    /// Measured output: micrometres (forward) or volts (inverse).
+    pub measured: Vec<f64>,
+    /// Modelled output, same unit.
+    pub modelled: Vec<f64>,
+}
+
+/// The share of the squared error in one bin of one quantity.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Bin {
+    /// Lower edge.
+    pub from: f64,
+    /// Upper edge.
+    pub to: f64,
+    /// Share of the whole squared error, percent.
+    pub share_percent: f64,
+    /// Share of the samples (of the drive's bandwidth, for frequency), percent.
+    pub samples_percent: f64,
+    /// Error in the bin, rms, output unit.
+    pub rms_um: f64,
+    /// Mean of the error (measured minus modelled) in the bin, output unit.
+    pub mean_um: f64,
+}
+
+/// How the error is distributed over one quantity, pooled over all records.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Breakdown {
+    /// `frequency`, `amplitude`, `position`, `speed`, `direction`, `time`, `temperature`.
+    pub by: &'static str,
+    /// Unit of the edges.
+    pub unit: &'static str,
+    /// The bins, ascending; empty bins are left out.
+    pub bins: Vec<Bin>,
+    /// One sentence: where the error is out of proportion, or that it is even.
+    pub finding: String,
+}
+
+/// Mean error over position (columns) and input rate (rows).
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ErrorMap {
+    /// Column edges: measured position, micrometres, ascending.
+    pub position_edges_um: Vec<f64>,
+    /// Row edges: rate of the position's drive, output units per second, ascending through zero.
+    pub rate_edges_um_per_s: Vec<f64>,
+    /// Error rms of each cell, row by row; `None` where no sample fell.
+    pub rms_um: Vec<Vec<Option<f64>>>,
+}
+
+/// Amplitude spectral densities, one-sided, pooled over records.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Spectrum {
+    /// Frequencies, hertz, ascending.
+    pub frequency_hz: Vec<f64>,
+    /// Of the error, output unit per square root of hertz.
+    pub residual_um_per_rthz: Vec<f64>,
+    /// Of the measured output.
+    pub measured_um_per_rthz: Vec<f64>,
+    /// Of the noise floor (white at the noise's rms where only its rms is known).
+    pub noise_um_per_rthz: Vec<f64>,
+}
+
+/// The whole answer of `compare`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Noise floor, micrometres rms.
+    pub noise_rms_um: f64,
+    /// What the noise floor rests on.
+    pub noise_source: NoiseSource,
+    /// Pooled over the records that the role `identify` marks.
+    pub identify: Option<Pooled>,
+    /// Pooled over the records that the role `validate` marks.
+    pub validate: Option<Pooled>,
+    /// Each record.
+    pub records: Vec<RecordComparison>,
+    /// Where the error is.
+    pub r#where: Vec<Breakdown>,
+    /// The error over position and rate.
+    pub error_map: ErrorMap,
+    /// The error's spectrum against the noise floor, pooled over records of the most common sample rate.
+    #[serde(skip)]
+    pub spectrum: Spectrum,
+    /// Unit of the compared output: `um`, or `V` for an inverse model.
+    pub output_unit: &'static str,
+    /// What the user should know of how this was computed.
+    pub notices: Vec<String>,
+}
