@@ -1,1 +1,28 @@
-//! hysteron-identify
+//! Fits the models of the core to records, and runs the fitted models on them.
+//!
+//! Data flows one way: a [`hysteron_data::Dataset`] goes into [`fit`], a [`Model`] comes out; [`Model::simulate`] runs
+//! it freely on a record. The operators and the arithmetic are those of `hysteron_core` in `f64`.
+#![forbid(unsafe_code)]
+
+mod columns;
+pub mod error;
+pub mod family;
+pub mod fit;
+pub mod initial;
+pub mod loop_opening;
+pub mod model;
+mod model_file;
+pub mod mpso;
+mod normal;
+pub mod objective;
+pub mod period;
+pub mod placement;
+mod separable;
+mod uncertainty;
+
+pub use error::IdentifyError;
+pub use family::{Direction, Family};
+pub use fit::{FitOptions, FitReport, Method, fit};
+pub use initial::InitialState;
+pub use model::{Model, Parameter};
+pub use placement::Placement;

@@ -1,0 +1,157 @@
+//! The columns of a model that is linear in its coefficients: what each sample of a record contributes.
+
+use crate::family::Family;
+use crate::initial::InitialState;
+use hysteron_core::envelope::Envelope;
+use hysteron_core::play;
+
+/// One record as the fit sees it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Run<'a> {
+    /// Model input.
+    pub input: &'a [f64],
+    /// Output to be explained.
+    pub output: &'a [f64],
+    /// Sample period, seconds.
+    pub period_s: f64,
+    /// State before the first sample.
+    pub initial: InitialState,
+    /// Weight of each squared error in the objective.
+    pub weight: f64,
+}
+
+/// A family with its nonlinear parameters fixed: everything the columns depend on.
+#[derive(Debug, Clone)]
+pub(crate) struct Design {
+    pub family: Family,
+    pub thresholds: Vec<f64>,
+    /// Zero for all families but MRPI.
+    pub envelope: Envelope<f64>,
+}
+
+impl Design {
+    /// Number of columns: offset, input powers, plays.
+    pub(crate) fn columns(&self) -> usize {
+        1 + self.family.input_powers().len() + self.family.coefficients_a_play() * self.thresholds.len()
+    }
+
+    /// Calls `visit(row, output)` for every `stride`-th sample.
+    pub(crate) fn for_each_row(&self, run: &Run<'_>, stride: usize, mut visit: impl FnMut(&[f64], f64)) {
+        let mut row = vec![0.0; self.columns()];
+        let mut stepper = Stepper::new(self, run);
+        for (k, (&input, &output)) in run.input.iter().zip(run.output).enumerate() {
+            let rate = stepper.advance(input);
+            if k % stride == 0 {
+                fill(self.family, input, rate, &stepper.outputs, &mut row);
+                visit(&row, output);
+            }
+        }
+    }
+
+    /// The model's output for a run, free simulation, into `visit(sample, modelled)`.
+    pub(crate) fn simulate(&self, coefficients: &[f64], run: &Run<'_>, mut visit: impl FnMut(usize, f64)) {
+        let powers = self.family.input_powers().len();
+        let (g, of_plays) = coefficients.split_at(1 + powers);
+        let mut stepper = Stepper::new(self, run);
+        for (k, &input) in run.input.iter().enumerate() {
+            let rate = stepper.advance(input);
+            let mut sum = g[0];
+            for (&power, &c) in self.family.input_powers().iter().zip(&g[1..]) {
+                sum += c * input.powi(power);
+            }
+            visit(k, sum + plays_output(self.family, of_plays, rate, &stepper.outputs));
+        }
+    }
+
+    /// Sum of squared errors of a run, without its weight.
+    pub(crate) fn squared_error(&self, coefficients: &[f64], run: &Run<'_>) -> f64 {
+        let mut sum = 0.0;
+        self.simulate(coefficients, run, |k, modelled| sum += (run.output[k] - modelled).powi(2));
+        sum
+    }
+}
+
+/// The plays of one run, moving sample by sample.
+struct Stepper<'a> {
+    thresholds: &'a [f64],
+    envelope: Envelope<f64>,
+    outputs: Vec<f64>,
+    last: f64,
+    samples_per_s: f64,
+}
+
+impl<'a> Stepper<'a> {
+    fn new(design: &'a Design, run: &Run<'_>) -> Self {
+        let first = run.input.first().copied().unwrap_or(0.0);
+        let fraction = match run.initial {
+            InitialState::Remanent { fraction } => fraction,
+            InitialState::Periodic { .. } => 0.0,
+        };
+        let mut stepper = Self {
+            thresholds: &design.thresholds,
+            envelope: design.envelope,
+            outputs: design.thresholds.iter().map(|r| first - fraction * r).collect(),
+            last: first,
+            samples_per_s: 1.0 / run.period_s,
+        };
+        if let InitialState::Periodic { samples } = run.initial {
+            // After one whole period both extremes have been passed, and with them all memory from before is wiped out.
+            for &input in &run.input[..samples] {
+                stepper.advance(input);
+            }
+        }
+        stepper
+    }
+
+    /// Moves the plays to `input`; returns the input's rate by backward difference, per second.
+    #[inline(always)]
+    fn advance(&mut self, input: f64) -> f64 {
+        let rate = (input - self.last) * self.samples_per_s;
+        self.last = input;
+        let (left, right) = self.envelope.bounds(input, rate);
+        play::advance(self.thresholds, &mut self.outputs, left, right);
+        rate
+    }
+}
+
+fn fill(family: Family, input: f64, rate: f64, outputs: &[f64], row: &mut [f64]) {
+    let powers = family.input_powers();
+    row[0] = 1.0;
+    for (cell, &power) in row[1..].iter_mut().zip(powers) {
+        *cell = input.powi(power);
+    }
+    let plays = &mut row[1 + powers.len()..];
+    let n = outputs.len();
+    plays[..n].copy_from_slice(outputs);
+    match family {
+        Family::Pi | Family::Mpi | Family::Mrpi => {}
+        Family::Wrpi => {
+            for (cell, &w) in plays[n..].iter_mut().zip(outputs) {
+                *cell = w * rate;
+            }
+        }
+        Family::PlayPolynomial => {
+            let (squares, cubes) = plays[n..].split_at_mut(n);
+            for ((square, cube), &w) in squares.iter_mut().zip(cubes).zip(outputs) {
+                *square = w * w;
+                *cube = w * w * w;
+            }
+        }
+    }
+}
+
+/// What the plays contribute; the coefficients stand as [`fill`] lays the columns out.
+#[inline(always)]
+fn plays_output(family: Family, coefficients: &[f64], rate: f64, outputs: &[f64]) -> f64 {
+    let n = outputs.len();
+    let dot = |c: &[f64]| c.iter().zip(outputs).map(|(c, w)| c * w).sum::<f64>();
+    match family {
+        Family::Pi | Family::Mpi | Family::Mrpi => dot(coefficients),
+        Family::Wrpi => dot(&coefficients[..n]) + rate * dot(&coefficients[n..]),
+        Family::PlayPolynomial => {
+            let (linear, rest) = coefficients.split_at(n);
+            let (square, cube) = rest.split_at(n);
+            outputs.iter().zip(linear).zip(square).zip(cube).map(|(((w, a), b), c)| w * (a + w * (b + w * c))).sum()
+        }
+    }
+}

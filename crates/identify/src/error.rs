@@ -1,0 +1,53 @@
+//! What can go wrong when a model is fitted, read or run.
+
+/// An error of identification.
+#[derive(Debug, thiserror::Error)]
+pub enum IdentifyError {
+    /// No record to fit to.
+    #[error("the dataset has no record with role `identify`; give at least one record that role in dataset.toml")]
+    NothingToFit,
+    /// The model's input stands still in every record.
+    #[error("the {input} stands still in every record with role `identify`; a hysteresis model needs records that move")]
+    NoExcitation {
+        /// `voltage` or `position`
+        input: &'static str,
+    },
+    /// Number of plays out of range.
+    #[error("{plays} plays asked for; allowed are 1 to {max}")]
+    Plays {
+        /// What was asked for.
+        plays: usize,
+        /// The largest number allowed.
+        max: usize,
+    },
+    /// Fewer samples than parameters.
+    #[error("{samples} samples cannot determine {parameters} parameters; take fewer plays or longer records")]
+    TooFewSamples {
+        /// Samples in the records with role `identify`.
+        samples: usize,
+        /// Parameters of the model.
+        parameters: usize,
+    },
+    /// A particle swarm has a family without parameters for it.
+    #[error("`--method mpso` fits pi, mpi, wrpi and mrpi as the paper does; for `{family}` use `--method separable`")]
+    NoSwarm {
+        /// The family.
+        family: &'static str,
+    },
+    /// A model file that cannot be read.
+    #[error("{file}: {reason}")]
+    ModelFile {
+        /// The file.
+        file: String,
+        /// What is wrong, with line and what is allowed.
+        reason: String,
+    },
+    /// A model file that cannot be opened or written.
+    #[error("{file}: {source}")]
+    Io {
+        /// The file.
+        file: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+}

@@ -1,0 +1,228 @@
+//! All parameters of a model in one call.
+
+use crate::columns::{Design, Run};
+use crate::error::IdentifyError;
+use crate::family::{Direction, Family, peak_to_peak, range};
+use crate::initial::{self, InitialState};
+use crate::model::{FittedOn, FittedRecord, Model};
+use crate::objective::{Weighting, runs};
+use crate::placement::{Placement, thresholds};
+use crate::separable::{self, Solved};
+use crate::{mpso, uncertainty};
+use hysteron_data::{Dataset, Role};
+use serde::{Deserialize, Serialize};
+
+/// The largest number of play operators.
+pub const MAX_PLAYS: usize = 64;
+
+/// How parameters are searched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Separable least squares: weights in closed form, outer search over alpha and beta. Deterministic.
+    Separable,
+    /// The paper's modified particle swarm over all parameters.
+    Mpso,
+}
+
+/// What to fit and how.
+#[derive(Debug, Clone, Copy)]
+pub struct FitOptions {
+    /// The model.
+    pub family: Family,
+    /// Which way it runs.
+    pub direction: Direction,
+    /// Number of play operators, 1 to [`MAX_PLAYS`].
+    pub plays: usize,
+    /// Where the thresholds stand.
+    pub placement: Placement,
+    /// How parameters are searched.
+    pub method: Method,
+    /// How records are weighed.
+    pub weighting: Weighting,
+    /// Seed of the swarm; the separable method has nothing random.
+    pub seed: u64,
+}
+
+impl FitOptions {
+    /// The defaults for a family: forward, 10 plays placed on the data, separable, records weighed as they are reported.
+    pub fn new(family: Family) -> Self {
+        Self {
+            family,
+            direction: Direction::Forward,
+            plays: 10,
+            placement: Placement::Data,
+            method: Method::Separable,
+            weighting: Weighting::Record,
+            seed: 1,
+        }
+    }
+
+    /// The paper's own settings: direct inverse, N = 10 by eq. 16, weights by eq. 18.
+    pub fn paper(family: Family) -> Self {
+        Self {
+            direction: Direction::Inverse,
+            placement: Placement::Eq16,
+            weighting: Weighting::LoopOpening,
+            ..Self::new(family)
+        }
+    }
+}
+
+/// A fitted model and the objective it reached.
+#[derive(Debug, Clone)]
+pub struct FitReport {
+    /// The model.
+    pub model: Model,
+    /// Value of the objective (eq. 17 with the chosen weights).
+    pub objective: f64,
+}
+
+/// Fits a model to the records with role `identify`. `progress` is called with the share done, 0 to 1.
+///
+/// The initial state of each record is unknown; it is guessed, the model fitted, the state chosen again under the
+/// model, and the model fitted again.
+///
+/// # Errors
+/// - No record to identify, or none that moves.
+/// - A number of plays out of range, or more parameters than samples.
+/// - [`Method::Mpso`] for a family the paper does not fit that way.
+///
+/// # Cost
+/// Separable: linear in the samples times the square of the columns; memory the square of the columns a record.
+pub fn fit(
+    dataset: &Dataset,
+    options: &FitOptions,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<FitReport, IdentifyError> {
+    let mut runs = runs(dataset, options.direction, options.weighting);
+    check(&runs, options)?;
+    let inputs: Vec<&[f64]> = runs.iter().map(|run| run.input).collect();
+    let placed = thresholds(options.placement, options.plays, &inputs);
+    // The swarm starts from the same initial states as the separable fit, so that both minimise the same objective.
+    let first = separable::solve(options.family, placed.clone(), &runs, &|share| progress(0.4 * share));
+    for run in &mut runs {
+        run.initial = initial::choose(&first.design, &first.coefficients, run);
+    }
+    let solved = match options.method {
+        Method::Separable => {
+            separable::solve(options.family, placed, &runs, &|share| progress(0.4 + 0.5 * share))
+        }
+        Method::Mpso => {
+            let swarmed = mpso::solve(options.family, placed, &runs, options.seed, progress);
+            let normals = separable::normals(&swarmed.design, &runs, 1);
+            Solved { design: swarmed.design, coefficients: swarmed.coefficients, ridge: separable::RIDGE, normals }
+        }
+    };
+    let objective = runs.iter().map(|run| run.weight * solved.design.squared_error(&solved.coefficients, run)).sum();
+    let model = assemble(dataset, options, &runs, &solved);
+    progress(1.0);
+    Ok(FitReport { model, objective })
+}
+
+/// The objective of eq. 17 that a model reaches on a dataset with the states its own fit chose.
+fn check(runs: &[Run<'_>], options: &FitOptions) -> Result<(), IdentifyError> {
+    if runs.is_empty() {
+        return Err(IdentifyError::NothingToFit);
+    }
+    if !(1..=MAX_PLAYS).contains(&options.plays) {
+        return Err(IdentifyError::Plays { plays: options.plays, max: MAX_PLAYS });
+    }
+    if options.method == Method::Mpso && options.family == Family::PlayPolynomial {
+        return Err(IdentifyError::NoSwarm { family: options.family.name() });
+    }
+    if runs.iter().all(|run| peak_to_peak(run.input) <= 0.0) {
+        let input = match options.direction {
+            Direction::Forward => "voltage",
+            Direction::Inverse => "position",
+        };
+        return Err(IdentifyError::NoExcitation { input });
+    }
+    let parameters = 1 + options.family.input_powers().len() + options.plays * options.family.coefficients_a_play();
+    let samples = runs.iter().map(|run| run.input.len()).sum();
+    if samples <= parameters {
+        return Err(IdentifyError::TooFewSamples { samples, parameters });
+    }
+    Ok(())
+}
+
+fn assemble(dataset: &Dataset, options: &FitOptions, runs: &[Run<'_>], solved: &Solved) -> Model {
+    let errors = uncertainty::standard_errors(solved, runs);
+    let Design { family, ref thresholds, envelope } = solved.design;
+    let (input_min, input_max) = range(runs.iter().flat_map(|run| run.input.iter().copied()));
+    let records = dataset
+        .with_role(Role::Identify)
+        .zip(runs)
+        .map(|(record, run)| FittedRecord {
+            file: record.file.clone(),
+            samples: record.len(),
+            sample_rate_hz: 1.0 / record.period_s,
+            initial_state: run.initial.to_string(),
+            weight: run.weight,
+        })
+        .collect();
+    let mut model = Model {
+        family,
+        direction: options.direction,
+        thresholds: thresholds.clone(),
+        envelope: (family == Family::Mrpi).then_some(envelope),
+        envelope_errors: errors.envelope,
+        coefficients: solved.coefficients.clone(),
+        standard_errors: errors.coefficients,
+        input_min,
+        input_max,
+        fitted_on: FittedOn {
+            dataset: dataset.name.clone(),
+            method: options.method,
+            weighting: options.weighting,
+            placement: options.placement,
+            seed: (options.method == Method::Mpso).then_some(options.seed),
+            ridge: solved.ridge,
+            records,
+        },
+        notices: Vec::new(),
+    };
+    model.notices = notices(&model, runs, &errors.undetermined);
+    model
+}
+
+/// What the user should know of the fit, in sentences.
+fn notices(model: &Model, runs: &[Run<'_>], undetermined: &[Vec<usize>]) -> Vec<String> {
+    let names: Vec<String> = model.parameters().into_iter().map(|parameter| parameter.name).collect();
+    let mut notices: Vec<String> = undetermined
+        .iter()
+        .map(|group| {
+            let members: Vec<&str> = group.iter().filter_map(|&i| names.get(i).map(String::as_str)).collect();
+            format!("the data determine only a combination of {}; each alone means nothing", members.join(", "))
+        })
+        .collect();
+    let rates = runs.iter().map(|run| run.period_s);
+    let (fastest, slowest) = range(rates);
+    if slowest > 1.001 * fastest && matches!(model.family, Family::Mrpi | Family::Wrpi) {
+        notices.push(format!(
+            "records of different rates ({:.6} to {:.6} Hz): the input's rate is the backward difference at each record's own rate",
+            1.0 / slowest,
+            1.0 / fastest
+        ));
+    }
+    if let (Some(envelope), Some(errors)) = (model.envelope, model.envelope_errors) {
+        for (name, value, error) in [("alpha", envelope.alpha_s, errors[0]), ("beta", envelope.beta_s, errors[1])] {
+            if value < 2.0 * error {
+                notices.push(format!(
+                    "{name} = {:.3} us is not significant (standard error {:.3} us): these records show no rate dependence on that branch",
+                    1e6 * value,
+                    1e6 * error
+                ));
+            }
+        }
+    }
+    let estimated = runs.iter().filter(|run| matches!(run.initial, InitialState::Remanent { fraction } if fraction > 0.0));
+    let count = estimated.count();
+    if count > 0 {
+        notices.push(format!(
+            "{count} of {} records start with remanence from before; its fraction was estimated, see initial_state",
+            runs.len()
+        ));
+    }
+    notices
+}

@@ -1,0 +1,102 @@
+//! The state in which a record finds the play operators: each record is a run of its own, and what happened before it
+//! is not in the file.
+
+use crate::columns::{Design, Run};
+use crate::family::peak_to_peak;
+use crate::period;
+
+/// The state of the play operators before the first sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum InitialState {
+    /// The drive is periodic from the first sample and so is the response: one period is run beforehand.
+    Periodic {
+        /// Samples a period.
+        samples: usize,
+    },
+    /// `w_i = v(0) - fraction * r_i`: 0 after coming down from above (and for the virgin start at 0 V of eq. 3), 1 after
+    /// coming up from below, 0.5 when demagnetised.
+    Remanent {
+        /// From 0 to 1.
+        fraction: f64,
+    },
+}
+
+impl core::fmt::Display for InitialState {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Periodic { samples } => write!(f, "periodic, {samples} samples"),
+            Self::Remanent { fraction } => write!(f, "remanent {fraction:.3}"),
+        }
+    }
+}
+
+/// A periodic start counts only if the response repeats as well: first against second period, this share of peak to peak.
+/// Piezo creep and first-loop offsets are a few percent; noise of well-kept sensors is far below one.
+const SAME_RESPONSE: f64 = 0.01;
+
+/// A first guess from the record alone: periodic where drive and response both repeat from the first sample on, else
+/// the virgin start where the input begins at the low end of its range, else half way.
+pub(crate) fn guess(input: &[f64], output: &[f64]) -> InitialState {
+    let (span, response) = (peak_to_peak(input), peak_to_peak(output));
+    if let Some(found) = period::detect(input)
+        && found.from == 0
+    {
+        let samples = found.samples;
+        let difference: f64 = (0..samples).map(|k| (output[k + samples] - output[k]).powi(2)).sum();
+        if (difference / samples as f64).sqrt() < SAME_RESPONSE * response {
+            return InitialState::Periodic { samples };
+        }
+    }
+    let low = input.iter().copied().fold(f64::INFINITY, f64::min);
+    let starts_low = input.first().is_some_and(|&first| first - low <= 1e-3 * span);
+    InitialState::Remanent { fraction: if starts_low { 0.0 } else { 0.5 } }
+}
+
+/// The error must fall by this share before another state than the guess is believed.
+const BELIEVED: f64 = 0.02;
+
+/// Chooses the initial state under which a fitted model explains the record best.
+///
+/// A periodic start stands. Otherwise the remanent fraction is found by a scan and a golden-section search.
+pub(crate) fn choose(design: &Design, coefficients: &[f64], run: &Run<'_>) -> InitialState {
+    let InitialState::Remanent { fraction: guessed } = run.initial else { return run.initial };
+    let error = |fraction: f64| {
+        design.squared_error(coefficients, &Run { initial: InitialState::Remanent { fraction }, ..*run })
+    };
+    let stands = error(guessed);
+    let steps = 8;
+    let (mut best, mut least) = (guessed, stands);
+    for i in 0..=steps {
+        let fraction = f64::from(i) / f64::from(steps);
+        let e = error(fraction);
+        if e < least {
+            (best, least) = (fraction, e);
+        }
+    }
+    let width = 1.0 / f64::from(steps);
+    let (refined, least_refined) = golden_section((best - width).max(0.0), (best + width).min(1.0), 12, error);
+    if least_refined < least {
+        (best, least) = (refined, least_refined);
+    }
+    let fraction = if least < (1.0 - BELIEVED) * stands { best } else { guessed };
+    InitialState::Remanent { fraction }
+}
+
+/// Golden-section search for the minimum of a function of one variable; `(argument, value)`.
+pub(crate) fn golden_section(mut low: f64, mut high: f64, steps: u32, f: impl Fn(f64) -> f64) -> (f64, f64) {
+    const RATIO: f64 = 0.618_033_988_749_894_8; // (sqrt 5 - 1) / 2
+    let (mut a, mut b) = (high - RATIO * (high - low), low + RATIO * (high - low));
+    let (mut fa, mut fb) = (f(a), f(b));
+    for _ in 0..steps {
+        if fa < fb {
+            (high, b, fb) = (b, a, fa);
+            a = high - RATIO * (high - low);
+            fa = f(a);
+        } else {
+            (low, a, fa) = (a, b, fb);
+            b = low + RATIO * (high - low);
+            fb = f(b);
+        }
+    }
+    if fa < fb { (a, fa) } else { (b, fb) }
+}

@@ -1,0 +1,180 @@
+//! A fitted model: parameters with standard errors, what it was fitted on, free simulation.
+
+use crate::columns::{Design, Run};
+use crate::family::{Direction, Family};
+use crate::fit::Method;
+use crate::initial::{self, InitialState};
+use crate::objective::{Weighting, run_of};
+use crate::placement::Placement;
+use hysteron_core::envelope::Envelope;
+use hysteron_data::Record;
+use serde::{Deserialize, Serialize};
+
+/// A fitted hysteresis model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// Which model.
+    pub family: Family,
+    /// Which way it runs.
+    pub direction: Direction,
+    /// Thresholds of the plays, ascending, input unit.
+    pub thresholds: Vec<f64>,
+    /// Alpha and beta, MRPI only.
+    pub envelope: Option<Envelope<f64>>,
+    /// Their standard errors, seconds.
+    pub envelope_errors: Option<[f64; 2]>,
+    /// Offset, input function, plays; see [`Model::parameters`] for names and units.
+    pub coefficients: Vec<f64>,
+    /// Standard error of each coefficient, `None` where the data determine only combinations.
+    pub standard_errors: Vec<Option<f64>>,
+    /// Smallest input in the records it was fitted on.
+    pub input_min: f64,
+    /// Largest input in the records it was fitted on.
+    pub input_max: f64,
+    /// What it was fitted on, and how.
+    pub fitted_on: FittedOn,
+    /// What the user should know of the fit.
+    pub notices: Vec<String>,
+}
+
+/// What a model was fitted on, and how.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FittedOn {
+    /// Name of the dataset.
+    pub dataset: String,
+    /// How parameters were searched.
+    pub method: Method,
+    /// How records were weighed.
+    pub weighting: Weighting,
+    /// How thresholds were placed.
+    pub placement: Placement,
+    /// Seed of the swarm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+    /// Ridge on the scaled columns.
+    pub ridge: f64,
+    /// The records.
+    #[serde(rename = "record", default)]
+    pub records: Vec<FittedRecord>,
+}
+
+/// A record that a model was fitted on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FittedRecord {
+    /// Its file.
+    pub file: String,
+    /// Its samples.
+    pub samples: usize,
+    /// Its sample rate, hertz.
+    pub sample_rate_hz: f64,
+    /// The state its start was taken in.
+    pub initial_state: String,
+    /// Weight of its squared errors.
+    pub weight: f64,
+}
+
+/// A named parameter with its unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Name, with the play's number from 1 where it belongs to one: `weight[3]`.
+    pub name: String,
+    /// Unit, such as `um/V`.
+    pub unit: String,
+    /// Value.
+    pub value: f64,
+    /// Standard error.
+    pub standard_error: Option<f64>,
+}
+
+/// A record simulated freely.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simulation {
+    /// Modelled output, the model's output unit.
+    pub output: Vec<f64>,
+    /// The state the record's start was taken in.
+    pub initial: InitialState,
+}
+
+impl Model {
+    /// Runs the model freely over a record (never one step ahead: the measured output is used for nothing but the state
+    /// before the first sample, one number, chosen where the drive does not give it).
+    ///
+    /// # Cost
+    /// O(samples x plays); a record that does not start periodically costs about 25 runs more for its initial state.
+    pub fn simulate(&self, record: &Record) -> Simulation {
+        let mut run = run_of(record, self.direction, None);
+        let design = self.design();
+        run.initial = initial::choose(&design, &self.coefficients, &run);
+        self.simulate_from(&design, &run)
+    }
+
+    /// Runs the model over an input alone, from a given state.
+    pub fn simulate_input(&self, input: &[f64], period_s: f64, initial: InitialState) -> Vec<f64> {
+        let run = Run { input, output: &[], period_s, initial, weight: 1.0 };
+        self.simulate_from(&self.design(), &run).output
+    }
+
+    fn simulate_from(&self, design: &Design, run: &Run<'_>) -> Simulation {
+        let mut output = Vec::with_capacity(run.input.len());
+        design.simulate(&self.coefficients, run, |_, modelled| output.push(modelled));
+        Simulation { output, initial: run.initial }
+    }
+
+    fn design(&self) -> Design {
+        Design {
+            family: self.family,
+            thresholds: self.thresholds.clone(),
+            envelope: self.envelope.unwrap_or(Envelope { alpha_s: 0.0, beta_s: 0.0 }),
+        }
+    }
+
+    /// Name and unit of each coefficient, in order.
+    fn names(&self) -> Vec<(String, String)> {
+        let (input, output) = (self.direction.input_unit(), self.direction.output_unit());
+        let slope = |power: i32| match power {
+            1 => format!("{output}/{input}"),
+            _ => format!("{output}/{input}^{power}"),
+        };
+        let mut names = vec![("offset".to_owned(), output.to_owned())];
+        for &power in self.family.input_powers() {
+            let name = match power {
+                1 => "linear".to_owned(),
+                2 => "quadratic".to_owned(),
+                3 => "cubic".to_owned(),
+                _ => format!("power{power}"),
+            };
+            names.push((name, slope(power)));
+        }
+        let of_plays: &[(&str, String)] = match self.family {
+            Family::Pi | Family::Mpi | Family::Mrpi => &[("weight", slope(1))],
+            Family::Wrpi => &[("weight", slope(1)), ("rate_weight", format!("{output} s/{input}^2"))],
+            Family::PlayPolynomial => &[("weight", slope(1)), ("weight_quadratic", slope(2)), ("weight_cubic", slope(3))],
+        };
+        for (name, unit) in of_plays {
+            names.extend((1..=self.thresholds.len()).map(|i| (format!("{name}[{i}]"), unit.clone())));
+        }
+        names
+    }
+
+    /// All parameters but the thresholds, with names and units: offset, input function, plays, alpha and beta.
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let mut parameters: Vec<Parameter> = self
+            .names()
+            .into_iter()
+            .zip(&self.coefficients)
+            .zip(&self.standard_errors)
+            .map(|(((name, unit), &value), &standard_error)| Parameter { name, unit, value, standard_error })
+            .collect();
+        if let Some(envelope) = self.envelope {
+            let errors = self.envelope_errors.map_or([None; 2], |errors| errors.map(Some));
+            for (name, value, standard_error) in
+                [("alpha", envelope.alpha_s, errors[0]), ("beta", envelope.beta_s, errors[1])]
+            {
+                parameters.push(Parameter { name: name.to_owned(), unit: "s".to_owned(), value, standard_error });
+            }
+        }
+        parameters
+    }
+}

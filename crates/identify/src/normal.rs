@@ -1,0 +1,178 @@
+//! Weighted normal equations, accumulated sample by sample, and their regularised solution.
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+/// `G = sum x x'`, `b = sum x y`, `sum y^2` over the rows seen. Memory is the square of the columns, whatever the rows.
+#[derive(Debug, Clone)]
+pub(crate) struct Normal {
+    columns: usize,
+    /// Lower triangle, row by row, `columns * columns` cells.
+    gram: Vec<f64>,
+    rhs: Vec<f64>,
+    pub target_squares: f64,
+    pub samples: usize,
+}
+
+impl Normal {
+    pub(crate) fn new(columns: usize) -> Self {
+        Self { columns, gram: vec![0.0; columns * columns], rhs: vec![0.0; columns], target_squares: 0.0, samples: 0 }
+    }
+
+    /// Adds one row.
+    #[inline]
+    pub(crate) fn add_row(&mut self, row: &[f64], target: f64) {
+        for (i, &x) in row.iter().enumerate() {
+            let cells = &mut self.gram[i * self.columns..][..=i];
+            for (cell, &other) in cells.iter_mut().zip(row) {
+                *cell += x * other;
+            }
+            self.rhs[i] += x * target;
+        }
+        self.target_squares += target * target;
+        self.samples += 1;
+    }
+
+    /// Adds `factor` times another system.
+    pub(crate) fn add_scaled(&mut self, other: &Self, factor: f64) {
+        for (a, b) in self.gram.iter_mut().zip(&other.gram) {
+            *a += factor * b;
+        }
+        for (a, b) in self.rhs.iter_mut().zip(&other.rhs) {
+            *a += factor * b;
+        }
+        self.target_squares += factor * other.target_squares;
+        self.samples += other.samples;
+    }
+
+    /// The full symmetric matrix.
+    pub(crate) fn matrix(&self) -> DMatrix<f64> {
+        DMatrix::from_fn(self.columns, self.columns, |i, j| self.gram[i.max(j) * self.columns + i.min(j)])
+    }
+
+    /// Squared error of these coefficients on the rows seen: `sum y^2 - 2 b'x + x'Gx`, never below 0.
+    pub(crate) fn squared_error(&self, coefficients: &[f64]) -> f64 {
+        let x = DVector::from_column_slice(coefficients);
+        let quadratic = x.dot(&(self.matrix() * &x));
+        let linear: f64 = self.rhs.iter().zip(coefficients).map(|(b, x)| b * x).sum();
+        (self.target_squares - 2.0 * linear + quadratic).max(0.0)
+    }
+
+    /// Root of the mean of each column's square: the scale that makes the matrix one of correlations.
+    fn scales(&self) -> Vec<f64> {
+        (0..self.columns).map(|i| self.gram[i * self.columns + i].sqrt()).map(|s| if s > 0.0 { s } else { 1.0 }).collect()
+    }
+
+    fn scaled(&self) -> (DMatrix<f64>, DVector<f64>, Vec<f64>) {
+        let scales = self.scales();
+        let mut matrix = self.matrix();
+        for i in 0..self.columns {
+            for j in 0..self.columns {
+                matrix[(i, j)] /= scales[i] * scales[j];
+            }
+        }
+        let rhs = DVector::from_fn(self.columns, |i, _| self.rhs[i] / scales[i]);
+        (matrix, rhs, scales)
+    }
+
+    /// Least squares with a ridge on the scaled columns, by Cholesky; fast, for searches.
+    pub(crate) fn solve(&self, ridge: f64) -> Vec<f64> {
+        let (mut matrix, rhs, scales) = self.scaled();
+        for i in 0..self.columns {
+            matrix[(i, i)] += ridge;
+        }
+        match matrix.cholesky() {
+            Some(factor) => factor.solve(&rhs).iter().zip(&scales).map(|(x, s)| x / s).collect(),
+            None => self.spectrum().solve(ridge),
+        }
+    }
+
+    /// The eigenvalues and eigenvectors of the scaled matrix.
+    pub(crate) fn spectrum(&self) -> Spectrum {
+        let (matrix, rhs, scales) = self.scaled();
+        Spectrum { eigen: SymmetricEigen::new(matrix), rhs, scales }
+    }
+}
+
+/// The scaled normal matrix, diagonalised.
+pub(crate) struct Spectrum {
+    eigen: SymmetricEigen<f64, nalgebra::Dyn>,
+    rhs: DVector<f64>,
+    scales: Vec<f64>,
+}
+
+/// Directions with less than this share of a column's own square are not determined by the data: rounding of the sums
+/// over a million rows leaves about 1e-13.
+pub(crate) const UNDETERMINED: f64 = 1e-11;
+
+impl Spectrum {
+    /// Least squares with a ridge; directions below rounding are left at zero.
+    pub(crate) fn solve(&self, ridge: f64) -> Vec<f64> {
+        let projected = self.eigen.eigenvectors.tr_mul(&self.rhs);
+        let shrunk = DVector::from_fn(projected.len(), |i, _| {
+            let value = self.eigen.eigenvalues[i].max(0.0) + ridge;
+            if value > 1e-15 { projected[i] / value } else { 0.0 }
+        });
+        let x = &self.eigen.eigenvectors * shrunk;
+        x.iter().zip(&self.scales).map(|(x, s)| x / s).collect()
+    }
+
+    /// `(G + ridge)^-1` in the columns' own units, determined directions only.
+    pub(crate) fn inverse(&self, ridge: f64) -> DMatrix<f64> {
+        let n = self.scales.len();
+        let mut inverse = DMatrix::zeros(n, n);
+        for (k, &value) in self.eigen.eigenvalues.iter().enumerate() {
+            if value > UNDETERMINED {
+                let v = self.eigen.eigenvectors.column(k);
+                inverse += &v * v.transpose() / (value + ridge);
+            }
+        }
+        for i in 0..n {
+            for j in 0..n {
+                inverse[(i, j)] /= self.scales[i] * self.scales[j];
+            }
+        }
+        inverse
+    }
+
+    /// For each direction that the data do not determine, the columns that take part in it (at least a tenth of it).
+    pub(crate) fn undetermined(&self) -> Vec<Vec<usize>> {
+        (0..self.scales.len())
+            .filter(|&k| self.eigen.eigenvalues[k] <= UNDETERMINED)
+            .map(|k| {
+                let v = self.eigen.eigenvectors.column(k);
+                (0..v.len()).filter(|&i| v[i].abs() > 0.1).collect()
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_straight_line() {
+        let mut normal = Normal::new(2);
+        for k in 0..100 {
+            let x = f64::from(k);
+            normal.add_row(&[1.0, x], 3.0 + 0.5 * x);
+        }
+        for solution in [normal.solve(0.0), normal.spectrum().solve(0.0)] {
+            assert!((solution[0] - 3.0).abs() < 1e-10 && (solution[1] - 0.5).abs() < 1e-12, "{solution:?}");
+            assert!(normal.squared_error(&solution) < 1e-8);
+        }
+    }
+
+    #[test]
+    fn val_twin_columns_are_named_and_share_their_sum() {
+        let mut normal = Normal::new(3);
+        for k in 0..100 {
+            let x = f64::from(k) / 10.0;
+            normal.add_row(&[1.0, x, x], 2.0 + 3.0 * x);
+        }
+        let spectrum = normal.spectrum();
+        assert_eq!(spectrum.undetermined(), vec![vec![1, 2]]);
+        let solution = spectrum.solve(1e-12);
+        assert!((solution[1] + solution[2] - 3.0).abs() < 1e-9 && (solution[1] - solution[2]).abs() < 1e-6, "{solution:?}");
+    }
+}

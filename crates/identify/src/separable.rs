@@ -1,0 +1,149 @@
+//! Separable least squares: the model is linear in its weights, so only alpha and beta are searched
+//! (variable projection, Golub and Pereyra 1973).
+
+use crate::columns::{Design, Run};
+use crate::family::Family;
+use crate::normal::Normal;
+use hysteron_core::envelope::Envelope;
+use rayon::prelude::*;
+
+/// Ridge on the scaled columns of the models that are linear in the plays: a tenth of what rounding leaves undetermined
+/// moves no coefficient that the data determine, and keeps twin columns from opposing each other.
+pub(crate) const RIDGE: f64 = 1e-12;
+
+/// Ridges tried for the play-polynomial, which extrapolates badly without; chosen by leaving out one record at a time.
+const POLYNOMIAL_RIDGES: [f64; 6] = [1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5];
+
+/// What the play-polynomial gets where a single record leaves nothing to choose by.
+const POLYNOMIAL_RIDGE: f64 = 1e-7;
+
+/// Rows that the search over alpha and beta looks at; the final solution takes all.
+const SEARCH_ROWS: usize = 20_000;
+
+/// Largest alpha and beta searched, seconds: five times the seed's figure-1 example.
+const LARGEST_S: f64 = 1e-3;
+
+/// A separable fit.
+pub(crate) struct Solved {
+    pub design: Design,
+    pub coefficients: Vec<f64>,
+    pub ridge: f64,
+    /// One system of normal equations a run, unweighted.
+    pub normals: Vec<Normal>,
+}
+
+/// Fits coefficients, and alpha and beta where the family has them.
+pub(crate) fn solve(family: Family, thresholds: Vec<f64>, runs: &[Run<'_>], progress: &(dyn Fn(f64) + Sync)) -> Solved {
+    let mut design = Design { family, thresholds, envelope: Envelope { alpha_s: 0.0, beta_s: 0.0 } };
+    if family == Family::Mrpi {
+        design.envelope = search_envelope(&design, runs, progress);
+    }
+    let normals = normals(&design, runs, 1);
+    let ridge = if family == Family::PlayPolynomial { choose_ridge(&normals, runs) } else { RIDGE };
+    let coefficients = pooled(&normals, runs).spectrum().solve(ridge);
+    Solved { design, coefficients, ridge, normals }
+}
+
+/// Normal equations of each run, every `stride`-th row.
+pub(crate) fn normals(design: &Design, runs: &[Run<'_>], stride: usize) -> Vec<Normal> {
+    runs.par_iter()
+        .map(|run| {
+            let mut normal = Normal::new(design.columns());
+            design.for_each_row(run, stride, |row, target| normal.add_row(row, target));
+            normal
+        })
+        .collect()
+}
+
+/// The weighted sum of the runs' systems.
+pub(crate) fn pooled(normals: &[Normal], runs: &[Run<'_>]) -> Normal {
+    let mut sum = Normal::new(normals.first().map_or(1, |n| n.matrix().nrows()));
+    for (normal, run) in normals.iter().zip(runs) {
+        sum.add_scaled(normal, run.weight);
+    }
+    sum
+}
+
+/// The ridge under which coefficients fitted to all records but one explain that one best.
+fn choose_ridge(normals: &[Normal], runs: &[Run<'_>]) -> f64 {
+    if runs.len() < 3 {
+        return POLYNOMIAL_RIDGE;
+    }
+    let all = pooled(normals, runs);
+    let mut errors = [0.0; POLYNOMIAL_RIDGES.len()];
+    for (normal, run) in normals.iter().zip(runs) {
+        let mut rest = all.clone();
+        rest.add_scaled(normal, -run.weight);
+        let spectrum = rest.spectrum();
+        for (error, &ridge) in errors.iter_mut().zip(&POLYNOMIAL_RIDGES) {
+            *error += run.weight * normal.squared_error(&spectrum.solve(ridge));
+        }
+    }
+    let best = (0..errors.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
+    POLYNOMIAL_RIDGES[best]
+}
+
+/// Alpha and beta by a coarse grid (the objective has several valleys) and a simplex from its best point.
+fn search_envelope(design: &Design, runs: &[Run<'_>], progress: &(dyn Fn(f64) + Sync)) -> Envelope<f64> {
+    let rows: usize = runs.iter().map(|run| run.input.len()).sum();
+    let stride = rows.div_ceil(SEARCH_ROWS).max(1);
+    let finest = runs.iter().map(|run| run.period_s).fold(f64::INFINITY, f64::min);
+    let objective = |alpha_s: f64, beta_s: f64| -> f64 {
+        // Below a fiftieth of a sample an envelope of a play without width is a pure derivative: nothing new, and
+        // weights without bound.
+        let least = finest / 50.0;
+        let envelope = Envelope { alpha_s: alpha_s.clamp(least, LARGEST_S), beta_s: beta_s.clamp(least, LARGEST_S) };
+        let trial = Design { envelope, ..design.clone() };
+        let system = pooled(&normals(&trial, runs, stride), runs);
+        // Outside the bounds the objective grows, so that the simplex comes back.
+        let outside = (alpha_s - envelope.alpha_s).abs() + (beta_s - envelope.beta_s).abs();
+        system.squared_error(&system.solve(RIDGE)) * (1.0 + outside / LARGEST_S)
+    };
+    let grid = [0.0, finest, 3.0 * finest, 1e-4, 3e-4];
+    let mut best = (f64::INFINITY, 0.0, 0.0);
+    for (i, &alpha_s) in grid.iter().enumerate() {
+        for &beta_s in &grid {
+            let value = objective(alpha_s, beta_s);
+            if value < best.0 {
+                best = (value, alpha_s, beta_s);
+            }
+        }
+        progress(0.7 * (i + 1) as f64 / grid.len() as f64);
+    }
+    let (alpha_s, beta_s) = simplex((best.1, best.2), best.1.max(best.2).max(finest) / 2.0, objective);
+    let least = finest / 50.0;
+    Envelope { alpha_s: alpha_s.clamp(least, LARGEST_S), beta_s: beta_s.clamp(least, LARGEST_S) }
+}
+
+/// Nelder and Mead's simplex (Computer Journal 7, 1965) in two variables, 40 steps.
+fn simplex(start: (f64, f64), size: f64, f: impl Fn(f64, f64) -> f64) -> (f64, f64) {
+    let vertex = |x: f64, y: f64| (f(x, y), x, y);
+    let mut v = [vertex(start.0, start.1), vertex(start.0 + size, start.1), vertex(start.0, start.1 + size)];
+    for _ in 0..40 {
+        v.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let middle = ((v[0].1 + v[1].1) / 2.0, (v[0].2 + v[1].2) / 2.0);
+        let along = |t: f64| vertex(middle.0 + t * (v[2].1 - middle.0), middle.1 + t * (v[2].2 - middle.1));
+        let reflected = along(-1.0);
+        if reflected.0 < v[0].0 {
+            let expanded = along(-2.0);
+            v[2] = if expanded.0 < reflected.0 { expanded } else { reflected };
+        } else if reflected.0 < v[1].0 {
+            v[2] = reflected;
+        } else {
+            let contracted = along(if reflected.0 < v[2].0 { -0.5 } else { 0.5 });
+            if contracted.0 < v[2].0.min(reflected.0) {
+                v[2] = contracted;
+            } else {
+                for i in 1..3 {
+                    v[i] = vertex((v[0].1 + v[i].1) / 2.0, (v[0].2 + v[i].2) / 2.0);
+                }
+            }
+        }
+        let spread = v.iter().map(|p| (p.1 - v[0].1).abs() + (p.2 - v[0].2).abs()).fold(0.0, f64::max);
+        if spread < 1e-4 * (v[0].1.abs() + v[0].2.abs()) + 1e-12 {
+            break;
+        }
+    }
+    v.sort_by(|a, b| a.0.total_cmp(&b.0));
+    (v[0].1, v[0].2)
+}
