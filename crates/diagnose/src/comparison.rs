@@ -89,7 +89,7 @@ pub struct Bin {
     pub to: f64,
     /// Share of the whole squared error, percent.
     pub share_percent: f64,
-    /// Share of the samples (of the drive's bandwidth, for frequency), percent.
+    /// Share of the samples (for frequency: of the measured motion's power), percent; each record counts the same.
     pub samples_percent: f64,
     /// Error in the bin, rms, output unit.
     pub rms_um: f64,

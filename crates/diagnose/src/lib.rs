@@ -2,8 +2,14 @@
 //! in the report and on the command line.
 #![forbid(unsafe_code)]
 
+mod breakdown;
+pub mod compare;
 pub mod comparison;
+mod error_map;
+pub mod noise;
+mod spectrum;
 
+pub use compare::compare;
 pub use comparison::{
     Bin, Breakdown, Comparison, ErrorMap, NoiseFloor, NoiseSource, Pooled, RecordComparison, Series, Spectrum,
 };

@@ -1,0 +1,152 @@
+//! Model against measurement, free simulation, on every record.
+
+use crate::breakdown::{Sample, breakdowns};
+use crate::comparison::{Comparison, NoiseSource, Pooled, RecordComparison, Series};
+use crate::{error_map, noise, spectrum};
+use hysteron_data::{Dataset, Record, Role};
+use hysteron_identify::family::peak_to_peak;
+use hysteron_identify::{Direction, Model};
+use rayon::prelude::*;
+
+/// Compares a model with every record of a dataset. `progress` is called with the share done, 0 to 1.
+///
+/// Each record is simulated freely from its first sample. Percentages are eq. 19 and those of MATLAB's `compare`;
+/// pooled means root mean square over the records that move.
+///
+/// # Cost
+/// Linear in the samples; the series of all records are held for the pictures (4 numbers a sample).
+pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)) -> Comparison {
+    let floor = noise::noise_floor(dataset);
+    let noise_rms = floor.rms_um * output_per_um(dataset, model.direction);
+    let done = std::sync::atomic::AtomicUsize::new(0);
+    let records: Vec<RecordComparison> = dataset
+        .records
+        .par_iter()
+        .map(|record| {
+            let compared = compare_record(record, model, noise_rms);
+            let count = 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            progress(0.8 * count as f64 / dataset.records.len() as f64);
+            compared
+        })
+        .collect();
+    let samples: Vec<Sample<'_>> = dataset.records.iter().zip(&records).map(|(r, c)| Sample::new(r, c)).collect();
+    let comparison = Comparison {
+        noise_rms_um: noise_rms,
+        noise_source: floor.source,
+        identify: pool(&records, Role::Identify),
+        validate: pool(&records, Role::Validate),
+        r#where: breakdowns(&samples, model.direction),
+        error_map: error_map::error_map(&samples),
+        spectrum: spectrum::spectrum(&records, noise_rms),
+        output_unit: model.direction.output_unit(),
+        notices: notices(dataset, model, &records, floor.source),
+        records,
+    };
+    progress(1.0);
+    comparison
+}
+
+/// What a micrometre of position noise means at the model's output: 1, or for an inverse the mean slope in volts.
+fn output_per_um(dataset: &Dataset, direction: Direction) -> f64 {
+    let widest = |column: fn(&Record) -> &[f64]| {
+        dataset.records.iter().map(|record| peak_to_peak(column(record))).fold(0.0, f64::max)
+    };
+    match direction {
+        Direction::Forward => 1.0,
+        Direction::Inverse => widest(|r| &r.voltage_v) / widest(|r| &r.position_um).max(f64::MIN_POSITIVE),
+    }
+}
+
+fn compare_record(record: &Record, model: &Model, noise_rms: f64) -> RecordComparison {
+    let simulation = model.simulate(record);
+    let measured = model.direction.output(record);
+    let n = measured.len() as f64;
+    let errors = || measured.iter().zip(&simulation.output).map(|(y, m)| y - m);
+    let rms = (errors().map(|e| e * e).sum::<f64>() / n).sqrt();
+    let largest = errors().fold(0.0, |largest: f64, e| largest.max(e.abs()));
+    let stroke = peak_to_peak(measured);
+    let mean = measured.iter().sum::<f64>() / n;
+    let deviation = (measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt();
+    // A record at constant voltage has no stroke to be a percentage of, only noise.
+    let moves = stroke > 0.0 && peak_to_peak(&record.voltage_v) > 0.0;
+    RecordComparison {
+        file: record.file.clone(),
+        role: record.role,
+        nrmse_percent: moves.then_some(100.0 * rms / stroke),
+        fit_percent: moves.then_some(100.0 * (1.0 - rms / deviation)),
+        rms_um: rms,
+        max_um: largest,
+        noise_ratio: rms / noise_rms,
+        samples: measured.len(),
+        initial_state: simulation.initial.to_string(),
+        series: Series {
+            time_s: (0..measured.len()).map(|k| record.start_s + k as f64 * record.period_s).collect(),
+            input: model.direction.input(record).to_vec(),
+            measured: measured.to_vec(),
+            modelled: simulation.output,
+        },
+    }
+}
+
+fn pool(records: &[RecordComparison], role: Role) -> Option<Pooled> {
+    let pool: Vec<_> = records
+        .iter()
+        .filter(|record| record.role == role)
+        .filter_map(|record| Some((record.nrmse_percent?, record.fit_percent?, record.rms_um)))
+        .collect();
+    let n = pool.len() as f64;
+    let root_mean_square = |values: &mut dyn Iterator<Item = f64>| (values.map(|v| v * v).sum::<f64>() / n).sqrt();
+    (!pool.is_empty()).then(|| Pooled {
+        nrmse_percent: root_mean_square(&mut pool.iter().map(|p| p.0)),
+        fit_percent: 100.0 - root_mean_square(&mut pool.iter().map(|p| 100.0 - p.1)),
+        rms_um: root_mean_square(&mut pool.iter().map(|p| p.2)),
+        records: pool.len(),
+    })
+}
+
+fn notices(dataset: &Dataset, model: &Model, records: &[RecordComparison], source: NoiseSource) -> Vec<String> {
+    let mut notices = Vec::new();
+    if dataset.with_role(Role::Validate).next().is_none() {
+        notices.push(
+            "no record has role `validate`: nothing here tests the model on data it was not fitted to; give a record \
+             that role in dataset.toml"
+                .to_owned(),
+        );
+    }
+    if source == NoiseSource::HighPass {
+        notices.push(
+            "the noise floor is an upper bound from neighbouring samples; a record at constant voltage would tell it"
+                .to_owned(),
+        );
+    }
+    let outside: Vec<&str> = dataset
+        .records
+        .iter()
+        .filter(|record| {
+            let margin = 0.02 * (model.input_max - model.input_min);
+            let input = model.direction.input(record);
+            input.iter().any(|&v| v < model.input_min - margin || v > model.input_max + margin)
+        })
+        .map(|record| record.file.as_str())
+        .collect();
+    if !outside.is_empty() {
+        notices.push(format!(
+            "{} leave{} the range the model was fitted on ({:.4} to {:.4} {}): there it extrapolates",
+            outside.join(", "),
+            if outside.len() == 1 { "s" } else { "" },
+            model.input_min,
+            model.input_max,
+            model.direction.input_unit()
+        ));
+    }
+    let estimated =
+        records.iter().filter(|r| r.role == Role::Validate && r.initial_state.starts_with("remanent")).count();
+    if estimated > 0 {
+        notices.push(format!(
+            "the state before the first sample of {estimated} validation record{} is not in the file: one number each \
+             (initial_state) was chosen to fit",
+            if estimated == 1 { "" } else { "s" }
+        ));
+    }
+    notices
+}
