@@ -1,0 +1,13 @@
+//! The native format, version 1: a folder with `dataset.toml` and one CSV a record.
+
+mod atomic;
+mod dataset;
+mod header;
+mod manifest;
+mod read;
+mod write;
+
+pub use dataset::{read_dataset, read_dataset_with_progress, write_dataset};
+pub use manifest::parse_manifest;
+pub use read::{read_record, read_record_from};
+pub use write::{FIXED_DECIMALS, Overwrite, write_record_csv, write_record_to};
