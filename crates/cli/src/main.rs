@@ -1,2 +1,27 @@
-//! The binary.
-fn main() {}
+//! `hysteron`: from recordings of a piezo stage to a fitted model and an honest comparison.
+//!
+//! The only crate that prints or exits. Exit codes: see [`exit`].
+#![forbid(unsafe_code)]
+
+mod args;
+mod commands;
+mod error;
+mod exit;
+mod output;
+mod progress;
+
+use args::{Args, Command};
+use clap::Parser;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let args = match Args::try_parse() {
+        Ok(args) => args,
+        Err(refusal) => return exit::usage(&refusal),
+    };
+    let done = match args.command {
+        Command::Fit(args) => commands::fit::run(&args),
+        Command::Compare(args) => commands::compare::run(&args),
+    };
+    exit::code(done)
+}

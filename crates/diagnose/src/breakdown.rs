@@ -197,16 +197,20 @@ fn finding(name: &str, unit: &str, bins: &[Bin]) -> String {
         .iter()
         .filter(|bin| bin.share_percent >= 20.0 && bin.share_percent > OUT_OF_PROPORTION * bin.samples_percent)
         .max_by(|a, b| a.share_percent.total_cmp(&b.share_percent));
-    let part = if name == "frequency" { "of the measured motion" } else { "of the samples" };
+    let (presence, everywhere) = if name == "frequency" {
+        ("of the measured motion's power", "the power of the motion does")
+    } else {
+        ("of the samples", "the samples do")
+    };
     match out {
         Some(bin) => format!(
-            "{:.0} % of the squared error lies at {name} {} to {} {unit}, where {:.0} % {part} lie",
+            "{:.0} % of the squared error lies at {name} {} to {} {unit}, with {:.0} % {presence}",
             bin.share_percent,
             short(bin.from),
             short(bin.to),
             bin.samples_percent
         ),
-        None => format!("no {name} stands out: the error lies where the {} lie", if name == "frequency" { "motion's power does" } else { "samples" }),
+        None => format!("no {name} stands out: the error lies where {everywhere}"),
     }
 }
 

@@ -18,6 +18,8 @@ pub(crate) struct Run<'a> {
     pub initial: InitialState,
     /// Weight of each squared error in the objective.
     pub weight: f64,
+    /// First sample that is fitted: before it the output depends on a state that is not in the record.
+    pub fit_from: usize,
 }
 
 /// A family with its nonlinear parameters fixed: everything the columns depend on.
@@ -35,13 +37,13 @@ impl Design {
         1 + self.family.input_powers().len() + self.family.coefficients_a_play() * self.thresholds.len()
     }
 
-    /// Calls `visit(row, output)` for every `stride`-th sample.
+    /// Calls `visit(row, output)` for every `stride`-th sample that is fitted.
     pub(crate) fn for_each_row(&self, run: &Run<'_>, stride: usize, mut visit: impl FnMut(&[f64], f64)) {
         let mut row = vec![0.0; self.columns()];
         let mut stepper = Stepper::new(self, run);
         for (k, (&input, &output)) in run.input.iter().zip(run.output).enumerate() {
             let rate = stepper.advance(input);
-            if k % stride == 0 {
+            if k >= run.fit_from && k % stride == 0 {
                 fill(self.family, input, rate, &stepper.outputs, &mut row);
                 visit(&row, output);
             }
@@ -63,11 +65,37 @@ impl Design {
         }
     }
 
-    /// Sum of squared errors of a run, without its weight.
+    /// Sum of squared errors of a run from `run.fit_from` on, without its weight.
     pub(crate) fn squared_error(&self, coefficients: &[f64], run: &Run<'_>) -> f64 {
         let mut sum = 0.0;
-        self.simulate(coefficients, run, |k, modelled| sum += (run.output[k] - modelled).powi(2));
+        self.simulate(coefficients, run, |k, modelled| {
+            if k >= run.fit_from {
+                sum += (run.output[k] - modelled).powi(2);
+            }
+        });
         sum
+    }
+
+    /// The first sample from which on no play that settles at all still depends on the state before the record: where
+    /// runs from the highest and the lowest possible state have met.
+    pub(crate) fn settled_from(&self, run: &Run<'_>) -> usize {
+        let start = |fraction| Stepper::new(self, &Run { initial: InitialState::Remanent { fraction }, ..*run });
+        let (mut high, mut low) = (start(0.0), start(1.0));
+        let mut settled = vec![false; self.thresholds.len()];
+        let mut last = 0;
+        for (k, &input) in run.input.iter().enumerate() {
+            high.advance(input);
+            low.advance(input);
+            for ((settled, a), b) in settled.iter_mut().zip(&high.outputs).zip(&low.outputs) {
+                if !*settled && a == b {
+                    (*settled, last) = (true, k);
+                }
+            }
+            if settled.iter().all(|&s| s) {
+                break;
+            }
+        }
+        last
     }
 }
 

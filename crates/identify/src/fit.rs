@@ -9,6 +9,7 @@ use crate::objective::{Weighting, runs};
 use crate::placement::{Placement, thresholds};
 use crate::separable::{self, Solved};
 use crate::{mpso, uncertainty};
+use hysteron_core::envelope::Envelope;
 use hysteron_data::{Dataset, Role};
 use serde::{Deserialize, Serialize};
 
@@ -99,6 +100,10 @@ pub fn fit(
     check(&runs, options)?;
     let inputs: Vec<&[f64]> = runs.iter().map(|run| run.input).collect();
     let placed = thresholds(options.placement, options.plays, &inputs);
+    let rate_independent = Design { family: options.family, thresholds: placed.clone(), envelope: Envelope { alpha_s: 0.0, beta_s: 0.0 } };
+    for run in &mut runs {
+        initial::skip_unsettled(&rate_independent, run);
+    }
     // The swarm starts from the same initial states as the separable fit, so that both minimise the same objective.
     let first = separable::solve(options.family, placed.clone(), &runs, &|share| progress(0.4 * share));
     for run in &mut runs {
@@ -120,7 +125,6 @@ pub fn fit(
     Ok(FitReport { model, objective })
 }
 
-/// The objective of eq. 17 that a model reaches on a dataset with the states its own fit chose.
 fn check(runs: &[Run<'_>], options: &FitOptions) -> Result<(), IdentifyError> {
     if runs.is_empty() {
         return Err(IdentifyError::NothingToFit);
@@ -158,6 +162,7 @@ fn assemble(dataset: &Dataset, options: &FitOptions, runs: &[Run<'_>], solved: &
             samples: record.len(),
             sample_rate_hz: 1.0 / record.period_s,
             initial_state: run.initial.to_string(),
+            fitted_from: run.fit_from,
             weight: run.weight,
         })
         .collect();
@@ -218,9 +223,11 @@ fn notices(model: &Model, runs: &[Run<'_>], undetermined: &[Vec<usize>]) -> Vec<
     }
     let estimated = runs.iter().filter(|run| matches!(run.initial, InitialState::Remanent { fraction } if fraction > 0.0));
     let count = estimated.count();
+    let skipped: usize = runs.iter().map(|run| run.fit_from).sum();
     if count > 0 {
         notices.push(format!(
-            "{count} of {} records start with remanence from before; its fraction was estimated, see initial_state",
+            "{count} of {} records start in a state that is not in the file: its fraction was estimated (initial_state), \
+             and {skipped} samples before the plays had settled were not fitted",
             runs.len()
         ));
     }

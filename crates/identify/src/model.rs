@@ -71,6 +71,8 @@ pub struct FittedRecord {
     pub sample_rate_hz: f64,
     /// The state its start was taken in.
     pub initial_state: String,
+    /// First sample fitted: before it the output depends on what was before the record.
+    pub fitted_from: usize,
     /// Weight of its squared errors.
     pub weight: f64,
 }
@@ -112,7 +114,7 @@ impl Model {
 
     /// Runs the model over an input alone, from a given state.
     pub fn simulate_input(&self, input: &[f64], period_s: f64, initial: InitialState) -> Vec<f64> {
-        let run = Run { input, output: &[], period_s, initial, weight: 1.0 };
+        let run = Run { input, output: &[], period_s, initial, weight: 1.0, fit_from: 0 };
         self.simulate_from(&self.design(), &run).output
     }
 

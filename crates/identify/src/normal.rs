@@ -100,17 +100,20 @@ pub(crate) struct Spectrum {
     scales: Vec<f64>,
 }
 
-/// Directions with less than this share of a column's own square are not determined by the data: rounding of the sums
-/// over a million rows leaves about 1e-13.
+/// Directions with less than this share of a column's own square are not determined by the data: a hundred times what
+/// rounding of the sums over a million rows leaves.
 pub(crate) const UNDETERMINED: f64 = 1e-11;
+
+/// Eigenvalues below this are rounding.
+const ROUNDING: f64 = 1e-13;
 
 impl Spectrum {
     /// Least squares with a ridge; directions below rounding are left at zero.
     pub(crate) fn solve(&self, ridge: f64) -> Vec<f64> {
         let projected = self.eigen.eigenvectors.tr_mul(&self.rhs);
         let shrunk = DVector::from_fn(projected.len(), |i, _| {
-            let value = self.eigen.eigenvalues[i].max(0.0) + ridge;
-            if value > 1e-15 { projected[i] / value } else { 0.0 }
+            let value = self.eigen.eigenvalues[i];
+            if value > ROUNDING { projected[i] / (value + ridge) } else { 0.0 }
         });
         let x = &self.eigen.eigenvectors * shrunk;
         x.iter().zip(&self.scales).map(|(x, s)| x / s).collect()

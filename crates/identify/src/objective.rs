@@ -49,7 +49,7 @@ pub(crate) fn run_of(record: &Record, direction: Direction, initial: Option<init
     let (input, output) = (direction.input(record), direction.output(record));
     // The voltage is the noise-free command in both directions: it decides whether the record is periodic.
     let initial = initial.unwrap_or_else(|| initial::guess(&record.voltage_v, &record.position_um));
-    Run { input, output, period_s: record.period_s, initial, weight: 1.0 }
+    Run { input, output, period_s: record.period_s, initial, weight: 1.0, fit_from: 0 }
 }
 
 /// Loop opening of a record, percent of the stroke; `None` where the drive is not periodic with two branches.

@@ -20,8 +20,8 @@ impl Periodic {
 
 /// Largest difference between periods that still counts as the same drive, as a share of peak to peak.
 ///
-/// Half a sample of misfit at 100 samples a period is 1.1 % rms, so a period that is no whole number of samples is
-/// found as a multiple of itself; commands written with four digits differ by less than 1e-4.
+/// A period that is no whole number of samples is found as a multiple of itself that nearly is (at 100 samples a period,
+/// 0.03 samples of misfit pass); commands written with four digits differ by less than 1e-4.
 const SAME_DRIVE: f64 = 1e-3;
 
 /// Finds the shortest period with which `drive` repeats to the record's end, at least twice.
@@ -36,7 +36,7 @@ pub fn detect(drive: &[f64]) -> Option<Periodic> {
     // A period that repeats at least twice to the end repeats within the last `2 P`; lags up to half the record.
     let tolerance = SAME_DRIVE * span;
     candidate_lags(drive, tolerance).into_iter().find_map(|lag| {
-        let breaks = (0..drive.len() - lag).rev().find(|&k| (drive[k + lag] - drive[k]).abs() > 4.0 * tolerance);
+        let breaks = (0..drive.len() - lag).rev().find(|&k| (drive[k + lag] - drive[k]).abs() > tolerance);
         let from = breaks.map_or(0, |k| k + 1);
         (drive.len() - from >= 2 * lag).then_some(Periodic { samples: lag, from })
     })

@@ -1,0 +1,103 @@
+//! `hysteron compare`.
+
+use crate::args::CompareArgs;
+use crate::commands::load;
+use crate::error::CliError;
+use crate::exit::Done;
+use crate::{output, progress};
+use hysteron_data::Role;
+use hysteron_diagnose::{Comparison, NoiseSource, Pooled};
+use hysteron_identify::Model;
+use std::fmt::Write;
+
+pub(crate) fn run(args: &CompareArgs) -> Result<Done, CliError> {
+    let model = Model::read(&args.model)?;
+    let dataset = load::dataset(&args.data)?;
+    let bar = progress::bar("comparing");
+    let comparison = hysteron_diagnose::compare(&dataset, &model, &|share| progress::advance(&bar, share));
+    bar.finish_and_clear();
+    if args.json {
+        output::print_json(&comparison)?;
+    } else {
+        output::print(&text(&comparison))?;
+    }
+    judge(args.fail_above, &comparison)
+}
+
+/// Whether the limit that was asked for holds.
+fn judge(limit: Option<f64>, comparison: &Comparison) -> Result<Done, CliError> {
+    let Some(limit) = limit else { return Ok(Done::Answered) };
+    let pooled = comparison.validate.or(comparison.identify).ok_or_else(|| {
+        CliError::Option("--fail-above: no record moves, so there is no percentage to judge".to_owned())
+    })?;
+    Ok(if pooled.nrmse_percent > limit { Done::LimitExceeded } else { Done::Answered })
+}
+
+/// The answer in words and a table.
+fn text(comparison: &Comparison) -> String {
+    let unit = comparison.output_unit;
+    let mut text = String::new();
+    // Writing to a String does not fail.
+    let _ = writeln!(
+        text,
+        "noise floor {:.3e} {unit} rms, from {}\n",
+        comparison.noise_rms_um,
+        source_in_words(comparison.noise_source)
+    );
+    let error = format!("error % p-p   fit %   rms {unit}   max {unit}   x noise");
+    let widest = comparison.records.iter().map(|record| record.file.chars().count()).max().unwrap_or(0).max(24);
+    let _ = writeln!(text, "{:<9} {:<widest$} {error}", "role", "record");
+    for record in &comparison.records {
+        let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
+        let _ = writeln!(
+            text,
+            "{:<9} {:<widest$} {:>11} {:>7} {:>8.4} {:>8.4} {:>9.1}",
+            role(record.role),
+            record.file,
+            percent(record.nrmse_percent),
+            percent(record.fit_percent),
+            record.rms_um,
+            record.max_um,
+            record.noise_ratio
+        );
+    }
+    text.push('\n');
+    for (name, pooled) in [("identify", comparison.identify), ("validate", comparison.validate)] {
+        if let Some(Pooled { nrmse_percent, fit_percent, rms_um, records }) = pooled {
+            let _ = writeln!(
+                text,
+                "pooled over {records} {name} records: {nrmse_percent:.2} % of peak to peak, fit {fit_percent:.2} %, \
+                 {rms_um:.4} {unit} rms, {:.1} times the noise floor",
+                rms_um / comparison.noise_rms_um
+            );
+        }
+    }
+    text.push_str("\nwhere the error is:\n");
+    for breakdown in &comparison.r#where {
+        let _ = writeln!(text, "  by {:<12} {}", breakdown.by, breakdown.finding);
+    }
+    for notice in &comparison.notices {
+        let _ = write!(text, "\nnote: {notice}");
+    }
+    if !comparison.notices.is_empty() {
+        text.push('\n');
+    }
+    text
+}
+
+fn role(role: Role) -> &'static str {
+    match role {
+        Role::Identify => "identify",
+        Role::Validate => "validate",
+    }
+}
+
+/// The noise floor's source in words.
+fn source_in_words(source: NoiseSource) -> &'static str {
+    match source {
+        NoiseSource::Given => "the dataset ([known] sensor_noise_um)",
+        NoiseSource::QuietRecord => "stretches at constant voltage",
+        NoiseSource::PeriodScatter => "the scatter between periods",
+        NoiseSource::HighPass => "the differences between neighbouring samples (an upper bound)",
+    }
+}

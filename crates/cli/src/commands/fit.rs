@@ -1,0 +1,111 @@
+//! `hysteron fit`.
+
+use crate::args::{DirectionName, FitArgs, MethodName, ModelName, ThresholdsName};
+use crate::commands::load;
+use crate::error::CliError;
+use crate::exit::Done;
+use crate::{output, progress};
+use hysteron_identify::objective::Weighting;
+use hysteron_identify::{Direction, Family, FitOptions, FitReport, Method, Model, Placement};
+use std::fmt::Write;
+
+pub(crate) fn run(args: &FitArgs) -> Result<Done, CliError> {
+    let dataset = load::dataset(&args.data)?;
+    let options = options(args);
+    let bar = progress::bar(&format!("fitting {}", options.family));
+    let report = hysteron_identify::fit(&dataset, &options, &|share| progress::advance(&bar, share))?;
+    bar.finish_and_clear();
+    report.model.write(&args.output)?;
+    if args.json {
+        output::print_json(&json(args, &report))?;
+    } else {
+        output::print(&text(args, &report))?;
+    }
+    Ok(Done::Answered)
+}
+
+impl From<ModelName> for Family {
+    fn from(name: ModelName) -> Self {
+        match name {
+            ModelName::Pi => Self::Pi,
+            ModelName::Mpi => Self::Mpi,
+            ModelName::Wrpi => Self::Wrpi,
+            ModelName::Mrpi => Self::Mrpi,
+            ModelName::PlayPolynomial => Self::PlayPolynomial,
+        }
+    }
+}
+
+fn options(args: &FitArgs) -> FitOptions {
+    let method = match args.method {
+        MethodName::Separable => Method::Separable,
+        MethodName::Mpso => Method::Mpso,
+    };
+    FitOptions {
+        family: args.model.into(),
+        direction: match args.direction {
+            DirectionName::Forward => Direction::Forward,
+            DirectionName::Inverse => Direction::Inverse,
+        },
+        plays: args.plays,
+        placement: match args.thresholds {
+            ThresholdsName::Data => Placement::Data,
+            ThresholdsName::Eq16 => Placement::Eq16,
+            ThresholdsName::Log => Placement::Log,
+        },
+        method,
+        // The paper's swarm minimises the paper's objective.
+        weighting: if method == Method::Mpso { Weighting::LoopOpening } else { Weighting::Record },
+        seed: args.seed,
+    }
+}
+
+fn text(args: &FitArgs, report: &FitReport) -> String {
+    let model = &report.model;
+    let records = model.fitted_on.records.len();
+    let samples: usize = model.fitted_on.records.iter().map(|record| record.samples).sum();
+    let mut text = format!(
+        "{} with {} plays, {}, fitted to {records} record{} ({samples} samples)\n\n",
+        model.family,
+        model.thresholds.len(),
+        model.direction.name(),
+        if records == 1 { "" } else { "s" }
+    );
+    // Writing to a String does not fail.
+    let _ = writeln!(text, "  {:<22} {:>13}  {:>11}  unit", "parameter", "value", "std. error");
+    for parameter in model.parameters() {
+        let error = parameter.standard_error.map_or_else(|| "undetermined".to_owned(), |e| format!("{e:.2e}"));
+        let _ = writeln!(text, "  {:<22} {:>13.5e}  {error:>11}  {}", parameter.name, parameter.value, parameter.unit);
+    }
+    for notice in &model.notices {
+        let _ = write!(text, "\nnote: {notice}");
+    }
+    let _ = write!(
+        text,
+        "\n\nwritten to {}\nnext: hysteron compare {} {}\n",
+        args.output.display(),
+        args.data.display(),
+        args.output.display()
+    );
+    text
+}
+
+fn json(args: &FitArgs, report: &FitReport) -> serde_json::Value {
+    let model: &Model = &report.model;
+    let parameters: Vec<_> = model
+        .parameters()
+        .into_iter()
+        .map(|p| serde_json::json!({"name": p.name, "value": p.value, "unit": p.unit, "standard_error": p.standard_error}))
+        .collect();
+    serde_json::json!({
+        "model": model.family.name(),
+        "direction": model.direction.name(),
+        "file": args.output,
+        "objective": report.objective,
+        "input_unit": model.direction.input_unit(),
+        "thresholds": model.thresholds,
+        "parameters": parameters,
+        "fitted_on": model.fitted_on,
+        "notices": model.notices,
+    })
+}

@@ -1,0 +1,34 @@
+//! The errors of the binary, with what to do about them.
+
+use hysteron_data::DataError;
+use hysteron_identify::IdentifyError;
+use std::path::PathBuf;
+
+/// Everything a command can end with but an answer.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub(crate) enum CliError {
+    /// A dataset or recording that cannot be read or written.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// A model that cannot be fitted, read or written.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    /// A file of ours that cannot be written.
+    #[error("{}: {source}", path.display())]
+    #[diagnostic(help("choose another place with -o, or make the folder writable"))]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// An option whose value makes no sense here.
+    #[error("{0}")]
+    Option(String),
+    /// Standard output cannot be written.
+    #[error("standard output: {0}")]
+    Output(#[from] std::io::Error),
+    /// An answer that cannot be turned into JSON.
+    #[error("cannot write JSON: {0}")]
+    Json(#[from] serde_json::Error),
+}
