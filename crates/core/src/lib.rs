@@ -1,13 +1,30 @@
 //! Play operators, hysteresis models and controllers: the code of the 50 kHz step.
 //!
-//! One algorithm a file. Configuration (immutable, validated when built) and state (`Default`-like, resettable) are
-//! separate types. A step is total: it returns a finite number for every input.
+//! One algorithm a file. Configuration (immutable, validated when built) and state (resettable) are separate types.
+//! A step is total: it returns a finite number for every input, NaN included.
+//!
+//! - operators: [`play`] (eqs 1-4, 7, 8), [`envelope`] (9), [`thresholds`] (16), [`bank`]
+//! - models: [`pi_model`] (5), [`mpi`] (6, 12), [`wrpi`], [`mrpi`] (10, 13), [`play_polynomial`]; see [`model`] for inverses
+//! - control: [`pi_controller`] (14), [`limiter`], [`control_law`] (15), [`codes`]
 #![no_std]
 #![forbid(unsafe_code)]
 
 #[cfg(test)]
 extern crate std;
 
+pub mod bank;
+pub mod codes;
+pub mod control_law;
 pub mod envelope;
+pub mod error;
+pub mod limiter;
+pub mod model;
+pub mod mpi;
+pub mod mrpi;
+pub mod pi_controller;
+pub mod pi_model;
 pub mod play;
+pub mod play_polynomial;
 pub mod real;
+pub mod thresholds;
+pub mod wrpi;

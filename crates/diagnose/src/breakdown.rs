@@ -18,12 +18,25 @@ impl<'a> Sample<'a> {
     pub(crate) fn new(record: &'a Record, compared: &'a RecordComparison) -> Self {
         let stroke = peak_to_peak(&compared.series.measured);
         let moves = compared.nrmse_percent.is_some();
-        let weight = if moves { 1.0 / (compared.samples as f64 * stroke * stroke) } else { 0.0 };
-        Self { record, compared, weight }
+        let weight = if moves {
+            1.0 / (compared.samples as f64 * stroke * stroke)
+        } else {
+            0.0
+        };
+        Self {
+            record,
+            compared,
+            weight,
+        }
     }
 
     pub(crate) fn errors(&self) -> impl Iterator<Item = f64> + '_ {
-        self.compared.series.measured.iter().zip(&self.compared.series.modelled).map(|(y, m)| y - m)
+        self.compared
+            .series
+            .measured
+            .iter()
+            .zip(&self.compared.series.modelled)
+            .map(|(y, m)| y - m)
     }
 
     /// Rate of the modelled output (free of noise), output units per second, central difference.
@@ -52,8 +65,14 @@ pub(crate) fn breakdowns(samples: &[Sample<'_>], direction: Direction) -> Vec<Br
     let unit = direction.output_unit();
     let per_second = if unit == "um" { "um/s" } else { "V/s" };
     let outputs = || samples.iter().flat_map(|s| s.compared.series.measured.iter().copied());
-    let (low, high) = (outputs().fold(f64::INFINITY, f64::min), outputs().fold(f64::NEG_INFINITY, f64::max));
-    let fastest = samples.iter().flat_map(|s| (0..s.compared.samples).map(|k| s.rate(k).abs())).fold(0.0, f64::max);
+    let (low, high) = (
+        outputs().fold(f64::INFINITY, f64::min),
+        outputs().fold(f64::NEG_INFINITY, f64::max),
+    );
+    let fastest = samples
+        .iter()
+        .flat_map(|s| (0..s.compared.samples).map(|k| s.rate(k).abs()))
+        .fold(0.0, f64::max);
     let longest = samples.iter().map(|s| s.record.duration_s()).fold(0.0, f64::max);
     let shortest = samples.iter().map(|s| s.record.period_s).fold(f64::INFINITY, f64::min);
     let strokes = samples.iter().map(|s| peak_to_peak(&s.compared.series.measured));
@@ -61,14 +80,28 @@ pub(crate) fn breakdowns(samples: &[Sample<'_>], direction: Direction) -> Vec<Br
     let mut all = vec![by_frequency(samples)];
     let amplitude = |s: &Sample<'_>, _: usize| peak_to_peak(&s.compared.series.measured);
     all.push(by("amplitude", unit, &even(0.0, widest, 5), samples, amplitude));
-    all.push(by("position", unit, &even(low, high, 10), samples, |s, k| s.compared.series.measured[k]));
-    all.push(by("speed", per_second, &decades(fastest / 1e4, fastest), samples, |s, k| s.rate(k).abs()));
+    all.push(by("position", unit, &even(low, high, 10), samples, |s, k| {
+        s.compared.series.measured[k]
+    }));
+    all.push(by(
+        "speed",
+        per_second,
+        &decades(fastest / 1e4, fastest),
+        samples,
+        |s, k| s.rate(k).abs(),
+    ));
     // Slower than a thousandth of the fastest counts as rest.
     let rest = 1e-3 * fastest;
     let edges = [-fastest, -rest, rest, fastest];
     all.push(by("direction", per_second, &edges, samples, |s, k| s.rate(k)));
     let from_start = |s: &Sample<'_>, k: usize| k as f64 * s.record.period_s;
-    all.push(by("time", "s", &decades(shortest.max(longest / 1e5), longest), samples, from_start));
+    all.push(by(
+        "time",
+        "s",
+        &decades(shortest.max(longest / 1e5), longest),
+        samples,
+        from_start,
+    ));
     if let Some(breakdown) = by_temperature(samples) {
         all.push(breakdown);
     }
@@ -76,7 +109,9 @@ pub(crate) fn breakdowns(samples: &[Sample<'_>], direction: Direction) -> Vec<Br
 }
 
 fn even(low: f64, high: f64, bins: usize) -> Vec<f64> {
-    (0..=bins).map(|i| low + (high - low) * i as f64 / bins as f64).collect()
+    (0..=bins)
+        .map(|i| low + (high - low) * i as f64 / bins as f64)
+        .collect()
 }
 
 /// Edges at 1, 3, 10, 30 .. covering `from` to `to`, the first bin open to zero.
@@ -133,8 +168,15 @@ fn by_temperature(samples: &[Sample<'_>]) -> Option<Breakdown> {
         return None;
     }
     let temperature = |s: &Sample<'_>, k: usize| s.record.temperature_c.as_ref().map_or(0.0, |t| t[k]);
-    let all = || samples.iter().flat_map(|s| (0..s.compared.samples).map(move |k| temperature(s, k)));
-    let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
+    let all = || {
+        samples
+            .iter()
+            .flat_map(|s| (0..s.compared.samples).map(move |k| temperature(s, k)))
+    };
+    let (low, high) = (
+        all().fold(f64::INFINITY, f64::min),
+        all().fold(f64::NEG_INFINITY, f64::max),
+    );
     (high > low).then(|| by("temperature", "degC", &even(low, high, 5), samples, temperature))
 }
 
@@ -186,7 +228,12 @@ fn finish(name: &'static str, unit: &'static str, edges: &[f64], sums: &[Sums]) 
         })
         .collect();
     let finding = finding(name, unit, &bins);
-    Breakdown { by: name, unit, bins, finding }
+    Breakdown {
+        by: name,
+        unit,
+        bins,
+        finding,
+    }
 }
 
 /// A bin stands out when it holds at least a fifth of the error and twice its part of the record.
@@ -225,5 +272,9 @@ fn short(value: f64) -> String {
     }
     let decimals = (2 - magnitude.log10().floor() as i32).max(0) as usize;
     let text = format!("{value:.decimals$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
 }

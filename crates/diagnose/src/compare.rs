@@ -29,7 +29,12 @@ pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)
             compared
         })
         .collect();
-    let samples: Vec<Sample<'_>> = dataset.records.iter().zip(&records).map(|(r, c)| Sample::new(r, c)).collect();
+    let samples: Vec<Sample<'_>> = dataset
+        .records
+        .iter()
+        .zip(&records)
+        .map(|(r, c)| Sample::new(r, c))
+        .collect();
     let comparison = Comparison {
         noise_rms_um: noise_rms,
         noise_source: floor.source,
@@ -49,7 +54,11 @@ pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)
 /// What a micrometre of position noise means at the model's output: 1, or for an inverse the mean slope in volts.
 fn output_per_um(dataset: &Dataset, direction: Direction) -> f64 {
     let widest = |column: fn(&Record) -> &[f64]| {
-        dataset.records.iter().map(|record| peak_to_peak(column(record))).fold(0.0, f64::max)
+        dataset
+            .records
+            .iter()
+            .map(|record| peak_to_peak(column(record)))
+            .fold(0.0, f64::max)
     };
     match direction {
         Direction::Forward => 1.0,
@@ -80,7 +89,9 @@ fn compare_record(record: &Record, model: &Model, noise_rms: f64) -> RecordCompa
         samples: measured.len(),
         initial_state: simulation.initial.to_string(),
         series: Series {
-            time_s: (0..measured.len()).map(|k| record.start_s + k as f64 * record.period_s).collect(),
+            time_s: (0..measured.len())
+                .map(|k| record.start_s + k as f64 * record.period_s)
+                .collect(),
             input: model.direction.input(record).to_vec(),
             measured: measured.to_vec(),
             modelled: simulation.output,
@@ -125,7 +136,9 @@ fn notices(dataset: &Dataset, model: &Model, records: &[RecordComparison], sourc
         .filter(|record| {
             let margin = 0.02 * (model.input_max - model.input_min);
             let input = model.direction.input(record);
-            input.iter().any(|&v| v < model.input_min - margin || v > model.input_max + margin)
+            input
+                .iter()
+                .any(|&v| v < model.input_min - margin || v > model.input_max + margin)
         })
         .map(|record| record.file.as_str())
         .collect();
@@ -139,8 +152,10 @@ fn notices(dataset: &Dataset, model: &Model, records: &[RecordComparison], sourc
             model.direction.input_unit()
         ));
     }
-    let estimated =
-        records.iter().filter(|r| r.role == Role::Validate && r.initial_state.starts_with("remanent")).count();
+    let estimated = records
+        .iter()
+        .filter(|r| r.role == Role::Validate && r.initial_state.starts_with("remanent"))
+        .count();
     if estimated > 0 {
         notices.push(format!(
             "the state before the first sample of {estimated} validation record{} is not in the file: one number each \

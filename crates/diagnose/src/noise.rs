@@ -9,14 +9,21 @@ use hysteron_identify::period;
 /// the differences between neighbouring samples, in this order.
 pub fn noise_floor(dataset: &Dataset) -> NoiseFloor {
     if let Some(rms_um) = dataset.known.sensor_noise_um {
-        return NoiseFloor { rms_um, source: NoiseSource::Given, samples: 0 };
+        return NoiseFloor {
+            rms_um,
+            source: NoiseSource::Given,
+            samples: 0,
+        };
     }
     let step_um = code_width(&dataset.records);
     let floor = quiet_stretches(&dataset.records)
         .or_else(|| period_scatter(&dataset.records))
         .unwrap_or_else(|| high_pass(&dataset.records));
     // A resting sensor may stand on one code: then rounding is the noise, q / sqrt(12).
-    NoiseFloor { rms_um: floor.rms_um.max(step_um / 12f64.sqrt()), ..floor }
+    NoiseFloor {
+        rms_um: floor.rms_um.max(step_um / 12f64.sqrt()),
+        ..floor
+    }
 }
 
 /// Samples of a window at constant voltage, short enough that creep is a parabola within it.
@@ -28,7 +35,10 @@ const FEWEST_WINDOWS: usize = 3;
 
 /// Scatter about a parabola in windows of constant voltage; the median window, so that a jump or a burst does not count.
 fn quiet_stretches(records: &[Record]) -> Option<NoiseFloor> {
-    let largest = records.iter().map(|record| peak_to_peak(&record.voltage_v)).fold(0.0, f64::max);
+    let largest = records
+        .iter()
+        .map(|record| peak_to_peak(&record.voltage_v))
+        .fold(0.0, f64::max);
     let mut variances = Vec::new();
     for record in records {
         let mut start = 0;
@@ -49,7 +59,11 @@ fn quiet_stretches(records: &[Record]) -> Option<NoiseFloor> {
     let freedom = (WINDOW - 3) as f64;
     let median = variances[variances.len() / 2] / (1.0 - 2.0 / (9.0 * freedom)).powi(3);
     let samples = variances.len() * (WINDOW - 3);
-    Some(NoiseFloor { rms_um: median.sqrt(), source: NoiseSource::QuietRecord, samples })
+    Some(NoiseFloor {
+        rms_um: median.sqrt(),
+        source: NoiseSource::QuietRecord,
+        samples,
+    })
 }
 
 /// Variance of the residuals of a least-squares parabola, unbiased.
@@ -77,7 +91,9 @@ fn variance_about_parabola(values: &[f64]) -> f64 {
 fn period_scatter(records: &[Record]) -> Option<NoiseFloor> {
     let (mut squares, mut freedom) = (0.0, 0);
     for record in records {
-        let Some(periodic) = period::detect(&record.voltage_v) else { continue };
+        let Some(periodic) = period::detect(&record.voltage_v) else {
+            continue;
+        };
         let periods = periodic.count(record.len());
         let first = if periods > 2 { 1 } else { 0 };
         // Counted from the end, where the drive is surely periodic.
@@ -91,8 +107,10 @@ fn period_scatter(records: &[Record]) -> Option<NoiseFloor> {
         // Slow drift moves whole periods: their means are taken out.
         let grand = part.iter().sum::<f64>() / part.len() as f64;
         let samples = periodic.samples as f64;
-        squares -=
-            each.iter().map(|period| samples * (period.iter().sum::<f64>() / samples - grand).powi(2)).sum::<f64>();
+        squares -= each
+            .iter()
+            .map(|period| samples * (period.iter().sum::<f64>() / samples - grand).powi(2))
+            .sum::<f64>();
         freedom += (each.len() - 1) * (periodic.samples - 1);
     }
     (freedom > 0).then(|| NoiseFloor {
@@ -111,13 +129,26 @@ fn high_pass(records: &[Record]) -> NoiseFloor {
             samples += 1;
         }
     }
-    let variance = if samples > 0 { squares / samples as f64 / 20.0 } else { 0.0 };
-    NoiseFloor { rms_um: variance.sqrt(), source: NoiseSource::HighPass, samples }
+    let variance = if samples > 0 {
+        squares / samples as f64 / 20.0
+    } else {
+        0.0
+    };
+    NoiseFloor {
+        rms_um: variance.sqrt(),
+        source: NoiseSource::HighPass,
+        samples,
+    }
 }
 
 /// The sensor's code width, where all positions are multiples of one step; 0 where they are not.
 fn code_width(records: &[Record]) -> f64 {
-    let steps = || records.iter().flat_map(|record| record.position_um.windows(2)).map(|y| (y[1] - y[0]).abs());
+    let steps = || {
+        records
+            .iter()
+            .flat_map(|record| record.position_um.windows(2))
+            .map(|y| (y[1] - y[0]).abs())
+    };
     let least = steps().filter(|&step| step > 0.0).fold(f64::INFINITY, f64::min);
     // Files round codes to a few digits: a twentieth of a step is that rounding, not another value.
     let on_grid = |step: f64| (step / least - (step / least).round()).abs() < 0.05;
@@ -159,7 +190,10 @@ mod tests {
     }
 
     fn floor_of(record: Record) -> NoiseFloor {
-        noise_floor(&Dataset { records: vec![record], ..Dataset::default() })
+        noise_floor(&Dataset {
+            records: vec![record],
+            ..Dataset::default()
+        })
     }
 
     /// 3 standard errors of a standard deviation from n samples: 3 / sqrt(2 n).
@@ -169,7 +203,11 @@ mod tests {
 
     #[test]
     fn val_quiet_record_with_drift_and_offset() {
-        let y = noise(5000, 0.002).iter().enumerate().map(|(k, e)| 1000.0 + 1e-5 * k as f64 + e).collect();
+        let y = noise(5000, 0.002)
+            .iter()
+            .enumerate()
+            .map(|(k, e)| 1000.0 + 1e-5 * k as f64 + e)
+            .collect();
         let floor = floor_of(record(vec![0.0; 5000], y));
         assert_eq!(floor.source, NoiseSource::QuietRecord);
         assert!(near(floor.rms_um, 0.002, 5000), "{floor:?}");
@@ -177,7 +215,9 @@ mod tests {
 
     #[test]
     fn val_period_scatter() {
-        let v: Vec<f64> = (0..5000).map(|k| 10.0 - 10.0 * (f64::from(k) * std::f64::consts::TAU / 500.0).cos()).collect();
+        let v: Vec<f64> = (0..5000)
+            .map(|k| 10.0 - 10.0 * (f64::from(k) * std::f64::consts::TAU / 500.0).cos())
+            .collect();
         let y = v.iter().zip(noise(5000, 0.01)).map(|(v, e)| 0.1 * v + e).collect();
         let floor = floor_of(record(v, y));
         assert_eq!(floor.source, NoiseSource::PeriodScatter);
@@ -196,8 +236,14 @@ mod tests {
 
     #[test]
     fn val_a_sensor_on_one_code_is_as_noisy_as_its_rounding() {
-        let y = (0..4000).map(|k| if k % 37 < 2 { 0.0012 } else { 0.0 }).collect::<Vec<_>>();
-        let y = y.iter().enumerate().map(|(k, &y)| if k > 1000 { 0.0 } else { y }).collect();
+        let y = (0..4000)
+            .map(|k| if k % 37 < 2 { 0.0012 } else { 0.0 })
+            .collect::<Vec<_>>();
+        let y = y
+            .iter()
+            .enumerate()
+            .map(|(k, &y)| if k > 1000 { 0.0 } else { y })
+            .collect();
         let floor = floor_of(record(vec![0.0; 4000], y));
         assert!((floor.rms_um - 0.0012 / 12f64.sqrt()).abs() < 1e-12, "{floor:?}");
     }

@@ -34,14 +34,21 @@ pub(crate) fn spectrum(records: &[RecordComparison], noise_rms: f64) -> Spectrum
         [first, second, ..] => second - first,
         _ => 0.0,
     };
-    let moving: Vec<&RecordComparison> =
-        records.iter().filter(|r| r.nrmse_percent.is_some() && r.samples >= 64).collect();
-    let same = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-6;
-    let common = moving
+    let moving: Vec<&RecordComparison> = records
         .iter()
-        .map(|record| period_s(record))
-        .max_by_key(|&p| moving.iter().filter(|record| same(period_s(record), p)).map(|r| r.samples).sum::<usize>());
-    let Some(common) = common.filter(|&p| p > 0.0) else { return Spectrum::default() };
+        .filter(|r| r.nrmse_percent.is_some() && r.samples >= 64)
+        .collect();
+    let same = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-6;
+    let common = moving.iter().map(|record| period_s(record)).max_by_key(|&p| {
+        moving
+            .iter()
+            .filter(|record| same(period_s(record), p))
+            .map(|r| r.samples)
+            .sum::<usize>()
+    });
+    let Some(common) = common.filter(|&p| p > 0.0) else {
+        return Spectrum::default();
+    };
     let pool: Vec<&&RecordComparison> = moving.iter().filter(|record| same(period_s(record), common)).collect();
     let shortest = pool.iter().map(|record| record.samples).min().unwrap_or(0);
     let segment = LONGEST_SEGMENT.min(shortest / 2 * 2);
@@ -49,8 +56,13 @@ pub(crate) fn spectrum(records: &[RecordComparison], noise_rms: f64) -> Spectrum
     let mut measured = residual.clone();
     let mut segments = 0.0;
     for record in pool {
-        let errors: Vec<f64> =
-            record.series.measured.iter().zip(&record.series.modelled).map(|(y, m)| y - m).collect();
+        let errors: Vec<f64> = record
+            .series
+            .measured
+            .iter()
+            .zip(&record.series.modelled)
+            .map(|(y, m)| y - m)
+            .collect();
         for start in (0..=record.samples - segment).step_by(segment / 2) {
             add_segment(&errors[start..start + segment], &mut residual);
             add_segment(&record.series.measured[start..start + segment], &mut measured);
@@ -73,8 +85,11 @@ pub(crate) fn spectrum(records: &[RecordComparison], noise_rms: f64) -> Spectrum
 fn add_segment(values: &[f64], sums: &mut [f64]) {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
-    let windowed: Vec<f64> =
-        values.iter().enumerate().map(|(k, v)| (v - mean) * (0.5 - 0.5 * (TAU * k as f64 / n).cos())).collect();
+    let windowed: Vec<f64> = values
+        .iter()
+        .enumerate()
+        .map(|(k, v)| (v - mean) * (0.5 - 0.5 * (TAU * k as f64 / n).cos()))
+        .collect();
     for (sum, power) in sums.iter_mut().zip(periodogram(&windowed)) {
         *sum += power;
     }

@@ -79,7 +79,15 @@ impl Design {
     /// The first sample from which on no play that settles at all still depends on the state before the record: where
     /// runs from the highest and the lowest possible state have met.
     pub(crate) fn settled_from(&self, run: &Run<'_>) -> usize {
-        let start = |fraction| Stepper::new(self, &Run { initial: InitialState::Remanent { fraction }, ..*run });
+        let start = |fraction| {
+            Stepper::new(
+                self,
+                &Run {
+                    initial: InitialState::Remanent { fraction },
+                    ..*run
+                },
+            )
+        };
         let (mut high, mut low) = (start(0.0), start(1.0));
         let mut settled = vec![false; self.thresholds.len()];
         let mut last = 0;
@@ -179,7 +187,13 @@ fn plays_output(family: Family, coefficients: &[f64], rate: f64, outputs: &[f64]
         Family::PlayPolynomial => {
             let (linear, rest) = coefficients.split_at(n);
             let (square, cube) = rest.split_at(n);
-            outputs.iter().zip(linear).zip(square).zip(cube).map(|(((w, a), b), c)| w * (a + w * (b + w * c))).sum()
+            outputs
+                .iter()
+                .zip(linear)
+                .zip(square)
+                .zip(cube)
+                .map(|(((w, a), b), c)| w * (a + w * (b + w * c)))
+                .sum()
         }
     }
 }

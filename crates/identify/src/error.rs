@@ -7,7 +7,9 @@ pub enum IdentifyError {
     #[error("the dataset has no record with role `identify`; give at least one record that role in dataset.toml")]
     NothingToFit,
     /// The model's input stands still in every record.
-    #[error("the {input} stands still in every record with role `identify`; a hysteresis model needs records that move")]
+    #[error(
+        "the {input} stands still in every record with role `identify`; a hysteresis model needs records that move"
+    )]
     NoExcitation {
         /// `voltage` or `position`
         input: &'static str,

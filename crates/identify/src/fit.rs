@@ -100,7 +100,14 @@ pub fn fit(
     check(&runs, options)?;
     let inputs: Vec<&[f64]> = runs.iter().map(|run| run.input).collect();
     let placed = thresholds(options.placement, options.plays, &inputs);
-    let rate_independent = Design { family: options.family, thresholds: placed.clone(), envelope: Envelope { alpha_s: 0.0, beta_s: 0.0 } };
+    let rate_independent = Design {
+        family: options.family,
+        thresholds: placed.clone(),
+        envelope: Envelope {
+            alpha_s: 0.0,
+            beta_s: 0.0,
+        },
+    };
     for run in &mut runs {
         initial::skip_unsettled(&rate_independent, run);
     }
@@ -110,16 +117,22 @@ pub fn fit(
         run.initial = initial::choose(&first.design, &first.coefficients, run);
     }
     let solved = match options.method {
-        Method::Separable => {
-            separable::solve(options.family, placed, &runs, &|share| progress(0.4 + 0.5 * share))
-        }
+        Method::Separable => separable::solve(options.family, placed, &runs, &|share| progress(0.4 + 0.5 * share)),
         Method::Mpso => {
             let swarmed = mpso::solve(options.family, placed, &runs, options.seed, progress);
             let normals = separable::normals(&swarmed.design, &runs, 1);
-            Solved { design: swarmed.design, coefficients: swarmed.coefficients, ridge: separable::RIDGE, normals }
+            Solved {
+                design: swarmed.design,
+                coefficients: swarmed.coefficients,
+                ridge: separable::RIDGE,
+                normals,
+            }
         }
     };
-    let objective = runs.iter().map(|run| run.weight * solved.design.squared_error(&solved.coefficients, run)).sum();
+    let objective = runs
+        .iter()
+        .map(|run| run.weight * solved.design.squared_error(&solved.coefficients, run))
+        .sum();
     let model = assemble(dataset, options, &runs, &solved);
     progress(1.0);
     Ok(FitReport { model, objective })
@@ -130,10 +143,15 @@ fn check(runs: &[Run<'_>], options: &FitOptions) -> Result<(), IdentifyError> {
         return Err(IdentifyError::NothingToFit);
     }
     if !(1..=MAX_PLAYS).contains(&options.plays) {
-        return Err(IdentifyError::Plays { plays: options.plays, max: MAX_PLAYS });
+        return Err(IdentifyError::Plays {
+            plays: options.plays,
+            max: MAX_PLAYS,
+        });
     }
     if options.method == Method::Mpso && options.family == Family::PlayPolynomial {
-        return Err(IdentifyError::NoSwarm { family: options.family.name() });
+        return Err(IdentifyError::NoSwarm {
+            family: options.family.name(),
+        });
     }
     if runs.iter().all(|run| peak_to_peak(run.input) <= 0.0) {
         let input = match options.direction {
@@ -152,7 +170,11 @@ fn check(runs: &[Run<'_>], options: &FitOptions) -> Result<(), IdentifyError> {
 
 fn assemble(dataset: &Dataset, options: &FitOptions, runs: &[Run<'_>], solved: &Solved) -> Model {
     let errors = uncertainty::standard_errors(solved, runs);
-    let Design { family, ref thresholds, envelope } = solved.design;
+    let Design {
+        family,
+        ref thresholds,
+        envelope,
+    } = solved.design;
     let (input_min, input_max) = range(runs.iter().flat_map(|run| run.input.iter().copied()));
     let records = dataset
         .with_role(Role::Identify)
@@ -198,7 +220,10 @@ fn notices(model: &Model, runs: &[Run<'_>], undetermined: &[Vec<usize>]) -> Vec<
         .iter()
         .map(|group| {
             let members: Vec<&str> = group.iter().filter_map(|&i| names.get(i).map(String::as_str)).collect();
-            format!("the data determine only a combination of {}; each alone means nothing", members.join(", "))
+            format!(
+                "the data determine only a combination of {}; each alone means nothing",
+                members.join(", ")
+            )
         })
         .collect();
     let rates = runs.iter().map(|run| run.period_s);
@@ -211,7 +236,10 @@ fn notices(model: &Model, runs: &[Run<'_>], undetermined: &[Vec<usize>]) -> Vec<
         ));
     }
     if let (Some(envelope), Some(errors)) = (model.envelope, model.envelope_errors) {
-        for (name, value, error) in [("alpha", envelope.alpha_s, errors[0]), ("beta", envelope.beta_s, errors[1])] {
+        for (name, value, error) in [
+            ("alpha", envelope.alpha_s, errors[0]),
+            ("beta", envelope.beta_s, errors[1]),
+        ] {
             if value < 2.0 * error {
                 notices.push(format!(
                     "{name} = {:.3} us is not significant (standard error {:.3} us): these records show no rate dependence on that branch",
@@ -221,7 +249,9 @@ fn notices(model: &Model, runs: &[Run<'_>], undetermined: &[Vec<usize>]) -> Vec<
             }
         }
     }
-    let estimated = runs.iter().filter(|run| matches!(run.initial, InitialState::Remanent { fraction } if fraction > 0.0));
+    let estimated = runs
+        .iter()
+        .filter(|run| matches!(run.initial, InitialState::Remanent { fraction } if fraction > 0.0));
     let count = estimated.count();
     let skipped: usize = runs.iter().map(|run| run.fit_from).sum();
     if count > 0 {

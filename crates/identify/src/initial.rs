@@ -49,7 +49,9 @@ pub(crate) fn guess(input: &[f64], output: &[f64]) -> InitialState {
     }
     let low = input.iter().copied().fold(f64::INFINITY, f64::min);
     let starts_low = input.first().is_some_and(|&first| first - low <= 1e-3 * span);
-    InitialState::Remanent { fraction: if starts_low { 0.0 } else { 0.5 } }
+    InitialState::Remanent {
+        fraction: if starts_low { 0.0 } else { 0.5 },
+    }
 }
 
 /// The error must fall by this share before another state than the guess is believed.
@@ -68,9 +70,18 @@ pub(crate) fn skip_unsettled(design: &Design, run: &mut Run<'_>) {
 ///
 /// A periodic start stands. Otherwise the remanent fraction is found by a scan and a golden-section search.
 pub(crate) fn choose(design: &Design, coefficients: &[f64], run: &Run<'_>) -> InitialState {
-    let InitialState::Remanent { fraction: guessed } = run.initial else { return run.initial };
+    let InitialState::Remanent { fraction: guessed } = run.initial else {
+        return run.initial;
+    };
     let error = |fraction: f64| {
-        design.squared_error(coefficients, &Run { initial: InitialState::Remanent { fraction }, fit_from: 0, ..*run })
+        design.squared_error(
+            coefficients,
+            &Run {
+                initial: InitialState::Remanent { fraction },
+                fit_from: 0,
+                ..*run
+            },
+        )
     };
     let stands = error(guessed);
     let steps = 8;
@@ -87,7 +98,11 @@ pub(crate) fn choose(design: &Design, coefficients: &[f64], run: &Run<'_>) -> In
     if least_refined < least {
         (best, least) = (refined, least_refined);
     }
-    let fraction = if least < (1.0 - BELIEVED) * stands { best } else { guessed };
+    let fraction = if least < (1.0 - BELIEVED) * stands {
+        best
+    } else {
+        guessed
+    };
     InitialState::Remanent { fraction }
 }
 

@@ -93,7 +93,9 @@ mod tests {
         for degrees in [9.46_f64, 13.04, 27.07] {
             let phase = degrees.to_radians();
             let input: Vec<f64> = (0..4000).map(|k| 1.0 - (TAU * f64::from(k) / 1000.0).cos()).collect();
-            let output: Vec<f64> = (0..4000).map(|k| 1.0 - (TAU * f64::from(k) / 1000.0 - phase).cos()).collect();
+            let output: Vec<f64> = (0..4000)
+                .map(|k| 1.0 - (TAU * f64::from(k) / 1000.0 - phase).cos())
+                .collect();
             let h = opening_percent(&input, &output, Periodic { samples: 1000, from: 0 }).unwrap();
             // At mid stroke the vertical opening of an ellipse is 2 sin(phase) of 2.
             assert!((h - 100.0 * phase.sin()).abs() < 0.02, "{degrees} degrees: {h}");
@@ -108,10 +110,15 @@ mod tests {
 
     #[test]
     fn refuse_loops_of_many_branches() {
-        let input: Vec<f64> = (0..2000).map(|k| {
-            let x = TAU * f64::from(k) / 1000.0;
-            0.25 * x.sin() + 0.3 * (3.0 * x).sin()
-        }).collect();
-        assert_eq!(opening_percent(&input, &input, Periodic { samples: 1000, from: 0 }), None);
+        let input: Vec<f64> = (0..2000)
+            .map(|k| {
+                let x = TAU * f64::from(k) / 1000.0;
+                0.25 * x.sin() + 0.3 * (3.0 * x).sin()
+            })
+            .collect();
+        assert_eq!(
+            opening_percent(&input, &input, Periodic { samples: 1000, from: 0 }),
+            None
+        );
     }
 }

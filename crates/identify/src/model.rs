@@ -114,21 +114,34 @@ impl Model {
 
     /// Runs the model over an input alone, from a given state.
     pub fn simulate_input(&self, input: &[f64], period_s: f64, initial: InitialState) -> Vec<f64> {
-        let run = Run { input, output: &[], period_s, initial, weight: 1.0, fit_from: 0 };
+        let run = Run {
+            input,
+            output: &[],
+            period_s,
+            initial,
+            weight: 1.0,
+            fit_from: 0,
+        };
         self.simulate_from(&self.design(), &run).output
     }
 
     fn simulate_from(&self, design: &Design, run: &Run<'_>) -> Simulation {
         let mut output = Vec::with_capacity(run.input.len());
         design.simulate(&self.coefficients, run, |_, modelled| output.push(modelled));
-        Simulation { output, initial: run.initial }
+        Simulation {
+            output,
+            initial: run.initial,
+        }
     }
 
     fn design(&self) -> Design {
         Design {
             family: self.family,
             thresholds: self.thresholds.clone(),
-            envelope: self.envelope.unwrap_or(Envelope { alpha_s: 0.0, beta_s: 0.0 }),
+            envelope: self.envelope.unwrap_or(Envelope {
+                alpha_s: 0.0,
+                beta_s: 0.0,
+            }),
         }
     }
 
@@ -152,7 +165,11 @@ impl Model {
         let of_plays: &[(&str, String)] = match self.family {
             Family::Pi | Family::Mpi | Family::Mrpi => &[("weight", slope(1))],
             Family::Wrpi => &[("weight", slope(1)), ("rate_weight", format!("{output} s/{input}^2"))],
-            Family::PlayPolynomial => &[("weight", slope(1)), ("weight_quadratic", slope(2)), ("weight_cubic", slope(3))],
+            Family::PlayPolynomial => &[
+                ("weight", slope(1)),
+                ("weight_quadratic", slope(2)),
+                ("weight_cubic", slope(3)),
+            ],
         };
         for (name, unit) in of_plays {
             names.extend((1..=self.thresholds.len()).map(|i| (format!("{name}[{i}]"), unit.clone())));
@@ -167,14 +184,25 @@ impl Model {
             .into_iter()
             .zip(&self.coefficients)
             .zip(&self.standard_errors)
-            .map(|(((name, unit), &value), &standard_error)| Parameter { name, unit, value, standard_error })
+            .map(|(((name, unit), &value), &standard_error)| Parameter {
+                name,
+                unit,
+                value,
+                standard_error,
+            })
             .collect();
         if let Some(envelope) = self.envelope {
             let errors = self.envelope_errors.map_or([None; 2], |errors| errors.map(Some));
-            for (name, value, standard_error) in
-                [("alpha", envelope.alpha_s, errors[0]), ("beta", envelope.beta_s, errors[1])]
-            {
-                parameters.push(Parameter { name: name.to_owned(), unit: "s".to_owned(), value, standard_error });
+            for (name, value, standard_error) in [
+                ("alpha", envelope.alpha_s, errors[0]),
+                ("beta", envelope.beta_s, errors[1]),
+            ] {
+                parameters.push(Parameter {
+                    name: name.to_owned(),
+                    unit: "s".to_owned(),
+                    value,
+                    standard_error,
+                });
             }
         }
         parameters

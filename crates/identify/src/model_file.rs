@@ -62,7 +62,12 @@ impl Model {
                 parameters: self
                     .parameters()
                     .into_iter()
-                    .map(|p| FileParameter { name: p.name, value: p.value, unit: p.unit, standard_error: p.standard_error })
+                    .map(|p| FileParameter {
+                        name: p.name,
+                        value: p.value,
+                        unit: p.unit,
+                        standard_error: p.standard_error,
+                    })
                     .collect(),
             },
             fitted_on: self.fitted_on.clone(),
@@ -77,10 +82,16 @@ impl Model {
     /// - Not TOML, a field missing or unknown (with line and column).
     /// - Parameters that are not those of the family, thresholds that do not ascend, numbers that are not finite.
     pub fn from_toml(text: &str, name: &str) -> Result<Self, IdentifyError> {
-        let refuse = |reason: String| IdentifyError::ModelFile { file: name.to_owned(), reason };
+        let refuse = |reason: String| IdentifyError::ModelFile {
+            file: name.to_owned(),
+            reason,
+        };
         let file: File = toml::from_str(text).map_err(|error| refuse(error.to_string().trim().to_owned()))?;
         if file.format != FORMAT {
-            return Err(refuse(format!("format = {}; this version reads format {FORMAT}", file.format)));
+            return Err(refuse(format!(
+                "format = {}; this version reads format {FORMAT}",
+                file.format
+            )));
         }
         for (what, found, wanted) in [
             ("input_unit", &file.input_unit, file.direction.input_unit()),
@@ -88,7 +99,9 @@ impl Model {
         ] {
             if found != wanted {
                 let direction = file.direction.name();
-                return Err(refuse(format!("{what} = \"{found}\"; a model of direction {direction} has \"{wanted}\"")));
+                return Err(refuse(format!(
+                    "{what} = \"{found}\"; a model of direction {direction} has \"{wanted}\""
+                )));
             }
         }
         let h = file.hysteresis;
@@ -97,7 +110,10 @@ impl Model {
             family: h.family,
             direction: file.direction,
             thresholds: h.thresholds,
-            envelope: (h.family == Family::Mrpi).then_some(Envelope { alpha_s: 0.0, beta_s: 0.0 }),
+            envelope: (h.family == Family::Mrpi).then_some(Envelope {
+                alpha_s: 0.0,
+                beta_s: 0.0,
+            }),
             envelope_errors: None,
             coefficients: Vec::new(),
             standard_errors: Vec::new(),
@@ -124,10 +140,15 @@ impl Model {
         for (found, wanted) in found.iter().zip(&wanted) {
             if found.name != wanted.name || found.unit != wanted.unit {
                 let (name, unit, expected, in_unit) = (&found.name, &found.unit, &wanted.name, &wanted.unit);
-                return Err(format!("parameter `{name}` in {unit} stands where `{expected}` in {in_unit} belongs"));
+                return Err(format!(
+                    "parameter `{name}` in {unit} stands where `{expected}` in {in_unit} belongs"
+                ));
             }
             if !found.value.is_finite() {
-                return Err(format!("parameter `{}` = {}; it must be finite", found.name, found.value));
+                return Err(format!(
+                    "parameter `{}` = {}; it must be finite",
+                    found.name, found.value
+                ));
             }
         }
         for (i, parameter) in found.iter().take(columns).enumerate() {
@@ -138,9 +159,15 @@ impl Model {
             && self.family == Family::Mrpi
         {
             if alpha.value < 0.0 || beta.value < 0.0 {
-                return Err(format!("alpha = {} s, beta = {} s; both must be 0 or more", alpha.value, beta.value));
+                return Err(format!(
+                    "alpha = {} s, beta = {} s; both must be 0 or more",
+                    alpha.value, beta.value
+                ));
             }
-            self.envelope = Some(Envelope { alpha_s: alpha.value, beta_s: beta.value });
+            self.envelope = Some(Envelope {
+                alpha_s: alpha.value,
+                beta_s: beta.value,
+            });
             self.envelope_errors = alpha.standard_error.zip(beta.standard_error).map(|(a, b)| [a, b]);
         }
         Ok(())
@@ -152,7 +179,10 @@ impl Model {
     /// As [`Model::from_toml`], and when the file cannot be opened.
     pub fn read(path: &Path) -> Result<Self, IdentifyError> {
         let file = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|source| IdentifyError::Io { file: file.clone(), source })?;
+        let text = std::fs::read_to_string(path).map_err(|source| IdentifyError::Io {
+            file: file.clone(),
+            source,
+        })?;
         Self::from_toml(&text, &file)
     }
 
@@ -161,7 +191,10 @@ impl Model {
     /// # Errors
     /// When the folder cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), IdentifyError> {
-        let failed = |source| IdentifyError::Io { file: path.display().to_string(), source };
+        let failed = |source| IdentifyError::Io {
+            file: path.display().to_string(),
+            source,
+        };
         let beside = path.with_extension("toml.part");
         std::fs::write(&beside, self.to_toml()).map_err(failed)?;
         std::fs::rename(&beside, path).map_err(failed)
@@ -170,7 +203,11 @@ impl Model {
 
 fn check_thresholds(thresholds: &[f64]) -> Result<(), String> {
     if thresholds.is_empty() || thresholds.len() > crate::fit::MAX_PLAYS {
-        return Err(format!("{} thresholds; allowed are 1 to {}", thresholds.len(), crate::fit::MAX_PLAYS));
+        return Err(format!(
+            "{} thresholds; allowed are 1 to {}",
+            thresholds.len(),
+            crate::fit::MAX_PLAYS
+        ));
     }
     let mut before = None;
     for (i, &r) in thresholds.iter().enumerate() {
@@ -181,7 +218,10 @@ fn check_thresholds(thresholds: &[f64]) -> Result<(), String> {
         if let Some(last) = before
             && r <= last
         {
-            return Err(format!("threshold r[{i}] = {r} must exceed r[{}] = {last}; sort the thresholds", i - 1));
+            return Err(format!(
+                "threshold r[{i}] = {r} must exceed r[{}] = {last}; sort the thresholds",
+                i - 1
+            ));
         }
         before = Some(r);
     }

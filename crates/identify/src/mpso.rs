@@ -26,7 +26,9 @@ pub(crate) struct Swarmed {
 
 /// Value of objective 17 for one parameter set.
 fn objective(design: &Design, coefficients: &[f64], runs: &[Run<'_>]) -> f64 {
-    runs.iter().map(|run| run.weight * design.squared_error(coefficients, run)).sum()
+    runs.iter()
+        .map(|run| run.weight * design.squared_error(coefficients, run))
+        .sum()
 }
 
 struct Particle {
@@ -46,14 +48,24 @@ pub(crate) fn solve(
     seed: u64,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Swarmed {
-    let design = Design { family, thresholds, envelope: Envelope { alpha_s: 0.0, beta_s: 0.0 } };
+    let design = Design {
+        family,
+        thresholds,
+        envelope: Envelope {
+            alpha_s: 0.0,
+            beta_s: 0.0,
+        },
+    };
     let bounds = search_box(&design, runs);
     let dimensions = bounds.len();
     let split = |x: &[f64]| -> (Design, Vec<f64>) {
         let mut here = design.clone();
         let columns = here.columns();
         if family == Family::Mrpi {
-            here.envelope = Envelope { alpha_s: x[columns].max(0.0), beta_s: x[columns + 1].max(0.0) };
+            here.envelope = Envelope {
+                alpha_s: x[columns].max(0.0),
+                beta_s: x[columns + 1].max(0.0),
+            };
         }
         (here, x[..columns].to_vec())
     };
@@ -63,7 +75,10 @@ pub(crate) fn solve(
     };
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut throw = |low_high: &[(f64, f64)]| -> Vec<f64> {
-        low_high.iter().map(|&(low, high)| low + (high - low) * random.random::<f64>()).collect()
+        low_high
+            .iter()
+            .map(|&(low, high)| low + (high - low) * random.random::<f64>())
+            .collect()
     };
     let mut swarm: Vec<Particle> = (0..PARTICLES)
         .map(|_| {
@@ -80,7 +95,9 @@ pub(crate) fn solve(
         .collect();
     let (mut leader, mut leader_value) = (swarm[0].position.clone(), f64::INFINITY);
     for turn in 0..TURNS {
-        swarm.par_iter_mut().for_each(|particle| particle.value = value(&particle.position));
+        swarm
+            .par_iter_mut()
+            .for_each(|particle| particle.value = value(&particle.position));
         for particle in &mut swarm {
             if particle.value < particle.best_value {
                 (particle.best_value, particle.turns_without_gain) = (particle.value, 0);
@@ -125,7 +142,11 @@ fn search_box(design: &Design, runs: &[Run<'_>]) -> Vec<(f64, f64)> {
     let (output_low, output_high) = range(runs.iter().flat_map(|run| run.output.iter().copied()));
     let fastest = runs
         .iter()
-        .flat_map(|run| run.input.windows(2).map(|pair| (pair[1] - pair[0]).abs() / run.period_s))
+        .flat_map(|run| {
+            run.input
+                .windows(2)
+                .map(|pair| (pair[1] - pair[0]).abs() / run.period_s)
+        })
         .fold(0.0, f64::max);
     let (span, output_span) = (high - low, output_high - output_low);
     let slope = output_span / span;

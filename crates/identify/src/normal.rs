@@ -15,7 +15,13 @@ pub(crate) struct Normal {
 
 impl Normal {
     pub(crate) fn new(columns: usize) -> Self {
-        Self { columns, gram: vec![0.0; columns * columns], rhs: vec![0.0; columns], target_squares: 0.0, samples: 0 }
+        Self {
+            columns,
+            gram: vec![0.0; columns * columns],
+            rhs: vec![0.0; columns],
+            target_squares: 0.0,
+            samples: 0,
+        }
     }
 
     /// Adds one row.
@@ -46,7 +52,9 @@ impl Normal {
 
     /// The full symmetric matrix.
     pub(crate) fn matrix(&self) -> DMatrix<f64> {
-        DMatrix::from_fn(self.columns, self.columns, |i, j| self.gram[i.max(j) * self.columns + i.min(j)])
+        DMatrix::from_fn(self.columns, self.columns, |i, j| {
+            self.gram[i.max(j) * self.columns + i.min(j)]
+        })
     }
 
     /// Squared error of these coefficients on the rows seen: `sum y^2 - 2 b'x + x'Gx`, never below 0.
@@ -59,7 +67,10 @@ impl Normal {
 
     /// Root of the mean of each column's square: the scale that makes the matrix one of correlations.
     fn scales(&self) -> Vec<f64> {
-        (0..self.columns).map(|i| self.gram[i * self.columns + i].sqrt()).map(|s| if s > 0.0 { s } else { 1.0 }).collect()
+        (0..self.columns)
+            .map(|i| self.gram[i * self.columns + i].sqrt())
+            .map(|s| if s > 0.0 { s } else { 1.0 })
+            .collect()
     }
 
     fn scaled(&self) -> (DMatrix<f64>, DVector<f64>, Vec<f64>) {
@@ -89,7 +100,11 @@ impl Normal {
     /// The eigenvalues and eigenvectors of the scaled matrix.
     pub(crate) fn spectrum(&self) -> Spectrum {
         let (matrix, rhs, scales) = self.scaled();
-        Spectrum { eigen: SymmetricEigen::new(matrix), rhs, scales }
+        Spectrum {
+            eigen: SymmetricEigen::new(matrix),
+            rhs,
+            scales,
+        }
     }
 }
 
@@ -113,7 +128,11 @@ impl Spectrum {
         let projected = self.eigen.eigenvectors.tr_mul(&self.rhs);
         let shrunk = DVector::from_fn(projected.len(), |i, _| {
             let value = self.eigen.eigenvalues[i];
-            if value > ROUNDING { projected[i] / (value + ridge) } else { 0.0 }
+            if value > ROUNDING {
+                projected[i] / (value + ridge)
+            } else {
+                0.0
+            }
         });
         let x = &self.eigen.eigenvectors * shrunk;
         x.iter().zip(&self.scales).map(|(x, s)| x / s).collect()
@@ -161,7 +180,10 @@ mod tests {
             normal.add_row(&[1.0, x], 3.0 + 0.5 * x);
         }
         for solution in [normal.solve(0.0), normal.spectrum().solve(0.0)] {
-            assert!((solution[0] - 3.0).abs() < 1e-10 && (solution[1] - 0.5).abs() < 1e-12, "{solution:?}");
+            assert!(
+                (solution[0] - 3.0).abs() < 1e-10 && (solution[1] - 0.5).abs() < 1e-12,
+                "{solution:?}"
+            );
             assert!(normal.squared_error(&solution) < 1e-8);
         }
     }
@@ -176,6 +198,9 @@ mod tests {
         let spectrum = normal.spectrum();
         assert_eq!(spectrum.undetermined(), vec![vec![1, 2]]);
         let solution = spectrum.solve(1e-12);
-        assert!((solution[1] + solution[2] - 3.0).abs() < 1e-9 && (solution[1] - solution[2]).abs() < 1e-6, "{solution:?}");
+        assert!(
+            (solution[1] + solution[2] - 3.0).abs() < 1e-9 && (solution[1] - solution[2]).abs() < 1e-6,
+            "{solution:?}"
+        );
     }
 }

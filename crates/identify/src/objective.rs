@@ -24,14 +24,19 @@ const SMALLEST_STROKE: f64 = 0.1;
 
 /// The records to fit to, with their weights and first guesses of the initial state.
 pub(crate) fn runs<'a>(dataset: &'a Dataset, direction: Direction, weighting: Weighting) -> Vec<Run<'a>> {
-    let mut runs: Vec<Run<'a>> =
-        dataset.with_role(Role::Identify).map(|record| run_of(record, direction, None)).collect();
+    let mut runs: Vec<Run<'a>> = dataset
+        .with_role(Role::Identify)
+        .map(|record| run_of(record, direction, None))
+        .collect();
     let of_record: Vec<f64> = match weighting {
         Weighting::Record => {
             let strokes: Vec<f64> = runs.iter().map(|run| peak_to_peak(run.output)).collect();
             let floor = SMALLEST_STROKE * strokes.iter().copied().fold(0.0, f64::max);
             let scale = |stroke: f64| stroke.max(floor).max(f64::MIN_POSITIVE.sqrt());
-            runs.iter().zip(strokes).map(|(run, s)| 1.0 / (run.output.len() as f64 * scale(s).powi(2))).collect()
+            runs.iter()
+                .zip(strokes)
+                .map(|(run, s)| 1.0 / (run.output.len() as f64 * scale(s).powi(2)))
+                .collect()
         }
         Weighting::LoopOpening => {
             let openings: Vec<_> = dataset.with_role(Role::Identify).map(measured_opening).collect();
@@ -49,7 +54,14 @@ pub(crate) fn run_of(record: &Record, direction: Direction, initial: Option<init
     let (input, output) = (direction.input(record), direction.output(record));
     // The voltage is the noise-free command in both directions: it decides whether the record is periodic.
     let initial = initial.unwrap_or_else(|| initial::guess(&record.voltage_v, &record.position_um));
-    Run { input, output, period_s: record.period_s, initial, weight: 1.0, fit_from: 0 }
+    Run {
+        input,
+        output,
+        period_s: record.period_s,
+        initial,
+        weight: 1.0,
+        fit_from: 0,
+    }
 }
 
 /// Loop opening of a record, percent of the stroke; `None` where the drive is not periodic with two branches.

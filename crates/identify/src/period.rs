@@ -36,7 +36,9 @@ pub fn detect(drive: &[f64]) -> Option<Periodic> {
     // A period that repeats at least twice to the end repeats within the last `2 P`; lags up to half the record.
     let tolerance = SAME_DRIVE * span;
     candidate_lags(drive, tolerance).into_iter().find_map(|lag| {
-        let breaks = (0..drive.len() - lag).rev().find(|&k| (drive[k + lag] - drive[k]).abs() > tolerance);
+        let breaks = (0..drive.len() - lag)
+            .rev()
+            .find(|&k| (drive[k + lag] - drive[k]).abs() > tolerance);
         let from = breaks.map_or(0, |k| k + 1);
         (drive.len() - from >= 2 * lag).then_some(Periodic { samples: lag, from })
     })
@@ -106,7 +108,9 @@ mod tests {
     use std::f64::consts::TAU;
 
     fn sine(n: usize, samples_a_period: f64) -> Vec<f64> {
-        (0..n).map(|k| 13.0 - 13.0 * (TAU * k as f64 / samples_a_period).cos()).collect()
+        (0..n)
+            .map(|k| 13.0 - 13.0 * (TAU * k as f64 / samples_a_period).cos())
+            .collect()
     }
 
     #[test]
@@ -139,7 +143,9 @@ mod tests {
         let mut state = 1u64;
         let noise: Vec<f64> = (0..4000)
             .map(|_| {
-                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                state = state
+                    .wrapping_mul(6364136223846793005)
+                    .wrapping_add(1442695040888963407);
                 (state >> 40) as f64
             })
             .collect();

@@ -34,7 +34,11 @@ pub fn thresholds(placement: Placement, plays: usize, inputs: &[&[f64]]) -> Vec<
         Placement::Log => {
             // N points from LOG_START to (N-1)/N of the span: the largest play must still move.
             let end: f64 = (1.0 - 1.0 / n).max(0.5);
-            let step = if plays > 1 { (end / LOG_START).ln() / (n - 1.0) } else { 0.0 };
+            let step = if plays > 1 {
+                (end / LOG_START).ln() / (n - 1.0)
+            } else {
+                0.0
+            };
             (0..plays).map(|i| span * LOG_START * (step * i as f64).exp()).collect()
         }
         Placement::Data => data_quantiles(plays, inputs, span),
@@ -112,7 +116,10 @@ mod tests {
             for plays in [1, 2, 10, 40, 64] {
                 let r = thresholds(placement, plays, &[&input]);
                 assert_eq!(r.len(), plays);
-                assert!(r.windows(2).all(|pair| pair[0] < pair[1]), "{placement:?} {plays}: {r:?}");
+                assert!(
+                    r.windows(2).all(|pair| pair[0] < pair[1]),
+                    "{placement:?} {plays}: {r:?}"
+                );
                 assert!(r[plays - 1] <= 100.0 && r[0] >= 0.0);
             }
         }

@@ -34,14 +34,30 @@ pub(crate) struct Solved {
 
 /// Fits coefficients, and alpha and beta where the family has them.
 pub(crate) fn solve(family: Family, thresholds: Vec<f64>, runs: &[Run<'_>], progress: &(dyn Fn(f64) + Sync)) -> Solved {
-    let mut design = Design { family, thresholds, envelope: Envelope { alpha_s: 0.0, beta_s: 0.0 } };
+    let mut design = Design {
+        family,
+        thresholds,
+        envelope: Envelope {
+            alpha_s: 0.0,
+            beta_s: 0.0,
+        },
+    };
     if family == Family::Mrpi {
         design.envelope = search_envelope(&design, runs, progress);
     }
     let normals = normals(&design, runs, 1);
-    let ridge = if family == Family::PlayPolynomial { choose_ridge(&normals, runs) } else { RIDGE };
+    let ridge = if family == Family::PlayPolynomial {
+        choose_ridge(&normals, runs)
+    } else {
+        RIDGE
+    };
     let coefficients = pooled(&normals, runs).spectrum().solve(ridge);
-    Solved { design, coefficients, ridge, normals }
+    Solved {
+        design,
+        coefficients,
+        ridge,
+        normals,
+    }
 }
 
 /// Normal equations of each run, every `stride`-th row.
@@ -79,7 +95,9 @@ fn choose_ridge(normals: &[Normal], runs: &[Run<'_>]) -> f64 {
             *error += run.weight * normal.squared_error(&spectrum.solve(ridge));
         }
     }
-    let best = (0..errors.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
+    let best = (0..errors.len())
+        .min_by(|&a, &b| errors[a].total_cmp(&errors[b]))
+        .unwrap_or(0);
     POLYNOMIAL_RIDGES[best]
 }
 
@@ -92,8 +110,14 @@ fn search_envelope(design: &Design, runs: &[Run<'_>], progress: &(dyn Fn(f64) + 
         // Below a fiftieth of a sample an envelope of a play without width is a pure derivative: nothing new, and
         // weights without bound.
         let least = finest / 50.0;
-        let envelope = Envelope { alpha_s: alpha_s.clamp(least, LARGEST_S), beta_s: beta_s.clamp(least, LARGEST_S) };
-        let trial = Design { envelope, ..design.clone() };
+        let envelope = Envelope {
+            alpha_s: alpha_s.clamp(least, LARGEST_S),
+            beta_s: beta_s.clamp(least, LARGEST_S),
+        };
+        let trial = Design {
+            envelope,
+            ..design.clone()
+        };
         let system = pooled(&normals(&trial, runs, stride), runs);
         // Outside the bounds the objective grows, so that the simplex comes back.
         let outside = (alpha_s - envelope.alpha_s).abs() + (beta_s - envelope.beta_s).abs();
@@ -112,13 +136,20 @@ fn search_envelope(design: &Design, runs: &[Run<'_>], progress: &(dyn Fn(f64) + 
     }
     let (alpha_s, beta_s) = simplex((best.1, best.2), best.1.max(best.2).max(finest) / 2.0, objective);
     let least = finest / 50.0;
-    Envelope { alpha_s: alpha_s.clamp(least, LARGEST_S), beta_s: beta_s.clamp(least, LARGEST_S) }
+    Envelope {
+        alpha_s: alpha_s.clamp(least, LARGEST_S),
+        beta_s: beta_s.clamp(least, LARGEST_S),
+    }
 }
 
 /// Nelder and Mead's simplex (Computer Journal 7, 1965) in two variables, 40 steps.
 fn simplex(start: (f64, f64), size: f64, f: impl Fn(f64, f64) -> f64) -> (f64, f64) {
     let vertex = |x: f64, y: f64| (f(x, y), x, y);
-    let mut v = [vertex(start.0, start.1), vertex(start.0 + size, start.1), vertex(start.0, start.1 + size)];
+    let mut v = [
+        vertex(start.0, start.1),
+        vertex(start.0 + size, start.1),
+        vertex(start.0, start.1 + size),
+    ];
     for _ in 0..40 {
         v.sort_by(|a, b| a.0.total_cmp(&b.0));
         let middle = ((v[0].1 + v[1].1) / 2.0, (v[0].2 + v[1].2) / 2.0);
@@ -139,7 +170,10 @@ fn simplex(start: (f64, f64), size: f64, f: impl Fn(f64, f64) -> f64) -> (f64, f
                 }
             }
         }
-        let spread = v.iter().map(|p| (p.1 - v[0].1).abs() + (p.2 - v[0].2).abs()).fold(0.0, f64::max);
+        let spread = v
+            .iter()
+            .map(|p| (p.1 - v[0].1).abs() + (p.2 - v[0].2).abs())
+            .fold(0.0, f64::max);
         if spread < 1e-4 * (v[0].1.abs() + v[0].2.abs()) + 1e-12 {
             break;
         }

@@ -24,7 +24,11 @@ pub(crate) fn standard_errors(solved: &Solved, runs: &[Run<'_>]) -> StandardErro
     let spectrum = pooled(&solved.normals, runs).spectrum();
     let undetermined = spectrum.undetermined();
     let searched = solved.design.family == Family::Mrpi;
-    let normals: Vec<Normal> = if searched { with_derivatives(solved, runs) } else { solved.normals.clone() };
+    let normals: Vec<Normal> = if searched {
+        with_derivatives(solved, runs)
+    } else {
+        solved.normals.clone()
+    };
     let inverse: DMatrix<f64> = pooled(&normals, runs).spectrum().inverse(solved.ridge);
     let noise = per_run_variance(solved, runs);
     let mut middle = DMatrix::zeros(inverse.nrows(), inverse.ncols());
@@ -34,9 +38,14 @@ pub(crate) fn standard_errors(solved: &Solved, runs: &[Run<'_>]) -> StandardErro
     let covariance = &inverse * middle * &inverse;
     let n = solved.coefficients.len();
     let error = |i: usize| covariance[(i, i)].max(0.0).sqrt();
-    let coefficients =
-        (0..n).map(|i| (!undetermined.iter().any(|group| group.contains(&i))).then(|| error(i))).collect();
-    StandardErrors { coefficients, envelope: searched.then(|| [error(n), error(n + 1)]), undetermined }
+    let coefficients = (0..n)
+        .map(|i| (!undetermined.iter().any(|group| group.contains(&i))).then(|| error(i)))
+        .collect();
+    StandardErrors {
+        coefficients,
+        envelope: searched.then(|| [error(n), error(n + 1)]),
+        undetermined,
+    }
 }
 
 /// Residual variance times integrated autocorrelation time of each run.
@@ -44,9 +53,13 @@ fn per_run_variance(solved: &Solved, runs: &[Run<'_>]) -> Vec<f64> {
     runs.par_iter()
         .map(|run| {
             let mut residual = Vec::with_capacity(run.output.len());
-            solved.design.simulate(&solved.coefficients, run, |k, modelled| residual.push(run.output[k] - modelled));
+            solved.design.simulate(&solved.coefficients, run, |k, modelled| {
+                residual.push(run.output[k] - modelled)
+            });
             let correlation = autocorrelation(&residual);
-            let Some(&power) = correlation.first().filter(|&&power| power > 0.0) else { return 0.0 };
+            let Some(&power) = correlation.first().filter(|&&power| power > 0.0) else {
+                return 0.0;
+            };
             // Sum up to the first lag that is not positive (initial positive sequence, Geyer 1992).
             let positive: f64 = correlation[1..].iter().take_while(|&&c| c > 0.0).sum();
             (power + 2.0 * positive) / residual.len() as f64
@@ -59,7 +72,10 @@ fn with_derivatives(solved: &Solved, runs: &[Run<'_>]) -> Vec<Normal> {
     let base = solved.design.envelope;
     let step_s = 1e-3 * (base.alpha_s + base.beta_s).max(1e-6);
     let shifted = |alpha: f64, beta: f64| Design {
-        envelope: Envelope { alpha_s: base.alpha_s + alpha, beta_s: base.beta_s + beta },
+        envelope: Envelope {
+            alpha_s: base.alpha_s + alpha,
+            beta_s: base.beta_s + beta,
+        },
         ..solved.design.clone()
     };
     let (by_alpha, by_beta) = (shifted(step_s, 0.0), shifted(0.0, step_s));

@@ -1,0 +1,114 @@
+//! Range and slew limits of a command.
+
+use crate::error::{ParamError, finite, in_range};
+use crate::real::Real;
+
+/// Keeps a command within a range and its changes within a slew rate.
+///
+/// # Units
+/// Limits in the command's unit; slew in that unit a second.
+/// # Cost
+/// 4 compares and 2 additions a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limiter<T> {
+    min: T,
+    max: T,
+    largest_change: T,
+}
+
+/// The last command that was let through, and whether it had to be changed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LimiterState<T> {
+    last: T,
+    limited: bool,
+}
+
+impl<T: Real> Limiter<T> {
+    /// Builds a limiter.
+    ///
+    /// # Errors
+    /// Limits that are not finite or not ascending; a slew rate that is not finite and positive.
+    pub fn new(min: T, max: T, slew_per_s: T, sample_rate_hz: T) -> Result<Self, ParamError> {
+        finite("lower limit", None, min)?;
+        finite("upper limit", None, max)?;
+        if max <= min {
+            let (value, previous) = (max.to_f64(), min.to_f64());
+            return Err(ParamError::NotIncreasing {
+                name: "limit",
+                index: 2,
+                value,
+                previous,
+            });
+        }
+        in_range("slew_per_s", None, slew_per_s, f64::MIN_POSITIVE, f64::MAX)?;
+        in_range("sample_rate_hz", None, sample_rate_hz, 1e-3, 1e7)?;
+        Ok(Self {
+            min,
+            max,
+            largest_change: slew_per_s / sample_rate_hz,
+        })
+    }
+
+    /// State with the output at a value (brought into the range).
+    pub fn start_at(&self, value: T) -> LimiterState<T> {
+        LimiterState {
+            last: self.min.select_max(value).select_min(self.max),
+            limited: false,
+        }
+    }
+
+    /// Smallest and largest command that the next step lets through.
+    #[inline(always)]
+    pub fn room(&self, state: &LimiterState<T>) -> (T, T) {
+        (
+            self.min.select_max(state.last - self.largest_change),
+            self.max.select_min(state.last + self.largest_change),
+        )
+    }
+
+    /// One sample. A command that is not finite holds the last one and counts as limited.
+    #[inline(always)]
+    pub fn step(&self, state: &mut LimiterState<T>, command: T) -> T {
+        let (lowest, highest) = self.room(state);
+        let wanted = if command.is_finite() { command } else { state.last };
+        let allowed = lowest.select_max(wanted).select_min(highest);
+        state.limited = allowed != command;
+        state.last = allowed;
+        allowed
+    }
+}
+
+impl<T: Real> LimiterState<T> {
+    /// Whether the last command was changed.
+    pub fn limited(&self) -> bool {
+        self.limited
+    }
+
+    /// The last command that was let through.
+    pub fn last(&self) -> T {
+        self.last
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_range_and_slew() {
+        let limiter = Limiter::new(0.0, 10.0, 100.0, 50.0).unwrap(); // 2 a sample
+        let mut state = limiter.start_at(-5.0);
+        let outputs = [4.0, 4.0, 4.0, 20.0, 20.0, 20.0, 20.0].map(|command| limiter.step(&mut state, command));
+        assert_eq!(outputs, [2.0, 4.0, 4.0, 6.0, 8.0, 10.0, 10.0]);
+        assert!(state.limited());
+        assert_eq!(limiter.step(&mut state, f64::NAN), 10.0);
+        assert_eq!(limiter.step(&mut state, f64::NEG_INFINITY), 10.0);
+    }
+
+    #[test]
+    fn refuse_bad_limits() {
+        assert!(Limiter::new(1.0, 1.0, 1.0, 1.0).is_err());
+        assert!(Limiter::new(0.0, 1.0, 0.0, 1.0).is_err());
+        assert!(Limiter::new(0.0, f64::INFINITY, 1.0, 1.0).is_err());
+    }
+}

@@ -1,0 +1,52 @@
+//! What all hysteresis models have in common, and what a direct inverse is.
+//!
+//! The inverse of a Prandtl-Ishlinskii model is one, too (eqs 12, 13): a *direct inverse* is the same configuration with
+//! the desired displacement as input and the voltage as output, identified from records with the columns exchanged.
+//! There is no second implementation; the units of thresholds and coefficients say which way a table runs.
+
+use crate::error::{ParamError, finite};
+use crate::real::Real;
+
+/// A model that turns an input into an output sample by sample: forward (volts to micrometres) or direct inverse.
+pub trait Hysteresis<T: Real> {
+    /// What the model remembers.
+    type State;
+
+    /// One sample. Returns a finite number for every input, NaN included.
+    fn step(&self, state: &mut Self::State, input: T) -> T;
+}
+
+/// `sum c_i x_i` in the order of the elements.
+#[inline(always)]
+pub(crate) fn dot<T: Real>(coefficients: &[T], values: &[T]) -> T {
+    let mut sum = T::ZERO;
+    for (&c, &x) in coefficients.iter().zip(values) {
+        sum += c * x;
+    }
+    sum
+}
+
+/// Refuses coefficients that are not finite.
+pub(crate) fn all_finite<T: Real>(name: &'static str, values: &[T]) -> Result<(), ParamError> {
+    values
+        .iter()
+        .enumerate()
+        .try_for_each(|(i, &value)| finite(name, Some(i + 1), value))
+}
+
+/// Refuses an output bound that the number type cannot hold.
+pub(crate) fn bounded<T: Real>(bound: T, input: T) -> Result<(), ParamError> {
+    if bound.is_finite() {
+        Ok(())
+    } else {
+        Err(ParamError::Unbounded {
+            name: "output",
+            input: input.to_f64(),
+        })
+    }
+}
+
+/// `sum |c_i|`.
+pub(crate) fn sum_of_magnitudes<T: Real>(values: &[T]) -> T {
+    values.iter().fold(T::ZERO, |sum, &value| sum + value.magnitude())
+}
