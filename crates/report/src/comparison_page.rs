@@ -1,0 +1,319 @@
+//! The page that `compare` leaves: how far the model is off, where, and what it looks like.
+
+use hysteron_data::Role;
+use hysteron_diagnose::{Bin, Breakdown, Comparison, NoiseSource, Pooled, RecordComparison};
+
+use crate::canvas::{LegendEntry, Size, Swatch};
+use crate::figures::{Bar, ErrorMapData, SpectrumData, bars, error_map, spectrum};
+use crate::headline::{direction, headline, quantity_name, range};
+use crate::number::{count, quantity, significant, unit_text};
+use crate::page::{Block, Figure, Page, Section, Tile};
+use crate::palette::Ink;
+use crate::record_pictures::{record_pictures, role};
+use crate::table::{Cell, Table};
+
+/// What a comparison page says besides the comparison.
+#[derive(Debug, Clone, Copy)]
+pub struct Context<'a> {
+    /// What was compared, name and value: data, model, hashes.
+    pub facts: &'a [(&'a str, String)],
+    /// The command that gives the same page.
+    pub command: &'a str,
+    /// Version of the program.
+    pub version: &'a str,
+}
+
+/// Bars of records drawn at most; the table has all.
+const BARS: usize = 40;
+
+/// The page of a comparison as HTML.
+pub fn comparison_page(title: &str, comparison: &Comparison, context: &Context<'_>) -> String {
+    let mut page = Page::new(title, context.version);
+    for (name, value) in context.facts {
+        page = page.fact(*name, value);
+    }
+    for sentence in headline(comparison) {
+        page = page.lead(sentence);
+    }
+    let pictures = record_pictures(comparison)
+        .into_iter()
+        .fold(Section::new("Records"), Section::with);
+    page.section(summary(comparison))
+        .section(by_record(comparison))
+        .section(where_it_is(comparison))
+        .section(pictures)
+        .section(reproduce(context))
+        .render()
+}
+
+fn sentence_case(text: &str) -> String {
+    let mut characters = text.trim_end_matches('.').chars();
+    characters.next().map_or_else(String::new, |first| {
+        first.to_uppercase().collect::<String>() + characters.as_str() + "."
+    })
+}
+
+/// Key figures and notices.
+fn summary(comparison: &Comparison) -> Section {
+    let pooled = |label: &str, pooled: &Option<Pooled>| {
+        pooled.as_ref().map(|pooled| Tile {
+            label: label.to_owned(),
+            value: format!("{} %", significant(pooled.nrmse_percent)),
+            note: format!(
+                "of peak to peak; {} rms, fit {} %, {}",
+                quantity(pooled.rms_um, comparison.output_unit),
+                significant(pooled.fit_percent),
+                if pooled.records == 1 {
+                    "1 record".to_owned()
+                } else {
+                    format!("{} records", count(pooled.records))
+                },
+            ),
+        })
+    };
+    let mut tiles: Vec<Tile> = Vec::new();
+    tiles.extend(pooled("Error, records not fitted to", &comparison.validate));
+    tiles.extend(pooled("Error, records fitted to", &comparison.identify));
+    let worst = comparison
+        .records
+        .iter()
+        .filter_map(|record| Some((record.nrmse_percent?, record)))
+        .max_by(|a, b| a.0.total_cmp(&b.0));
+    if let (Some((percent, record)), true) = (worst, comparison.records.len() > 1) {
+        tiles.push(Tile {
+            label: "Worst record".to_owned(),
+            value: format!("{} %", significant(percent)),
+            note: format!("{}, {}", record.file, role(record.role)),
+        });
+    }
+    if comparison.noise_rms_um > 0.0 {
+        tiles.push(Tile {
+            label: "Noise floor".to_owned(),
+            value: quantity(comparison.noise_rms_um, comparison.output_unit),
+            note: format!("rms, {}", noise_source(comparison.noise_source)),
+        });
+    }
+    let notices = comparison.notices.iter().map(|notice| sentence_case(notice)).collect();
+    Section::new("Summary")
+        .with(Block::Tiles(tiles))
+        .with(Block::Notices(notices))
+}
+
+/// What the noise floor rests on, in words.
+fn noise_source(source: NoiseSource) -> &'static str {
+    match source {
+        NoiseSource::Given => "given with the data",
+        NoiseSource::QuietRecord => "from records at constant voltage",
+        NoiseSource::PeriodScatter => "from the scatter between periods",
+        NoiseSource::HighPass => "an upper bound, from neighbouring samples",
+    }
+}
+
+/// Bars and table of all records.
+fn by_record(comparison: &Comparison) -> Section {
+    let mut moving: Vec<(f64, &RecordComparison)> = comparison
+        .records
+        .iter()
+        .filter_map(|record| Some((record.nrmse_percent?, record)))
+        .collect();
+    moving.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let left_out = moving.len().saturating_sub(BARS);
+    moving.truncate(BARS);
+    let noise_percent = |percent: f64, record: &RecordComparison| {
+        (record.noise_ratio.is_finite() && record.noise_ratio > 0.0).then(|| percent / record.noise_ratio)
+    };
+    let rows: Vec<Bar> = moving
+        .iter()
+        .map(|(percent, record)| Bar {
+            label: record.file.clone(),
+            value: *percent,
+            text: format!("{} %", significant(*percent)),
+            reference: noise_percent(*percent, record),
+            ink: role_ink(record.role),
+        })
+        .collect();
+    let mut legend = Vec::new();
+    for (of, text) in [
+        (Role::Validate, "not fitted to (validate)"),
+        (Role::Identify, "fitted to (identify)"),
+    ] {
+        if moving.iter().any(|(_, record)| record.role == of) {
+            legend.push(LegendEntry::new(text, role_ink(of), Swatch::Area));
+        }
+    }
+    if rows.iter().any(|row| row.reference.is_some()) {
+        legend.push(LegendEntry::new("noise floor", Ink::Text, Swatch::Stroke));
+    }
+    let mut caption = "Error of each record in percent of its peak to peak, worst first.".to_owned();
+    if left_out > 0 {
+        caption.push_str(&format!(
+            " The {} with the smallest errors are in the table only.",
+            count(left_out)
+        ));
+    }
+    let picture = if rows.len() > 1 {
+        bars(&rows, "error, % of peak to peak", legend, 1080)
+    } else {
+        None
+    };
+    Section::new("Error by record")
+        .with_picture(picture, caption)
+        .with(Block::Table(record_table(comparison)))
+}
+
+fn role_ink(role: Role) -> Ink {
+    match role {
+        Role::Identify => Ink::Identify,
+        Role::Validate => Ink::Validate,
+    }
+}
+
+fn record_table(comparison: &Comparison) -> Table {
+    let unit = unit_text(comparison.output_unit);
+    let (rms, largest) = (format!("rms, {unit}"), format!("Largest, {unit}"));
+    let columns = [
+        "Record",
+        "Role",
+        "Error, % p-p",
+        "Fit, %",
+        &rms,
+        &largest,
+        "Over noise",
+        "Samples",
+        "Start",
+    ];
+    comparison.records.iter().fold(
+        Table::new("All records, in the order they were taken", &columns),
+        |table, record| {
+            table.row(vec![
+                Cell::text(&record.file),
+                Cell::text(role(record.role)),
+                Cell::number(record.nrmse_percent),
+                Cell::number(record.fit_percent),
+                Cell::number(record.rms_um),
+                Cell::number(record.max_um),
+                Cell::number(record.noise_ratio),
+                Cell::Number(count(record.samples)),
+                Cell::text(&record.initial_state),
+            ])
+        },
+    )
+}
+
+/// Shares, map and spectrum.
+fn where_it_is(comparison: &Comparison) -> Section {
+    let unit = comparison.output_unit;
+    let map = &comparison.error_map;
+    let (x_title, y_title) = (
+        format!("{}, {}", output_name(unit), unit_text(unit)),
+        format!("its rate, {}/s", unit_text(unit)),
+    );
+    let map = error_map(
+        &ErrorMapData {
+            x_edges: &map.position_edges_um,
+            y_edges: &map.rate_edges_um_per_s,
+            values: &map.rms_um,
+            x_title: &x_title,
+            y_title: &y_title,
+            unit,
+        },
+        Size {
+            width: 524,
+            height: 380,
+        },
+    );
+    let spectra = &comparison.spectrum;
+    let spectra = spectrum(
+        &SpectrumData {
+            frequency_hz: &spectra.frequency_hz,
+            residual: &spectra.residual_um_per_rthz,
+            measured: &spectra.measured_um_per_rthz,
+            noise: &spectra.noise_um_per_rthz,
+            unit,
+        },
+        Size {
+            width: 524,
+            height: 380,
+        },
+    );
+    let mut pictures = Vec::new();
+    pictures.extend(map.map(|picture| {
+        Figure::new(
+            picture,
+            "Error by position and rate, over all records. Blank: no sample fell there. Rows double in rate outwards.",
+        )
+    }));
+    pictures.extend(spectra.map(|picture| {
+        Figure::new(picture, "Spectrum of what is left, against the measurement and the noise floor. Above the noise floor there is something the model could still explain.")
+    }));
+    let shares = comparison
+        .r#where
+        .iter()
+        .filter_map(|breakdown| share_figure(breakdown, unit))
+        .collect();
+    Section::new("Where the error is")
+        .with(Block::Gallery(pictures))
+        .with(Block::Gallery(shares))
+}
+
+fn output_name(unit: &str) -> &'static str {
+    if unit == "V" { "voltage" } else { "position" }
+}
+
+/// A breakdown as bars: the share of the error against the share of the samples.
+fn share_figure(breakdown: &Breakdown, output_unit: &str) -> Option<Figure> {
+    let label = |bin: &Bin| match breakdown.by {
+        "direction" => direction(bin.from, bin.to).to_owned(),
+        _ => range(bin.from, bin.to, breakdown.unit),
+    };
+    let rows: Vec<Bar> = breakdown
+        .bins
+        .iter()
+        .map(|bin| Bar {
+            label: label(bin),
+            value: bin.share_percent,
+            text: format!("{:.0} %", bin.share_percent),
+            reference: Some(bin.samples_percent),
+            ink: Ink::Residual,
+        })
+        .collect();
+    let presence = if breakdown.by == "frequency" {
+        "share of the motion's power"
+    } else {
+        "share of the samples"
+    };
+    let legend = vec![
+        LegendEntry::new("share of the squared error", Ink::Residual, Swatch::Area),
+        LegendEntry::new(presence, Ink::Text, Swatch::Stroke),
+    ];
+    let name = quantity_name(breakdown.by);
+    let picture = bars(&rows, &format!("share by {name}, %"), legend, 524)?;
+    let unit = unit_text(output_unit);
+    let (first, rms, mean) = (sentence_case(name), format!("rms, {unit}"), format!("Mean, {unit}"));
+    let columns = [first.trim_end_matches('.'), "Error, %", "Present, %", &rms, &mean];
+    let table = breakdown
+        .bins
+        .iter()
+        .fold(Table::new(format!("Shares by {name}"), &columns), |table, bin| {
+            table.row(vec![
+                Cell::text(label(bin)),
+                Cell::number(bin.share_percent),
+                Cell::number(bin.samples_percent),
+                Cell::number(bin.rms_um),
+                Cell::number(bin.mean_um),
+            ])
+        });
+    let mut figure = Figure::new(picture, sentence_case(&breakdown.finding));
+    figure.table = Some(table);
+    Some(figure)
+}
+
+/// How the figures are defined, and the command.
+fn reproduce(context: &Context<'_>) -> Section {
+    let text = "The model runs freely through each record: it sees the input and never the measured output. Error in \
+                percent is the root mean square of measured minus modelled over the peak to peak of the measured \
+                output; fit is 100 (1 − |y − ŷ| / |y − mean y|); figures pooled over records are root mean squares.";
+    Section::new("How this was made")
+        .with(Block::Text(text.to_owned()))
+        .with(Block::Command(context.command.to_owned()))
+}

@@ -1,0 +1,102 @@
+//! Output against input: the hysteresis loop, measured and modelled.
+
+use crate::axis::{Axis, extent};
+use crate::canvas::{LegendEntry, Picture, Size, Swatch};
+use crate::decimate::path;
+use crate::number::readable_unit;
+use crate::palette::Ink;
+use crate::panel::{LEFT_PX, Mark, Panel, RIGHT_PX, TOP_PX};
+
+/// What a loop plot shows. The series have one length.
+#[derive(Debug, Clone, Copy)]
+pub struct LoopData<'a> {
+    /// Input.
+    pub input: &'a [f64],
+    /// Measured output.
+    pub measured: &'a [f64],
+    /// Modelled output.
+    pub modelled: &'a [f64],
+    /// What the input is: `voltage`, `position`.
+    pub input_name: &'a str,
+    /// Unit of the input.
+    pub input_unit: &'a str,
+    /// What the output is.
+    pub output_name: &'a str,
+    /// Unit of the output.
+    pub output_unit: &'a str,
+    /// The record's name, for those who cannot see the picture.
+    pub name: &'a str,
+}
+
+/// Points of a curve beyond which the path is drawn on a coarser grid, for a picture of 100 000 square pixels.
+const POINTS: f64 = 2500.0;
+
+/// Draws output against input. Nothing where the input does not move, or for fewer than two samples.
+pub fn loop_plot(data: &LoopData<'_>, size: Size) -> Option<Picture> {
+    let len = data.input.len().min(data.measured.len()).min(data.modelled.len());
+    let (input_low, input_high) = extent(data.input[..len].iter().copied())?;
+    if len < 2 || input_high <= input_low {
+        return None;
+    }
+    let (low, high) = extent(data.measured[..len].iter().chain(&data.modelled[..len]).copied())?;
+    let (input_factor, input_unit) = readable_unit(data.input_unit, input_low.abs().max(input_high.abs()));
+    let (factor, unit) = readable_unit(data.output_unit, low.abs().max(high.abs()));
+
+    let (width_px, height_px) = (
+        f64::from(size.width) - LEFT_PX - RIGHT_PX,
+        f64::from(size.height) - TOP_PX - 42.0,
+    );
+    let x = Axis::padded(
+        input_low * input_factor,
+        input_high * input_factor,
+        (width_px / 60.0) as usize,
+    );
+    let y = Axis::padded(low * factor, high * factor, 6);
+    let budget = (POINTS * (width_px * height_px / 1e5).max(0.2)) as usize;
+    let curves = |output: &[f64], ink: Ink, width: f64| -> Vec<Mark> {
+        let place = |index: usize| {
+            let across = (data.input[index] * input_factor - x.low) / (x.high - x.low) * width_px;
+            let up = (output[index] * factor - y.low) / (y.high - y.low) * height_px;
+            (across, up)
+        };
+        path(len, budget, place)
+            .into_iter()
+            .map(|line| {
+                let points = line
+                    .into_iter()
+                    .map(|i| (data.input[i] * input_factor, output[i] * factor))
+                    .collect();
+                Mark::Line {
+                    points,
+                    ink,
+                    width_px: width,
+                }
+            })
+            .collect()
+    };
+    let mut marks = curves(data.measured, Ink::Measured, 2.5);
+    marks.extend(curves(data.modelled, Ink::Model, 1.25));
+
+    let description = format!(
+        "{}: {} against {}, measured and modelled.",
+        data.name, data.output_name, data.input_name
+    );
+    let legend = vec![
+        LegendEntry::new("measured", Ink::Measured, Swatch::Line),
+        LegendEntry::new("model", Ink::Model, Swatch::Line),
+    ];
+    Some(Picture::draw(size, &description, legend, |sheet| {
+        let (x_title, y_title) = (
+            format!("{}, {input_unit}", data.input_name),
+            format!("{}, {unit}", data.output_name),
+        );
+        Panel {
+            x: &x,
+            y: &y,
+            x_title: Some(&x_title),
+            y_title: &y_title,
+            marks,
+        }
+        .draw(sheet)
+    }))
+}

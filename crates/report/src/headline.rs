@@ -1,0 +1,112 @@
+//! The answer in plain sentences.
+
+use hysteron_diagnose::{Breakdown, Comparison, Pooled};
+
+use crate::number::{count, significant, unit_text};
+
+/// Ratio to the noise floor up to which the error is noise and little else.
+const AT_NOISE: f64 = 1.2;
+/// Share of the squared error in one place, percent, that makes it worth naming.
+const MOST: f64 = 50.0;
+
+/// The first sentences of a comparison: how far off the model is, and where; on validation records where there are any.
+pub(crate) fn headline(comparison: &Comparison) -> Vec<String> {
+    let mut sentences = Vec::new();
+    match (&comparison.validate, &comparison.identify) {
+        (Some(validate), identify) => {
+            sentences.push(sentence("On records it was not fitted to", validate, comparison));
+            if let Some(identify) = identify {
+                sentences.push(format!(
+                    "On the {} it was fitted to, it is off by {} %.",
+                    records(identify.records),
+                    significant(identify.nrmse_percent)
+                ));
+            }
+        }
+        (None, Some(identify)) => {
+            sentences.push(sentence("On the records it was fitted to", identify, comparison));
+            sentences.push("No record was kept to judge it on: give some the role validate.".to_owned());
+        }
+        (None, None) => sentences.push("No record moves, so there is no error in percent of peak to peak.".to_owned()),
+    }
+    sentences
+}
+
+fn records(number: usize) -> String {
+    if number == 1 {
+        "record".to_owned()
+    } else {
+        format!("{} records", count(number))
+    }
+}
+
+fn sentence(opening: &str, pooled: &Pooled, comparison: &Comparison) -> String {
+    let mut text = format!(
+        "{opening} the model is off by {} % of peak to peak",
+        significant(pooled.nrmse_percent)
+    );
+    let ratio = pooled.rms_um / comparison.noise_rms_um;
+    if ratio.is_finite() {
+        if ratio <= AT_NOISE {
+            text.push_str(", which is the noise floor");
+        } else if ratio < 10.0 {
+            text.push_str(&format!(", {ratio:.1} times the noise floor"));
+        } else {
+            text.push_str(&format!(", {} times the noise floor", significant(ratio)));
+        }
+    }
+    if let Some(place) = place(&comparison.r#where) {
+        text.push_str(&format!("; {place}"));
+    }
+    text.push('.');
+    text
+}
+
+/// The one place that holds most of the error and out of proportion.
+fn place(breakdowns: &[Breakdown]) -> Option<String> {
+    let (breakdown, bin) = breakdowns
+        .iter()
+        .flat_map(|breakdown| breakdown.bins.iter().map(move |bin| (breakdown, bin)))
+        .filter(|(_, bin)| bin.share_percent >= MOST && bin.share_percent >= 1.5 * bin.samples_percent)
+        .max_by(|a, b| {
+            (a.1.share_percent - a.1.samples_percent).total_cmp(&(b.1.share_percent - b.1.samples_percent))
+        })?;
+    let share = format!("{:.0} % of the squared error", bin.share_percent);
+    if breakdown.by == "direction" {
+        return Some(format!(
+            "{share} is where the output is {}",
+            direction(bin.from, bin.to)
+        ));
+    }
+    let range = range(bin.from, bin.to, breakdown.unit);
+    Some(format!("{share} is at {} {range}", quantity_name(breakdown.by)))
+}
+
+/// A bin's range in words, with its unit.
+pub(crate) fn range(from: f64, to: f64, unit: &str) -> String {
+    let unit = unit_text(unit);
+    if from == 0.0 {
+        format!("below {} {unit}", significant(to))
+    } else {
+        format!("{} to {} {unit}", significant(from), significant(to))
+    }
+}
+
+/// The name of what an error is broken down by.
+pub(crate) fn quantity_name(by: &str) -> &str {
+    match by {
+        "time" => "time since start",
+        other => other,
+    }
+}
+
+/// What a range of rates means.
+pub(crate) fn direction(from: f64, to: f64) -> &'static str {
+    if to <= 0.0 || -from > 10.0 * to.abs() {
+        "falling"
+    } else if from >= 0.0 || to > 10.0 * from.abs() {
+        "rising"
+    } else {
+        "at rest"
+    }
+}
