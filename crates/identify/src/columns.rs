@@ -3,7 +3,7 @@
 use crate::family::Family;
 use crate::initial::InitialState;
 use hysteron_core::envelope::Envelope;
-use hysteron_core::play;
+use hysteron_core::{mpi, pi_model, play, play_polynomial, wrpi};
 
 /// One record as the fit sees it.
 #[derive(Debug, Clone, Copy)]
@@ -52,16 +52,10 @@ impl Design {
 
     /// The model's output for a run, free simulation, into `visit(sample, modelled)`.
     pub(crate) fn simulate(&self, coefficients: &[f64], run: &Run<'_>, mut visit: impl FnMut(usize, f64)) {
-        let powers = self.family.input_powers().len();
-        let (g, of_plays) = coefficients.split_at(1 + powers);
         let mut stepper = Stepper::new(self, run);
         for (k, &input) in run.input.iter().enumerate() {
             let rate = stepper.advance(input);
-            let mut sum = g[0];
-            for (&power, &c) in self.family.input_powers().iter().zip(&g[1..]) {
-                sum += c * input.powi(power);
-            }
-            visit(k, sum + plays_output(self.family, of_plays, rate, &stepper.outputs));
+            visit(k, output(self.family, coefficients, input, rate, &stepper.outputs));
         }
     }
 
@@ -176,24 +170,23 @@ fn fill(family: Family, input: f64, rate: f64, outputs: &[f64], row: &mut [f64])
     }
 }
 
-/// What the plays contribute; the coefficients stand as [`fill`] lays the columns out.
+/// The model's output, by the arithmetic of the core; the coefficients stand as [`fill`] lays the columns out.
 #[inline(always)]
-fn plays_output(family: Family, coefficients: &[f64], rate: f64, outputs: &[f64]) -> f64 {
+fn output(family: Family, coefficients: &[f64], input: f64, rate: f64, outputs: &[f64]) -> f64 {
+    let powers = family.input_powers().len();
+    let (offset, g) = (coefficients[0], &coefficients[1..=powers]);
+    let of_plays = &coefficients[1 + powers..];
     let n = outputs.len();
-    let dot = |c: &[f64]| c.iter().zip(outputs).map(|(c, w)| c * w).sum::<f64>();
-    match family {
-        Family::Pi | Family::Mpi | Family::Mrpi => dot(coefficients),
-        Family::Wrpi => dot(&coefficients[..n]) + rate * dot(&coefficients[n..]),
-        Family::PlayPolynomial => {
-            let (linear, rest) = coefficients.split_at(n);
-            let (square, cube) = rest.split_at(n);
-            outputs
-                .iter()
-                .zip(linear)
-                .zip(square)
-                .zip(cube)
-                .map(|(((w, a), b), c)| w * (a + w * (b + w * c)))
-                .sum()
+    offset
+        + match family {
+            Family::Pi => pi_model::output(g[0], of_plays, input, outputs),
+            Family::Mpi | Family::Mrpi => mpi::output(g[1], g[0], of_plays, input, outputs),
+            Family::Wrpi => wrpi::output(g[1], g[0], &of_plays[..n], &of_plays[n..], input, rate, outputs),
+            Family::PlayPolynomial => {
+                let (linear, rest) = of_plays.split_at(n);
+                let (quadratic, cubic) = rest.split_at(n);
+                let g = [g[0], g[1], g[2], g[3], g[4]];
+                play_polynomial::output(&g, [linear, quadratic, cubic], input, outputs)
+            }
         }
-    }
 }
