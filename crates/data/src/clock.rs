@@ -22,6 +22,9 @@ const COARSEST_ROUNDING: f64 = 0.25;
 /// product, one for the sum, one for printing and reading, doubled.
 const ROUNDING_ULPS: f64 = 6.0;
 
+/// Significant digits that tell all numbers of single precision apart.
+const SINGLE_DIGITS: i32 = 9;
+
 /// A uniform clock, in the unit of the stamps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Clock {
@@ -63,8 +66,14 @@ impl Printed {
         digits: 0,
     };
 
-    /// Takes note of a stamp's text (a valid number with `.` as decimal sign).
-    pub(crate) fn observe(&mut self, text: &[u8]) {
+    /// Stamps from a binary file with so many significant digits: 7 for single, 17 for double precision.
+    pub(crate) fn significant(digits: i32) -> Printed {
+        Printed { decimals: 400, digits }
+    }
+
+    /// Takes note of a stamp's text, a valid number; `comma` says that its decimal sign is `,`.
+    pub(crate) fn observe(&mut self, text: &[u8], comma: bool) {
+        let point = if comma { b',' } else { b'.' };
         let (mut decimals, mut digits, mut after_point) = (0i32, 0i32, false);
         for (at, &byte) in text.iter().enumerate() {
             match byte {
@@ -72,7 +81,7 @@ impl Printed {
                     digits += i32::from(digits > 0 || byte != b'0');
                     decimals += i32::from(after_point);
                 }
-                b'.' => after_point = true,
+                _ if byte == point => after_point = true,
                 b'e' | b'E' => {
                     let exponent = std::str::from_utf8(&text[at + 1..])
                         .ok()
@@ -88,7 +97,7 @@ impl Printed {
     }
 
     /// The rounding of a stamp: one unit of its last printed digit.
-    fn rounding(&self, stamp: f64) -> f64 {
+    pub(crate) fn rounding(&self, stamp: f64) -> f64 {
         let fixed = power_of_ten(-self.decimals);
         if stamp == 0.0 || self.digits >= 17 {
             return fixed;
@@ -151,11 +160,13 @@ fn printed_steps(first: f64, second: f64, printed: Printed) -> impl Iterator<Ite
         .ok()
         .filter(|&decimals| decimals <= 15);
     let rounded = decimals.and_then(|decimals| format!("{step:.decimals$}").parse::<f64>().ok());
-    [rounded, Some(step)].into_iter().flatten().filter(|step| *step > 0.0)
+    // of stamps in single precision the first step is no better than any other
+    let exact = (decimals.is_some() || printed.digits > SINGLE_DIGITS).then_some(step);
+    [rounded, exact].into_iter().flatten().filter(|step| *step > 0.0)
 }
 
 /// Numbers within `slack` of `period`, those with fewer digits (as a period, then as a rate) first; `period` last.
-fn simplest(period: f64, slack: f64) -> impl Iterator<Item = f64> {
+pub(crate) fn simplest(period: f64, slack: f64) -> impl Iterator<Item = f64> {
     (1..=15usize)
         .flat_map(move |digits| {
             let as_period = round_to_digits(period, digits);
@@ -250,7 +261,7 @@ mod tests {
         let stamps: Vec<f64> = text
             .split_whitespace()
             .map(|stamp| {
-                printed.observe(stamp.as_bytes());
+                printed.observe(stamp.as_bytes(), false);
                 stamp.parse().unwrap()
             })
             .collect();

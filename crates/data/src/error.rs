@@ -35,15 +35,15 @@ pub enum DataError {
         /// What is allowed.
         allowed: String,
     },
-    /// The file is not text in UTF-8, or not text at all.
+    /// The file is of another kind than can be read.
     #[error("{file}: {found}; {what_to_do}")]
-    NotText {
+    Format {
         /// The file.
         file: String,
         /// What it is.
-        found: &'static str,
+        found: String,
         /// What to do.
-        what_to_do: &'static str,
+        what_to_do: String,
     },
     /// A line without end.
     #[error("{at}: the line is longer than {most} bytes; a record has one line per sample")]
@@ -64,7 +64,7 @@ pub enum DataError {
         allowed: String,
     },
     /// A required column is missing.
-    #[error("{at}: no column of {quantity} among {found}; {allowed}")]
+    #[error("{at}: no {quantity} among {found}; {allowed}")]
     MissingColumn {
         /// The header line.
         at: Place,
@@ -134,6 +134,24 @@ pub enum DataError {
         samples: usize,
         /// What is needed.
         least: usize,
+    },
+    /// The file can be read in more than one way.
+    #[error("{at}: {found}; {what_to_do}")]
+    Ambiguous {
+        /// Where it is seen.
+        at: Place,
+        /// What is unclear.
+        found: String,
+        /// What to do.
+        what_to_do: String,
+    },
+    /// A choice of the user that cannot be.
+    #[error("{found}; {allowed}")]
+    Choice {
+        /// What was chosen.
+        found: String,
+        /// What is allowed.
+        allowed: String,
     },
     /// Time stamps that are no uniform clock.
     #[error("{at}: {found}; {what_to_do}")]

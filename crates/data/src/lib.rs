@@ -1,11 +1,13 @@
 //! Records with units and provenance; the only crate that knows file formats.
 //!
 //! - [`record`]: what a recording is in memory
+//! - [`import`]: tables, MATLAB files and GCS arrays of other programs
 //! - [`native`]: the one native format, a folder with `dataset.toml` and CSVs; [`read_dataset`], [`write_dataset`]
 #![forbid(unsafe_code)]
 
 mod clock;
 pub mod error;
+pub mod import;
 mod lines;
 pub mod native;
 pub mod place;

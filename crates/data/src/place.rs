@@ -54,6 +54,13 @@ impl fmt::Display for Place {
     }
 }
 
+/// A number to six digits, for an error message or a notice.
+pub(crate) fn brief(value: f64) -> String {
+    format!("{value:.5e}")
+        .parse::<f64>()
+        .map_or_else(|_| value.to_string(), |rounded| format!("{rounded:?}"))
+}
+
 /// The longest piece of a file that an error repeats.
 const SHOWN_CHARS: usize = 40;
 

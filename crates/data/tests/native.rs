@@ -1,5 +1,7 @@
 //! The native format: what is read, what is refused with which words, and that writing then reading changes no bit.
 
+#![expect(clippy::unwrap_used, reason = "a helper that fails is a test that fails")]
+
 use std::fs;
 use std::path::Path;
 
@@ -94,7 +96,7 @@ fn val_reads_columns_units_and_clock() {
 
 /// A header and rows that are right, with one line replaced.
 fn with_line(line: usize, text: &str) -> String {
-    let mut lines = vec![
+    let mut lines = [
         "time_s,voltage_v,position_um",
         "0,0,0",
         "0.1,1,0.3",
@@ -143,8 +145,8 @@ fn refuse_broken_csv_with_place_and_what_to_do() {
         (
             5,
             "0.4,3,0.9",
-            "run.csv, line 5, column 1 (time_s): time 0.4 s is 2.0000e-1 s after the stamp before it; the other stamps \
-             are 1.0000e-1 s apart and may be off by 2.5e-2 s: samples are missing, the clock jitters, or the stamps \
+            "run.csv, line 5, column 1 (time_s): time 0.4 s is 0.2 s after the stamp before it; the other stamps \
+             are 0.1 s apart and may be off by 0.025 s: samples are missing, the clock jitters, or the stamps \
              have too few digits; `hysteron import` can repair this"
                 .into(),
         ),
@@ -152,7 +154,7 @@ fn refuse_broken_csv_with_place_and_what_to_do() {
         (1, "time_s;voltage_v;position_um", format!(
             "run.csv, line 1: the columns of `time_s;voltage_v;position_um` are not separated by `,`; {LAYOUT}"
         )),
-        (1, "time_s,volts,position_um", format!("run.csv, line 1: no column of voltage among `time_s,volts,position_um`; {LAYOUT}")),
+        (1, "time_s,volts,position_um", format!("run.csv, line 1: no voltage among `time_s,volts,position_um`; {LAYOUT}")),
         (
             1,
             "time_s,voltage,position_um",

@@ -108,10 +108,10 @@ fn read_manifest(path: &Path) -> Result<Manifest, DataError> {
     file.take(manifest::LONGEST + 1)
         .read_to_end(&mut bytes)
         .map_err(DataError::io(&shown, "read it"))?;
-    let refuse = |found, what_to_do| DataError::NotText {
+    let refuse = |found: &str, what_to_do: &str| DataError::Format {
         file: shown.clone(),
-        found,
-        what_to_do,
+        found: found.into(),
+        what_to_do: what_to_do.into(),
     };
     if bytes.len() as u64 > manifest::LONGEST {
         return Err(refuse(

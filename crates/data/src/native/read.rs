@@ -8,7 +8,7 @@ use super::header::{self, Header};
 use crate::clock::{self, Clock, ClockFault, Printed};
 use crate::error::DataError;
 use crate::lines::{LONGEST_LINE, LineFault, Lines};
-use crate::place::{Place, shown};
+use crate::place::{Place, brief, shown};
 use crate::record::{Notice, Record, Role};
 use crate::units::{Quantity, Unit};
 
@@ -123,7 +123,7 @@ fn read(
         }
         read_row(line, number, file, &header, &mut columns, &mut printed)?;
         samples += 1;
-        if samples % SAMPLES_A_CALL == 0 {
+        if usize::is_multiple_of(samples, SAMPLES_A_CALL) {
             progress(lines.bytes());
         }
     }
@@ -166,7 +166,7 @@ fn read_row(
             });
         };
         if column.quantity == Quantity::Time {
-            printed.observe(cell);
+            printed.observe(cell, false);
             column.values.push(value); // converted with the clock, so that its rounding is that of the file
         } else {
             column.values.push(column.unit.to_base(value));
@@ -272,12 +272,15 @@ fn clock_error(fault: ClockFault, stamps: &[f64], unit: Unit, column: usize, hea
         } => DataError::Clock {
             at: at(index),
             found: format!(
-                "time {:?} {symbol} is {step:.4e} {symbol} after the stamp before it",
-                stamps[index]
+                "time {:?} {symbol} is {} {symbol} after the stamp before it",
+                stamps[index],
+                brief(step)
             ),
             what_to_do: format!(
-                "the other stamps are {period:.4e} {symbol} apart and may be off by {allowed:.1e} {symbol}: samples \
-                 are missing, the clock jitters, or the stamps have too few digits; {import}"
+                "the other stamps are {} {symbol} apart and may be off by {} {symbol}: samples are missing, the clock \
+                 jitters, or the stamps have too few digits; {import}",
+                brief(period),
+                brief(allowed)
             ),
         },
         ClockFault::Unrepresentable => DataError::Clock {
@@ -291,7 +294,8 @@ fn clock_error(fault: ClockFault, stamps: &[f64], unit: Unit, column: usize, hea
     }
 }
 
-fn line_error(fault: LineFault, file: &str) -> DataError {
+/// What is wrong with a line.
+pub(crate) fn line_error(fault: LineFault, file: &str) -> DataError {
     match fault {
         LineFault::Io(source) => DataError::Io {
             file: file.to_owned(),
@@ -307,11 +311,11 @@ fn line_error(fault: LineFault, file: &str) -> DataError {
 
 /// Refuses what is not text in UTF-8, by its first bytes.
 fn refuse_other_encodings(line: &[u8], file: &str) -> Result<(), DataError> {
-    let refuse = |found, what_to_do| {
-        Err(DataError::NotText {
+    let refuse = |found: &str, what_to_do: &str| {
+        Err(DataError::Format {
             file: file.to_owned(),
-            found,
-            what_to_do,
+            found: found.into(),
+            what_to_do: what_to_do.into(),
         })
     };
     if line.starts_with(b"\xff\xfe") || line.starts_with(b"\xfe\xff") {
