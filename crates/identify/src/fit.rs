@@ -112,12 +112,16 @@ pub fn fit(
         initial::skip_unsettled(&rate_independent, run);
     }
     // The swarm starts from the same initial states as the separable fit, so that both minimise the same objective.
-    let first = separable::solve(options.family, placed.clone(), &runs, &|share| progress(0.4 * share));
+    let first = separable::solve(options.family, placed.clone(), &runs, &|share| progress(0.5 * share));
+    let mut changed = false;
     for run in &mut runs {
-        run.initial = initial::choose(&first.design, &first.coefficients, run);
+        let chosen = initial::choose(&first.design, &first.coefficients, run);
+        changed |= chosen != run.initial;
+        run.initial = chosen;
     }
     let solved = match options.method {
-        Method::Separable => separable::solve(options.family, placed, &runs, &|share| progress(0.4 + 0.5 * share)),
+        Method::Separable if !changed => first,
+        Method::Separable => separable::solve(options.family, placed, &runs, &|share| progress(0.5 + 0.4 * share)),
         Method::Mpso => {
             let swarmed = mpso::solve(options.family, placed, &runs, options.seed, progress);
             let normals = separable::normals(&swarmed.design, &runs, 1);

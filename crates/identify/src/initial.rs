@@ -68,42 +68,43 @@ pub(crate) fn skip_unsettled(design: &Design, run: &mut Run<'_>) {
 
 /// Chooses the initial state under which a fitted model explains the record best, from its very first sample.
 ///
-/// A periodic start stands. Otherwise the remanent fraction is found by a scan and a golden-section search.
+/// The guess stands unless a remanent start, found by a scan of its fraction and a golden-section search, explains the
+/// record clearly better. For a periodic guess the scan is coarse: what differs is one period.
 pub(crate) fn choose(design: &Design, coefficients: &[f64], run: &Run<'_>) -> InitialState {
-    let InitialState::Remanent { fraction: guessed } = run.initial else {
-        return run.initial;
-    };
-    let error = |fraction: f64| {
+    let error = |initial| {
         design.squared_error(
             coefficients,
             &Run {
-                initial: InitialState::Remanent { fraction },
+                initial,
                 fit_from: 0,
                 ..*run
             },
         )
     };
-    let stands = error(guessed);
-    let steps = 8;
-    let (mut best, mut least) = (guessed, stands);
-    for i in 0..=steps {
-        let fraction = f64::from(i) / f64::from(steps);
-        let e = error(fraction);
-        if e < least {
-            (best, least) = (fraction, e);
+    let remanent = |fraction| error(InitialState::Remanent { fraction });
+    let stands = error(run.initial);
+    let steps = if matches!(run.initial, InitialState::Periodic { .. }) {
+        2
+    } else {
+        8
+    };
+    let scanned = (0..=steps)
+        .map(|i| f64::from(i) / f64::from(steps))
+        .map(|fraction| (fraction, remanent(fraction)));
+    let (mut best, mut least) = scanned.fold((0.0, f64::INFINITY), |a, b| if b.1 < a.1 { b } else { a });
+    let promising = least < 2.0 * stands || steps > 2;
+    if promising {
+        let width = 1.0 / f64::from(steps);
+        let refined = golden_section((best - width).max(0.0), (best + width).min(1.0), 12, remanent);
+        if refined.1 < least {
+            (best, least) = refined;
         }
     }
-    let width = 1.0 / f64::from(steps);
-    let (refined, least_refined) = golden_section((best - width).max(0.0), (best + width).min(1.0), 12, error);
-    if least_refined < least {
-        (best, least) = (refined, least_refined);
-    }
-    let fraction = if least < (1.0 - BELIEVED) * stands {
-        best
+    if least < (1.0 - BELIEVED) * stands {
+        InitialState::Remanent { fraction: best }
     } else {
-        guessed
-    };
-    InitialState::Remanent { fraction }
+        run.initial
+    }
 }
 
 /// Golden-section search for the minimum of a function of one variable; `(argument, value)`.

@@ -2,7 +2,8 @@
 //!
 //! The paper names the algorithm (Yang, Gu, Zhu 2013) and gives no settings. Here: linearly falling inertia 0.9 to 0.4
 //! (Shi and Eberhart 1998), c1 = c2 = 2, velocities limited to a fifth of the search box, global best, and the
-//! modification against early stagnation: a particle that has not improved for 30 turns is thrown anew.
+//! modification against early stagnation: a particle that has not improved for 30 turns is thrown anew. The swarm
+//! takes 2000 turns.
 
 use crate::columns::{Design, Run};
 use crate::family::{Family, range};
@@ -14,7 +15,7 @@ use rayon::prelude::*;
 /// Particles of the swarm.
 pub const PARTICLES: usize = 40;
 /// Turns of the swarm.
-pub const TURNS: usize = 500;
+pub const TURNS: usize = 2000;
 /// Turns without improvement after which a particle is thrown anew.
 const STAGNATION: u32 = 30;
 

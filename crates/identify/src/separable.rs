@@ -18,7 +18,7 @@ const POLYNOMIAL_RIDGES: [f64; 6] = [1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5];
 const POLYNOMIAL_RIDGE: f64 = 1e-7;
 
 /// Rows that the search over alpha and beta looks at; the final solution takes all.
-const SEARCH_ROWS: usize = 20_000;
+const SEARCH_ROWS: usize = 5_000;
 
 /// Largest alpha and beta searched, seconds: five times the seed's figure-1 example.
 const LARGEST_S: f64 = 1e-3;
@@ -106,7 +106,7 @@ fn search_envelope(design: &Design, runs: &[Run<'_>], progress: &(dyn Fn(f64) + 
     let rows: usize = runs.iter().map(|run| run.input.len()).sum();
     let stride = rows.div_ceil(SEARCH_ROWS).max(1);
     let finest = runs.iter().map(|run| run.period_s).fold(f64::INFINITY, f64::min);
-    let objective = |alpha_s: f64, beta_s: f64| -> f64 {
+    let objective = &|alpha_s: f64, beta_s: f64| -> f64 {
         // Below a fiftieth of a sample an envelope of a play without width is a pure derivative: nothing new, and
         // weights without bound.
         let least = finest / 50.0;
@@ -134,7 +134,11 @@ fn search_envelope(design: &Design, runs: &[Run<'_>], progress: &(dyn Fn(f64) + 
         }
         progress(0.7 * (i + 1) as f64 / grid.len() as f64);
     }
-    let (alpha_s, beta_s) = simplex((best.1, best.2), best.1.max(best.2).max(finest) / 2.0, objective);
+    let (mut alpha_s, mut beta_s) = (best.1, best.2);
+    // A simplex that has collapsed in a bent valley goes on when it is set up anew.
+    for share in [0.5, 0.1, 0.02] {
+        (alpha_s, beta_s) = simplex((alpha_s, beta_s), share * alpha_s.max(beta_s).max(finest), objective);
+    }
     let least = finest / 50.0;
     Envelope {
         alpha_s: alpha_s.clamp(least, LARGEST_S),
