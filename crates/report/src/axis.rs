@@ -40,10 +40,18 @@ impl Axis {
     /// width is widened about its value.
     pub(crate) fn linear(low: f64, high: f64, ticks: usize) -> Self {
         let (low, high) = widened(low, high);
-        let step = step(high - low, ticks);
-        let first = (low / step - 1e-9).ceil() as i64;
-        let last = (high / step + 1e-9).floor() as i64;
-        let at: Vec<f64> = (first..=last).map(|index| index as f64 * step).collect();
+        // One tick gives no scale: finer steps until there are two. A step below half the width always gives two.
+        let (step, at) = (ticks.max(1)..=ticks.max(1) + 5)
+            .map(|ticks| {
+                let step = step(high - low, ticks);
+                let (first, last) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
+                (
+                    step,
+                    (first..=last).map(|index| index as f64 * step).collect::<Vec<f64>>(),
+                )
+            })
+            .find(|(_, at)| at.len() >= 2)
+            .unwrap_or((high - low, vec![low, high]));
         Self {
             low,
             high,
@@ -172,14 +180,17 @@ fn widened(low: f64, high: f64) -> (f64, f64) {
     }
 }
 
-/// The step of 1, 2 or 5 times a power of ten that gives at most `ticks` steps.
+/// The step of 1, 2 or 5 times a power of ten that comes closest, in ratio, to giving `ticks` steps: at most half more.
 fn step(width: f64, ticks: usize) -> f64 {
     let raw = width / ticks.max(1) as f64;
     let power = 10f64.powf(raw.log10().floor());
-    let mantissa = [1.0, 2.0, 5.0, 10.0]
-        .into_iter()
-        .find(|m| m * power >= raw * (1.0 - 1e-9))
-        .unwrap_or(10.0);
+    // The borders are the geometric means of neighbouring steps.
+    let mantissa = match raw / power {
+        ratio if ratio < 2f64.sqrt() => 1.0,
+        ratio if ratio < 10f64.sqrt() => 2.0,
+        ratio if ratio < 50f64.sqrt() => 5.0,
+        _ => 10.0,
+    };
     mantissa * power
 }
 
@@ -235,7 +246,11 @@ mod tests {
             labels(&Axis::linear(-1.0, 1.0, 5)),
             ["−1.0", "−0.5", "0.0", "0.5", "1.0"]
         );
-        assert_eq!(labels(&Axis::linear(0.0, 130.0, 6)), ["0", "50", "100"]);
+        assert_eq!(
+            labels(&Axis::linear(0.0, 130.0, 6)),
+            ["0", "20", "40", "60", "80", "100", "120"]
+        );
+        assert_eq!(labels(&Axis::linear(-1.9, 1.9, 4)), ["−1", "0", "1"]);
         assert_eq!(labels(&Axis::linear(0.0, 2e-6, 2)), ["0", "1×10⁻⁶", "2×10⁻⁶"]);
         assert_eq!(labels(&Axis::linear(0.0, 1e6, 2)), ["0.0", "0.5×10⁶", "1.0×10⁶"]);
         assert_eq!(
@@ -265,7 +280,7 @@ mod tests {
         fn prop_ticks_are_few_inside_and_told_apart(low in -1e6f64..1e6, exponent in -3f64..6.0, wanted in 2usize..10) {
             let axis = Axis::linear(low, low + 10f64.powf(exponent), wanted);
             let labels = labels(&axis);
-            prop_assert!(!labels.is_empty() && labels.len() <= wanted + 1, "{labels:?}");
+            prop_assert!(labels.len() >= 2 && labels.len() <= wanted * 3 / 2 + 2, "{labels:?}");
             prop_assert!(labels.windows(2).all(|pair| pair[0] != pair[1]), "{labels:?}");
             let spare = 1e-6 * (axis.high - axis.low);
             prop_assert!(axis.ticks.iter().all(|t| t.at >= axis.low - spare && t.at <= axis.high + spare));

@@ -37,10 +37,10 @@ pub struct Size {
 pub enum Swatch {
     /// A line.
     Line,
-    /// A filled area.
+    /// A band that lets the grid through.
     Area,
-    /// A filled dot.
-    Dot,
+    /// A bar.
+    Bar,
     /// A short upright stroke.
     Stroke,
 }
@@ -105,8 +105,10 @@ impl Picture {
         let label = maud::html! { (description) }.into_string();
         let svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\" width=\"{width}\" height=\"{height}\" \
-             role=\"img\" aria-label=\"{label}\">{body}",
-            units.0, units.1
+             style=\"min-width:{}px\" role=\"img\" aria-label=\"{label}\">{body}",
+            units.0,
+            units.1,
+            width * 3 / 5
         );
         Self { svg, legend }
     }
@@ -131,16 +133,56 @@ pub(crate) fn text_style(ink: Ink, horizontal: HPos, vertical: VPos) -> TextStyl
     }
 }
 
-/// At most `limit` characters of a text, with an ellipsis in its middle where some are left out.
-pub(crate) fn shortened(text: &str, limit: usize) -> String {
-    let characters: Vec<char> = text.chars().collect();
-    if characters.len() <= limit {
+/// Width of a text, pixels: an upper estimate from DejaVu Sans, the widest of the fonts that browsers fall back to, as only
+/// the reader's browser knows the true one.
+pub(crate) fn text_px(text: &str) -> f64 {
+    let em = |character: char| match character {
+        '.' | ',' | ':' | ';' | '\'' | '|' | 'i' | 'j' | 'l' | ' ' | '\u{a0}' => 0.34,
+        '\u{202f}' => 0.2,
+        '⁰' | '¹' | '²' | '³' | '⁴'..='⁹' | '⁻' => 0.45,
+        'm' | 'w' | 'M' | 'W' | '%' | '@' | '…' => 1.0,
+        '−' | '×' | '+' | '=' => 0.84,
+        'A'..='Z' => 0.72,
+        character if character.is_ascii() => 0.64,
+        // Other scripts are about as wide as they are high.
+        _ => 1.0,
+    };
+    TEXT_PX * text.chars().map(em).sum::<f64>()
+}
+
+/// A text that is at most `limit_px` wide, with an ellipsis in its middle where characters are left out.
+pub(crate) fn shortened(text: &str, limit_px: f64) -> String {
+    if text_px(text) <= limit_px {
         return text.to_owned();
     }
-    let head = limit.saturating_sub(1) / 2;
-    let tail = limit.saturating_sub(1) - head;
-    let mut short: String = characters[..head].iter().collect();
-    short.push('…');
-    short.extend(&characters[characters.len() - tail..]);
-    short
+    let characters: Vec<char> = text.chars().collect();
+    // The narrowest character is wider than a pixel, so that no more than this can fit.
+    let mut kept = characters.len().min(limit_px.max(0.0) as usize);
+    loop {
+        let mut short: String = characters[..kept / 2].iter().collect();
+        short.push('…');
+        short.extend(&characters[characters.len() - (kept - kept / 2)..]);
+        if text_px(&short) <= limit_px || kept == 0 {
+            return short;
+        }
+        kept -= 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{shortened, text_px};
+
+    #[test]
+    fn prop_shortened_texts_fit_and_keep_their_ends() {
+        assert_eq!(shortened("sine.csv", 200.0), "sine.csv");
+        let long = format!("start{}end.csv", "-µ".repeat(100_000));
+        let short = shortened(&long, 200.0);
+        assert!(text_px(&short) <= 200.0);
+        assert!(
+            short.starts_with("start") && short.contains('…') && short.ends_with("end.csv"),
+            "{short}"
+        );
+        assert_eq!(shortened("abc", 0.0), "…");
+    }
 }

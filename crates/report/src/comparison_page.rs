@@ -6,7 +6,7 @@ use hysteron_diagnose::{Bin, Breakdown, Comparison, NoiseSource, Pooled, RecordC
 use crate::canvas::{LegendEntry, Size, Swatch};
 use crate::figures::{Bar, ErrorMapData, SpectrumData, bars, error_map, spectrum};
 use crate::headline::{direction, headline, quantity_name, range};
-use crate::number::{count, quantity, significant, unit_text};
+use crate::number::{count, percent as percent_text, quantity, readable_unit, unit_text};
 use crate::page::{Block, Figure, Page, Section, Tile};
 use crate::palette::Ink;
 use crate::record_pictures::{record_pictures, role};
@@ -23,6 +23,8 @@ pub struct Context<'a> {
     pub version: &'a str,
 }
 
+/// Share of the error or of the samples, percent, from which a bin has a bar; the table has all.
+const SHOWN_PERCENT: f64 = 0.5;
 /// Bars of records drawn at most; the table has all.
 const BARS: usize = 40;
 
@@ -58,11 +60,11 @@ fn summary(comparison: &Comparison) -> Section {
     let pooled = |label: &str, pooled: &Option<Pooled>| {
         pooled.as_ref().map(|pooled| Tile {
             label: label.to_owned(),
-            value: format!("{} %", significant(pooled.nrmse_percent)),
+            value: percent_text(pooled.nrmse_percent),
             note: format!(
-                "of peak to peak; {} rms, fit {} %, {}",
+                "of peak to peak; {} rms, fit {}, {}",
                 quantity(pooled.rms_um, comparison.output_unit),
-                significant(pooled.fit_percent),
+                percent_text(pooled.fit_percent),
                 if pooled.records == 1 {
                     "1 record".to_owned()
                 } else {
@@ -82,7 +84,7 @@ fn summary(comparison: &Comparison) -> Section {
     if let (Some((percent, record)), true) = (worst, comparison.records.len() > 1) {
         tiles.push(Tile {
             label: "Worst record".to_owned(),
-            value: format!("{} %", significant(percent)),
+            value: percent_text(percent),
             note: format!("{}, {}", record.file, role(record.role)),
         });
     }
@@ -127,7 +129,7 @@ fn by_record(comparison: &Comparison) -> Section {
         .map(|(percent, record)| Bar {
             label: record.file.clone(),
             value: *percent,
-            text: format!("{} %", significant(*percent)),
+            text: percent_text(*percent),
             reference: noise_percent(*percent, record),
             ink: role_ink(record.role),
         })
@@ -138,7 +140,7 @@ fn by_record(comparison: &Comparison) -> Section {
         (Role::Identify, "fitted to (identify)"),
     ] {
         if moving.iter().any(|(_, record)| record.role == of) {
-            legend.push(LegendEntry::new(text, role_ink(of), Swatch::Area));
+            legend.push(LegendEntry::new(text, role_ink(of), Swatch::Bar));
         }
     }
     if rows.iter().any(|row| row.reference.is_some()) {
@@ -204,17 +206,17 @@ fn record_table(comparison: &Comparison) -> Table {
 fn where_it_is(comparison: &Comparison) -> Section {
     let unit = comparison.output_unit;
     let map = &comparison.error_map;
-    let (x_title, y_title) = (
-        format!("{}, {}", output_name(unit), unit_text(unit)),
-        format!("its rate, {}/s", unit_text(unit)),
-    );
+    let fastest = map.rate_edges_um_per_s.last().copied().unwrap_or(0.0);
+    let (rate_factor, rate_unit) = readable_unit(&format!("{unit}/s"), fastest);
+    let rates: Vec<f64> = map.rate_edges_um_per_s.iter().map(|rate| rate * rate_factor).collect();
+    let x_title = format!("{}, {}", output_name(unit), unit_text(unit));
     let map = error_map(
         &ErrorMapData {
             x_edges: &map.position_edges_um,
-            y_edges: &map.rate_edges_um_per_s,
+            y_edges: &rates,
             values: &map.rms_um,
             x_title: &x_title,
-            y_title: &y_title,
+            y_title: &format!("rate, {rate_unit}"),
             unit,
         },
         Size {
@@ -246,13 +248,20 @@ fn where_it_is(comparison: &Comparison) -> Section {
     pictures.extend(spectra.map(|picture| {
         Figure::new(picture, "Spectrum of what is left, against the measurement and the noise floor. Above the noise floor there is something the model could still explain.")
     }));
-    let shares = comparison
+    let shares: Vec<Figure> = comparison
         .r#where
         .iter()
         .filter_map(|breakdown| share_figure(breakdown, unit))
         .collect();
+    let how_to_read = "A bar is a share of the squared error, a stroke the share of the samples (or of the motion) at the \
+                       same place: where the bar goes past its stroke, the error is out of proportion.";
     Section::new("Where the error is")
         .with(Block::Gallery(pictures))
+        .with(Block::Text(if shares.is_empty() {
+            String::new()
+        } else {
+            how_to_read.to_owned()
+        }))
         .with(Block::Gallery(shares))
 }
 
@@ -269,10 +278,11 @@ fn share_figure(breakdown: &Breakdown, output_unit: &str) -> Option<Figure> {
     let rows: Vec<Bar> = breakdown
         .bins
         .iter()
+        .filter(|bin| bin.share_percent.max(bin.samples_percent) >= SHOWN_PERCENT)
         .map(|bin| Bar {
             label: label(bin),
             value: bin.share_percent,
-            text: format!("{:.0} %", bin.share_percent),
+            text: format!("{:.0}\u{a0}%", bin.share_percent),
             reference: Some(bin.samples_percent),
             ink: Ink::Residual,
         })
@@ -283,7 +293,7 @@ fn share_figure(breakdown: &Breakdown, output_unit: &str) -> Option<Figure> {
         "share of the samples"
     };
     let legend = vec![
-        LegendEntry::new("share of the squared error", Ink::Residual, Swatch::Area),
+        LegendEntry::new("share of the squared error", Ink::Residual, Swatch::Bar),
         LegendEntry::new(presence, Ink::Text, Swatch::Stroke),
     ];
     let name = quantity_name(breakdown.by);
@@ -303,7 +313,7 @@ fn share_figure(breakdown: &Breakdown, output_unit: &str) -> Option<Figure> {
                 Cell::number(bin.mean_um),
             ])
         });
-    let mut figure = Figure::new(picture, sentence_case(&breakdown.finding));
+    let mut figure = Figure::new(picture, sentence_case(&breakdown.finding.replace(" um", " µm")));
     figure.table = Some(table);
     Some(figure)
 }

@@ -58,11 +58,11 @@ pub(crate) fn min_max_uniform(len: usize, columns: usize, value: impl Fn(usize) 
 }
 
 /// Cell sizes tried for a path, in pixels, until it is short enough.
-const CELLS_PX: [f64; 7] = [0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0];
+const CELLS_PX: [f64; 6] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0];
 
 /// A path through a plane as few polylines: samples that stay in a cell of the grid, and ways between cells that were
 /// walked before, are left out. Every sample lies within one cell of a point that is kept, so that no spike is lost; the
-/// cells start below a pixel and grow only as long as more than `budget` points are left.
+/// cells start at a pixel and grow only as long as more than `budget` points are left.
 ///
 /// `at` gives a sample's place in pixels.
 ///

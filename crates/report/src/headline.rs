@@ -2,7 +2,7 @@
 
 use hysteron_diagnose::{Breakdown, Comparison, Pooled};
 
-use crate::number::{count, significant, unit_text};
+use crate::number::{count, percent, plain, significant, unit_text};
 
 /// Ratio to the noise floor up to which the error is noise and little else.
 const AT_NOISE: f64 = 1.2;
@@ -17,9 +17,9 @@ pub(crate) fn headline(comparison: &Comparison) -> Vec<String> {
             sentences.push(sentence("On records it was not fitted to", validate, comparison));
             if let Some(identify) = identify {
                 sentences.push(format!(
-                    "On the {} it was fitted to, it is off by {} %.",
+                    "On the {} it was fitted to, it is off by {}.",
                     records(identify.records),
-                    significant(identify.nrmse_percent)
+                    percent(identify.nrmse_percent)
                 ));
             }
         }
@@ -42,8 +42,8 @@ fn records(number: usize) -> String {
 
 fn sentence(opening: &str, pooled: &Pooled, comparison: &Comparison) -> String {
     let mut text = format!(
-        "{opening} the model is off by {} % of peak to peak",
-        significant(pooled.nrmse_percent)
+        "{opening} the model is off by {} of peak to peak",
+        percent(pooled.nrmse_percent)
     );
     let ratio = pooled.rms_um / comparison.noise_rms_um;
     if ratio.is_finite() {
@@ -71,7 +71,7 @@ fn place(breakdowns: &[Breakdown]) -> Option<String> {
         .max_by(|a, b| {
             (a.1.share_percent - a.1.samples_percent).total_cmp(&(b.1.share_percent - b.1.samples_percent))
         })?;
-    let share = format!("{:.0} % of the squared error", bin.share_percent);
+    let share = format!("{:.0}\u{a0}% of the squared error", bin.share_percent);
     if breakdown.by == "direction" {
         return Some(format!(
             "{share} is where the output is {}",
@@ -86,9 +86,9 @@ fn place(breakdowns: &[Breakdown]) -> Option<String> {
 pub(crate) fn range(from: f64, to: f64, unit: &str) -> String {
     let unit = unit_text(unit);
     if from == 0.0 {
-        format!("below {} {unit}", significant(to))
+        format!("below {}\u{a0}{unit}", plain(to))
     } else {
-        format!("{} to {} {unit}", significant(from), significant(to))
+        format!("{} to {}\u{a0}{unit}", plain(from), plain(to))
     }
 }
 

@@ -51,28 +51,45 @@ pub fn count(value: usize) -> String {
     grouped
 }
 
+/// A number with up to three significant digits, without zeros at its end: for edges and limits, which are often round.
+pub(crate) fn plain(value: f64) -> String {
+    let text = significant(value);
+    if text.contains('.') && !text.contains('×') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+/// Percent, kept on one line.
+pub(crate) fn percent(value: f64) -> String {
+    format!("{}\u{a0}%", significant(value))
+}
+
 /// A value with its unit, in the unit's smaller sibling where that reads better: `0.72 nm` rather than `0.00072 µm`.
 pub(crate) fn quantity(value: f64, unit: &str) -> String {
     let (factor, unit) = readable_unit(unit, value.abs());
-    format!("{} {unit}", significant(value * factor))
+    format!("{}\u{a0}{unit}", significant(value * factor))
 }
 
 /// The factor and the unit in which a quantity up to `max_abs` reads best; the unit itself where there is no sibling.
 pub(crate) fn readable_unit(unit: &str, max_abs: f64) -> (f64, String) {
-    let ladder: &[(f64, &str)] = match unit {
-        "um" | "µm" => &[(1.0, "µm"), (1e3, "nm"), (1e6, "pm")],
-        "V" => &[(1.0, "V"), (1e3, "mV"), (1e6, "µV")],
-        "s" => &[(1.0, "s"), (1e3, "ms"), (1e6, "µs")],
+    // Unit, factor to it, and from which value in it: a tenth, as 0.3 µm reads as well as 300 nm and compares with its
+    // neighbours; ten where the larger unit is the less usual one.
+    let ladder: &[(&str, f64, f64)] = match unit {
+        "um" | "µm" => &[("µm", 1.0, 0.1), ("nm", 1e3, 0.1), ("pm", 1e6, 0.0)],
+        "um/s" | "µm/s" => &[("mm/s", 1e-3, 10.0), ("µm/s", 1.0, 0.1), ("nm/s", 1e3, 0.0)],
+        "V" => &[("V", 1.0, 0.1), ("mV", 1e3, 0.1), ("µV", 1e6, 0.0)],
+        "s" => &[("s", 1.0, 0.1), ("ms", 1e3, 0.1), ("µs", 1e6, 0.0)],
         _ => return (1.0, unit_text(unit)),
     };
-    // From a tenth on, as 0.3 µm reads as well as 300 nm and stays comparable with its neighbours.
-    let readable = ladder.iter().find(|(factor, _)| max_abs * factor >= 0.1);
-    let (factor, name) = match readable {
-        Some(step) => *step,
-        None if max_abs > 0.0 => ladder[ladder.len() - 1],
-        None => ladder[0],
-    };
-    (factor, name.to_owned())
+    let found = ladder
+        .iter()
+        .find(|(_, factor, from)| max_abs > 0.0 && max_abs * factor >= *from);
+    found.map_or_else(
+        || (1.0, unit_text(unit)),
+        |(name, factor, _)| (*factor, (*name).to_owned()),
+    )
 }
 
 /// A unit as printed: `um` becomes `µm`, `um/s` becomes `µm/s`, `C` becomes `°C`.
@@ -135,11 +152,13 @@ mod tests {
 
     #[test]
     fn golden_units_step_down_only_when_it_reads_better() {
-        assert_eq!(quantity(0.000_72, "um"), "0.720 nm");
-        assert_eq!(quantity(0.3, "um"), "0.300 µm");
-        assert_eq!(quantity(0.0, "um"), "0 µm");
-        assert_eq!(quantity(12.0, "Hz"), "12.0 Hz");
+        assert_eq!(quantity(0.000_72, "um"), "0.720\u{a0}nm");
+        assert_eq!(quantity(0.3, "um"), "0.300\u{a0}µm");
+        assert_eq!(quantity(0.0, "um"), "0\u{a0}µm");
+        assert_eq!(quantity(12.0, "Hz"), "12.0\u{a0}Hz");
         assert_eq!(readable_unit("s", 0.02), (1e3, "ms".to_owned()));
+        assert_eq!(readable_unit("um/s", 126_000.0), (1e-3, "mm/s".to_owned()));
+        assert_eq!(readable_unit("um/s", 900.0), (1.0, "µm/s".to_owned()));
         assert_eq!(readable_unit("V", 1e-12), (1e6, "µV".to_owned()));
     }
 }

@@ -112,7 +112,7 @@ fn legend(entries: &[LegendEntry]) -> Markup {
                         @match entry.swatch {
                             Swatch::Line => { path d="M1 6H21" stroke-width="2.5" style={"stroke:" (colour)} {} }
                             Swatch::Area => { rect x="1" y="2" width="20" height="8" opacity="0.45" style={"fill:" (colour)} {} }
-                            Swatch::Dot => { circle cx="11" cy="6" r="4" style={"fill:" (colour)} {} }
+                            Swatch::Bar => { rect x="1" y="1" width="20" height="10" style={"fill:" (colour)} {} }
                             Swatch::Stroke => { path d="M11 0V12" stroke-width="2.5" style={"stroke:" (colour)} {} }
                         }
                     }
@@ -188,7 +188,12 @@ impl Block {
             Block::Facts(facts) => facts_list(facts),
             Block::Table(table) => table.render(),
             Block::Figure(figure) => figure.render(),
-            Block::Gallery(figures) => html! { div.gallery { @for figure in figures { (figure.render()) } } },
+            Block::Gallery(figures) => html! {
+                // Two stand side by side; more are packed by their heights.
+                div class=(if figures.len() <= 2 { "pair" } else { "gallery" }) {
+                    @for figure in figures { (figure.render()) }
+                }
+            },
             Block::Columns(left, right) => html! {
                 div.columns { div { (render_all(left)) } div { (render_all(right)) } }
             },

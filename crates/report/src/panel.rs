@@ -6,15 +6,17 @@ use plotters::style::text_anchor::{HPos, VPos};
 use plotters::style::{Color, RGBColor, ShapeStyle};
 
 use crate::axis::Axis;
-use crate::canvas::{Area, Drawn, px, px_width, text_style};
+use crate::canvas::{Area, Drawn, px, px_width, text_px, text_style};
 use crate::palette::Ink;
 
-/// Space left of the vertical axis for its tick labels, pixels.
-pub(crate) const LEFT_PX: f64 = 56.0;
+/// Least width for tick labels, pixels: three digits and a point, so that most panels start alike.
+const LEAST_LEFT_PX: f64 = 28.0;
 /// Space above the axes for the vertical axis's title, pixels.
 pub(crate) const TOP_PX: f64 = 26.0;
 /// Space right of the axes, pixels: half a tick label.
-pub(crate) const RIGHT_PX: f64 = 18.0;
+const RIGHT_PX: f64 = 18.0;
+/// Space below the axes with tick labels and title, pixels.
+pub(crate) const BELOW_PX: f64 = TICKS_PX + TITLE_PX;
 /// Space below the axes for tick labels, pixels.
 const TICKS_PX: f64 = 24.0;
 /// Space below those for the horizontal axis's title, pixels.
@@ -44,6 +46,20 @@ pub(crate) enum Mark {
     Dot { at: (f64, f64), ink: Ink, radius_px: f64 },
 }
 
+/// Space left of vertical axes for their tick labels and marks, pixels; the same for all that share a clock.
+pub(crate) fn left_px(axes: &[&Axis]) -> f64 {
+    let labels = axes
+        .iter()
+        .flat_map(|axis| &axis.ticks)
+        .map(|tick| text_px(&tick.label));
+    labels.fold(LEAST_LEFT_PX, f64::max) + 14.0
+}
+
+/// Width between the axes of a panel, pixels.
+pub(crate) fn inner_px(width: u32, left_px: f64) -> f64 {
+    (f64::from(width) - left_px - RIGHT_PX).max(16.0)
+}
+
 /// A panel: axes, titles and marks, drawn in their order.
 pub(crate) struct Panel<'a> {
     pub(crate) x: &'a Axis,
@@ -52,6 +68,8 @@ pub(crate) struct Panel<'a> {
     pub(crate) x_title: Option<&'a str>,
     /// Title of the vertical axis with its unit, set above it.
     pub(crate) y_title: &'a str,
+    /// Space left of the vertical axis, pixels: [`left_px`].
+    pub(crate) left_px: f64,
     pub(crate) marks: Vec<Mark>,
 }
 
@@ -67,7 +85,7 @@ impl Panel<'_> {
             .margin_top(px(TOP_PX))
             .margin_right(px(RIGHT_PX))
             .margin_bottom(px(title_px))
-            .set_label_area_size(LabelAreaPosition::Left, px(LEFT_PX))
+            .set_label_area_size(LabelAreaPosition::Left, px(self.left_px))
             .set_label_area_size(LabelAreaPosition::Bottom, px(ticks_px))
             .build_cartesian_2d(self.x.clone(), self.y.clone())?;
         chart

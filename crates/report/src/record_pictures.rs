@@ -6,7 +6,7 @@ use hysteron_diagnose::{Comparison, RecordComparison};
 use crate::canvas::Size;
 use crate::closeup::closeup;
 use crate::figures::{LoopData, OverlayData, loop_plot, overlay};
-use crate::number::{count, quantity, significant};
+use crate::number::{count, percent as percent_text, quantity, significant};
 use crate::page::{Block, Figure};
 
 /// Records of each role that are shown in full.
@@ -48,7 +48,7 @@ pub(crate) fn record_pictures(comparison: &Comparison) -> Vec<Block> {
     }
     if !shown.is_empty() {
         blocks.push(Block::Details(
-            format!("{} more, by error", more_records(shown.len())),
+            format!("{} with smaller errors", more_records(shown.len())),
             shown,
         ));
     }
@@ -109,10 +109,16 @@ fn loop_data<'a>(comparison: &'a Comparison, record: &'a RecordComparison) -> Lo
     }
 }
 
+/// The part of a moving record to look at more closely; one at rest has only its noise and its drift to show.
+fn worst_part(record: &RecordComparison) -> Option<std::ops::Range<usize>> {
+    record.nrmse_percent?;
+    closeup(&record.series.measured, &record.series.modelled)
+}
+
 /// Role and figures of a record as facts.
 fn facts(comparison: &Comparison, record: &RecordComparison) -> Vec<(String, String)> {
     let unit = comparison.output_unit;
-    let percent = |value: Option<f64>| value.map(|value| format!("{} %", significant(value)));
+    let percent = |value: Option<f64>| value.map(percent_text);
     let mut facts = vec![("Role".to_owned(), role(record.role).to_owned())];
     let mut push = |name: &str, value: Option<String>| {
         if let Some(value) = value {
@@ -156,7 +162,7 @@ fn full(comparison: &Comparison, record: &RecordComparison) -> Block {
     if let Some(picture) = overlay(&overlay_data(comparison, record, whole), size) {
         left.push(Block::Figure(Figure::new(picture, "The whole record.")));
     }
-    if let Some(range) = closeup(&record.series.measured, &record.series.modelled) {
+    if let Some(range) = worst_part(record) {
         let size = Size {
             width: 700,
             height: 330,
@@ -180,40 +186,31 @@ fn full(comparison: &Comparison, record: &RecordComparison) -> Block {
 }
 
 fn small(comparison: &Comparison, record: &RecordComparison) -> Block {
-    let whole = 0..record.series.time_s.len();
-    let picture = overlay(
-        &overlay_data(comparison, record, whole),
-        Size {
-            width: 480,
-            height: 300,
-        },
-    );
-    let left = picture
-        .map(|picture| Block::Figure(Figure::new(picture, "The whole record.")))
-        .into_iter()
-        .collect();
-    let picture = loop_plot(
-        &loop_data(comparison, record),
-        Size {
-            width: 300,
-            height: 260,
-        },
-    );
-    let right = picture
-        .map(|picture| Block::Figure(Figure::new(picture, "Output against input.")))
-        .into_iter()
-        .collect();
+    let size = Size {
+        width: 524,
+        height: 300,
+    };
+    let (range, caption) = match worst_part(record) {
+        Some(range) => (range, "Around the largest error."),
+        None => (0..record.series.time_s.len(), "The whole record."),
+    };
+    let mut figures = Vec::new();
+    figures
+        .extend(overlay(&overlay_data(comparison, record, range), size).map(|picture| Figure::new(picture, caption)));
+    let picture = loop_plot(&loop_data(comparison, record), size);
+    figures.extend(picture.map(|picture| Figure::new(picture, "Output against input, the whole record.")));
     let heading = match record.nrmse_percent {
-        Some(percent) => format!("{} ({}, {} %)", record.file, role(record.role), significant(percent)),
+        Some(percent) => format!("{} ({}, {})", record.file, role(record.role), percent_text(percent)),
         None => format!("{} ({}, does not move)", record.file, role(record.role)),
     };
-    Block::Group(heading, vec![Block::Columns(left, right)])
+    Block::Group(heading, vec![Block::Gallery(figures)])
 }
 
 /// Bytes of the pictures in a block.
 fn picture_bytes(block: &Block) -> usize {
     match block {
         Block::Figure(figure) => figure.picture.svg().len(),
+        Block::Gallery(figures) => figures.iter().map(|figure| figure.picture.svg().len()).sum(),
         Block::Columns(left, right) => left.iter().chain(right).map(picture_bytes).sum(),
         Block::Group(_, blocks) | Block::Details(_, blocks) => blocks.iter().map(picture_bytes).sum(),
         _ => 0,

@@ -4,6 +4,9 @@ use maud::{Markup, html};
 
 use crate::number::{significant, unit_text};
 
+/// Characters up to which a text stays on one line.
+const SHORT: usize = 28;
+
 /// One cell.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Cell {
@@ -78,7 +81,7 @@ impl Table {
                             @for (column, cell) in row.iter().enumerate() {
                                 @match (column, cell) {
                                     (0, Cell::Text(text) | Cell::Number(text)) => { th scope="row" { (text) } }
-                                    (_, Cell::Text(text)) => { td { (text) } }
+                                    (_, Cell::Text(text)) => { td .short[text.chars().count() <= SHORT] { (text) } }
                                     (_, Cell::Number(text)) => { td.number { (text) } }
                                 }
                             }

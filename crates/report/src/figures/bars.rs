@@ -5,7 +5,7 @@ use plotters::style::Color;
 use plotters::style::text_anchor::{HPos, VPos};
 
 use crate::axis::{Axis, extent};
-use crate::canvas::{LegendEntry, Picture, Size, px, px_width, shortened, text_style};
+use crate::canvas::{LegendEntry, Picture, Size, px, px_width, shortened, text_px, text_style};
 use crate::palette::Ink;
 
 /// One bar.
@@ -27,19 +27,19 @@ pub struct Bar {
 const ROW_PX: f64 = 22.0;
 /// Space below for tick labels and title, pixels.
 const BELOW_PX: f64 = 42.0;
-/// Mean width of a character at the size used, pixels; digits and lower case are narrower.
-const CHARACTER_PX: f64 = 7.0;
 
 /// Draws bars below each other on an axis from zero. Nothing without bars. `width` is in pixels; the height follows.
 pub fn bars(rows: &[Bar], axis_title: &str, legend: Vec<LegendEntry>, width: u32) -> Option<Picture> {
     let values = rows.iter().flat_map(|row| [Some(row.value), row.reference]).flatten();
     let (_, largest) = extent(values)?;
-    let longest = |text: fn(&Bar) -> &str| rows.iter().map(|row| text(row).chars().count()).max().unwrap_or(0);
-    let text_px = CHARACTER_PX * longest(|row| &row.text) as f64 + 8.0;
+    let figures_px = rows.iter().map(|row| text_px(&row.text)).fold(0.0, f64::max) + 10.0;
     // Labels get what they need, up to two fifths of the picture.
-    let label_limit = (0.4 * f64::from(width) / CHARACTER_PX) as usize;
-    let left = CHARACTER_PX * longest(|row| &row.label).min(label_limit) as f64 + 10.0;
-    let span = (f64::from(width) - left - text_px - 6.0).max(20.0);
+    let labels: Vec<String> = rows
+        .iter()
+        .map(|row| shortened(&row.label, 0.4 * f64::from(width)))
+        .collect();
+    let left = labels.iter().map(|label| text_px(label)).fold(0.0, f64::max) + 10.0;
+    let span = (f64::from(width) - left - figures_px - 6.0).max(20.0);
     let axis = Axis::linear(
         0.0,
         if largest > 0.0 { largest } else { 1.0 },
@@ -72,16 +72,16 @@ pub fn bars(rows: &[Bar], axis_title: &str, legend: Vec<LegendEntry>, width: u32
             let top = px(6.0 + ROW_PX * index as f64);
             let (upper, lower) = (top + px(3.0), top + px(ROW_PX - 4.0));
             let middle = (upper + lower) / 2;
-            let label = shortened(&row.label, label_limit);
+
             let style = text_style(Ink::Text, HPos::Right, VPos::Center);
-            sheet.draw(&Text::new(label, (px(left - 8.0), middle), style))?;
+            sheet.draw(&Text::new(labels[index].clone(), (px(left - 8.0), middle), style))?;
             // A bar too short to be seen is drawn half a pixel wide.
             let end = across(row.value).max(across(0.0) + px(0.5));
             sheet.draw(&Rectangle::new(
                 [(across(0.0), upper), (end, lower)],
                 row.ink.colour().filled(),
             ))?;
-            let mut right = end;
+
             if let Some(reference) = row.reference {
                 let at = across(reference);
                 let stroke = Ink::Text.colour().stroke_width(px_width(2.0));
@@ -89,10 +89,14 @@ pub fn bars(rows: &[Bar], axis_title: &str, legend: Vec<LegendEntry>, width: u32
                     vec![(at, top + px(1.0)), (at, top + px(ROW_PX - 2.0))],
                     stroke,
                 ))?;
-                right = right.max(at);
             }
-            let style = text_style(Ink::Text, HPos::Left, VPos::Center);
-            sheet.draw(&Text::new(row.text.clone(), (right + px(6.0), middle), style))?;
+            // In a column of their own, so that no figure can be taken for that of the reference.
+            let style = text_style(Ink::Text, HPos::Right, VPos::Center);
+            sheet.draw(&Text::new(
+                row.text.clone(),
+                (px(f64::from(width) - 2.0), middle),
+                style,
+            ))?;
         }
         let stroke = Ink::Muted.colour().stroke_width(px_width(1.0));
         sheet.draw(&PathElement::new(

@@ -8,7 +8,7 @@ use crate::axis::{Axis, Tick, extent};
 use crate::canvas::{Area, Drawn, Picture, Size, px, px_width, text_style};
 use crate::number::{readable_unit, significant};
 use crate::palette::{Ink, heat};
-use crate::panel::{Mark, Panel, TOP_PX};
+use crate::panel::{BELOW_PX, Mark, Panel, TOP_PX, left_px};
 
 /// What an error map shows.
 #[derive(Debug, Clone, Copy)]
@@ -29,6 +29,10 @@ pub struct ErrorMapData<'a> {
 
 /// Width of the colour bar with its labels, pixels.
 const COLOUR_BAR_PX: f64 = 96.0;
+/// Ratio of the largest error to the smallest from which the colours are logarithmic.
+const LOG_FROM: f64 = 10.0;
+/// Range of logarithmic colours: three powers of ten, which viridis still tells apart.
+const LOG_RANGE: f64 = 1e-3;
 /// Steps of the colour bar.
 const COLOUR_STEPS: usize = 32;
 
@@ -45,9 +49,9 @@ pub fn error_map(data: &ErrorMapData<'_>, size: Size) -> Option<Picture> {
     if data.x_edges.len() < 2 || data.y_edges.len() < 2 {
         return None;
     }
-    // From zero, so that a map of even error looks even.
     let (factor, unit) = readable_unit(data.unit, largest);
-    let scale = Axis::linear(0.0, if largest > 0.0 { largest * factor } else { 1.0 }, 5);
+    let smallest = extent(cells().map(|(_, _, value)| value).filter(|value| *value > 0.0)).map_or(0.0, |range| range.0);
+    let scale = colour_scale(smallest * factor, largest * factor);
     let map_px = (f64::from(size.width) - COLOUR_BAR_PX).max(100.0);
     let (x, x_at) = edges_axis(data.x_edges, (map_px / 70.0) as usize);
     let (y, y_at) = edges_axis(data.y_edges, 8);
@@ -56,7 +60,7 @@ pub fn error_map(data: &ErrorMapData<'_>, size: Size) -> Option<Picture> {
         .map(|(row, column, value)| Mark::Cell {
             from: (x_at[column], y_at[row]),
             to: (x_at[column + 1], y_at[row + 1]),
-            colour: heat(value * factor / scale.high),
+            colour: heat((scale.coordinate(value * factor) - scale.low) / (scale.high - scale.low)),
         })
         .collect();
     let worst = cells().max_by(|a, b| a.2.total_cmp(&b.2))?;
@@ -75,11 +79,21 @@ pub fn error_map(data: &ErrorMapData<'_>, size: Size) -> Option<Picture> {
             y: &y,
             x_title: Some(data.x_title),
             y_title: data.y_title,
+            left_px: left_px(&[&y]),
             marks,
         }
         .draw(&map)?;
         colour_bar(&bar, &scale, &format!("error, {unit} rms"))
     }))
+}
+
+/// From zero, so that a map of even error looks even; logarithmic where a few cells would leave all others dark.
+fn colour_scale(smallest: f64, largest: f64) -> Axis {
+    if smallest > 0.0 && largest > LOG_FROM * smallest {
+        Axis::logarithmic(smallest.max(largest * LOG_RANGE), largest, 5)
+    } else {
+        Axis::linear(0.0, if largest > 0.0 { largest } else { 1.0 }, 5)
+    }
 }
 
 /// The middle of a bin, in words.
@@ -101,10 +115,9 @@ fn edges_axis(edges: &[f64], ticks: usize) -> (Axis, Vec<f64>) {
     let bins = edges.len() - 1;
     let mut axis = Axis::linear(0.0, bins as f64, ticks);
     let stride = bins.div_ceil(ticks.max(1));
-    // Counted from the middle, so that an axis through zero is labelled alike on both sides.
-    let offset = (bins / 2) % stride;
+    // Counted from both ends, so that an axis through zero is labelled alike on both sides.
     axis.ticks = (0..edges.len())
-        .filter(|index| index % stride == offset)
+        .filter(|index| index.min(&(bins - index)) % stride == 0)
         .map(|index| Tick {
             at: index as f64,
             label: significant(edges[index]),
@@ -116,7 +129,7 @@ fn edges_axis(edges: &[f64], ticks: usize) -> (Axis, Vec<f64>) {
 /// The colour bar, as high as the panel beside it.
 fn colour_bar(area: &Area<'_>, scale: &Axis, title: &str) -> Drawn {
     let (_, height) = area.dim_in_pixel();
-    let (top, bottom) = (px(TOP_PX), height as i32 - px(42.0));
+    let (top, bottom) = (px(TOP_PX), height as i32 - px(BELOW_PX));
     let (left, right) = (px(4.0), px(18.0));
     let at = |share: f64| bottom - (share * f64::from(bottom - top)).round() as i32;
     for step in 0..COLOUR_STEPS {

@@ -4,7 +4,7 @@ use crate::axis::{Axis, extent};
 use crate::canvas::{LegendEntry, Picture, Size, Swatch};
 use crate::decimate::min_max;
 use crate::palette::Ink;
-use crate::panel::{LEFT_PX, Mark, Panel, RIGHT_PX};
+use crate::panel::{Mark, Panel, inner_px, left_px};
 
 /// One series.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,17 +46,19 @@ pub fn lines(series: &[Line], axes: &Lines<'_>, size: Size) -> Option<Picture> {
     };
     let (x_low, x_high) = extent(points().map(|point| point.0))?;
     let (y_low, y_high) = extent(points().map(|point| point.1))?;
-    let columns = (f64::from(size.width) - LEFT_PX - RIGHT_PX).max(16.0);
+
+    let y = if axes.y_log {
+        Axis::logarithmic(y_low / 1.3, y_high * 1.3, 6)
+    } else {
+        Axis::padded(y_low, y_high, 6)
+    };
+    let left_px = left_px(&[&y]);
+    let columns = inner_px(size.width, left_px);
     let ticks = (columns / 80.0) as usize;
     let x = if axes.x_log {
         Axis::logarithmic(x_low, x_high, ticks)
     } else {
         Axis::linear(x_low, x_high, ticks)
-    };
-    let y = if axes.y_log {
-        Axis::logarithmic(y_low / 1.3, y_high * 1.3, 6)
-    } else {
-        Axis::padded(y_low, y_high, 6)
     };
     let mut marks = Vec::new();
     let mut legend = Vec::new();
@@ -94,6 +96,7 @@ pub fn lines(series: &[Line], axes: &Lines<'_>, size: Size) -> Option<Picture> {
             y: &y,
             x_title: Some(axes.x_title),
             y_title: axes.y_title,
+            left_px,
             marks,
         }
         .draw(sheet)

@@ -5,7 +5,7 @@ use crate::canvas::{LegendEntry, Picture, Size, Swatch};
 use crate::decimate::path;
 use crate::number::readable_unit;
 use crate::palette::Ink;
-use crate::panel::{LEFT_PX, Mark, Panel, RIGHT_PX, TOP_PX};
+use crate::panel::{BELOW_PX, Mark, Panel, TOP_PX, inner_px, left_px};
 
 /// What a loop plot shows. The series have one length.
 #[derive(Debug, Clone, Copy)]
@@ -29,7 +29,7 @@ pub struct LoopData<'a> {
 }
 
 /// Points of a curve beyond which the path is drawn on a coarser grid, for a picture of 100 000 square pixels.
-const POINTS: f64 = 2500.0;
+const POINTS: f64 = 1500.0;
 
 /// Draws output against input. Nothing where the input does not move, or for fewer than two samples.
 pub fn loop_plot(data: &LoopData<'_>, size: Size) -> Option<Picture> {
@@ -42,16 +42,17 @@ pub fn loop_plot(data: &LoopData<'_>, size: Size) -> Option<Picture> {
     let (input_factor, input_unit) = readable_unit(data.input_unit, input_low.abs().max(input_high.abs()));
     let (factor, unit) = readable_unit(data.output_unit, low.abs().max(high.abs()));
 
+    let y = Axis::padded(low * factor, high * factor, 6);
+    let left_px = left_px(&[&y]);
     let (width_px, height_px) = (
-        f64::from(size.width) - LEFT_PX - RIGHT_PX,
-        f64::from(size.height) - TOP_PX - 42.0,
+        inner_px(size.width, left_px),
+        f64::from(size.height) - TOP_PX - BELOW_PX,
     );
     let x = Axis::padded(
         input_low * input_factor,
         input_high * input_factor,
         (width_px / 60.0) as usize,
     );
-    let y = Axis::padded(low * factor, high * factor, 6);
     let budget = (POINTS * (width_px * height_px / 1e5).max(0.2)) as usize;
     let curves = |output: &[f64], ink: Ink, width: f64| -> Vec<Mark> {
         let place = |index: usize| {
@@ -95,6 +96,7 @@ pub fn loop_plot(data: &LoopData<'_>, size: Size) -> Option<Picture> {
             y: &y,
             x_title: Some(&x_title),
             y_title: &y_title,
+            left_px,
             marks,
         }
         .draw(sheet)

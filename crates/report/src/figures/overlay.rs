@@ -1,11 +1,11 @@
 //! Measured and modelled output over time; below, on the same clock, what is left, against the noise floor.
 
 use crate::axis::{Axis, extent};
-use crate::canvas::{LegendEntry, Picture, Size, Swatch};
+use crate::canvas::{LegendEntry, Picture, Size, Swatch, px};
 use crate::decimate::min_max_uniform;
-use crate::number::readable_unit;
+use crate::number::{quantity, readable_unit, significant};
 use crate::palette::Ink;
-use crate::panel::{LEFT_PX, Mark, Panel, RIGHT_PX};
+use crate::panel::{BELOW_PX, Mark, Panel, TOP_PX, inner_px, left_px};
 
 /// What an overlay shows. The series have one length.
 #[derive(Debug, Clone, Copy)]
@@ -26,8 +26,20 @@ pub struct OverlayData<'a> {
     pub name: &'a str,
 }
 
+/// Height for one tick of a vertical axis, pixels: two lines of text.
+const TICK_PX: f64 = 30.0;
 /// Share of the height that the upper panel takes.
 const UPPER_SHARE: f64 = 0.57;
+
+/// The axes of the two panels and what turns values into their units.
+struct Scales {
+    time: Axis,
+    output: Axis,
+    residual: Axis,
+    /// Factor and unit of time, output and residual.
+    units: [(f64, String); 3],
+    left_px: f64,
+}
 
 /// Draws measured and modelled output over time with the residual below. Nothing for fewer than two samples.
 ///
@@ -37,101 +49,116 @@ pub fn overlay(data: &OverlayData<'_>, size: Size) -> Option<Picture> {
     if len < 2 {
         return None;
     }
-    let (low, high) = extent(data.measured[..len].iter().chain(&data.modelled[..len]).copied())?;
     let residual = |index: usize| data.measured[index] - data.modelled[index];
     let (residual_low, residual_high) = extent((0..len).map(residual))?;
-    let (start_s, end_s) = extent(data.time_s[..len].iter().copied())?;
+    let scales = scales(data, len, (residual_low, residual_high), size)?;
+    let [
+        (time_factor, time_unit),
+        (factor, unit),
+        (residual_factor, residual_unit),
+    ] = &scales.units;
 
-    let (time_factor, time_unit) = readable_unit("s", start_s.abs().max(end_s.abs()));
-    let (factor, unit) = readable_unit(data.unit, low.abs().max(high.abs()));
-    let largest = residual_low.abs().max(residual_high.abs()).max(data.noise_rms);
-    let (residual_factor, residual_unit) = readable_unit(data.unit, largest);
-
-    // A pixel a column would be enough; what is drawn wider than its pixels gains nothing from more.
-    let columns = (f64::from(size.width) - LEFT_PX - RIGHT_PX).max(16.0) as usize;
-    let points = |value: &dyn Fn(usize) -> f64, factor: f64| -> Vec<(f64, f64)> {
-        min_max_uniform(len, columns, value)
-            .into_iter()
+    let columns = inner_px(size.width, scales.left_px) as usize;
+    let line = |value: &dyn Fn(usize) -> f64, factor: f64, ink: Ink, width_px: f64| {
+        let kept = min_max_uniform(len, columns, value).into_iter();
+        let points = kept
             .map(|index| (data.time_s[index] * time_factor, value(index) * factor))
-            .collect()
+            .collect();
+        Mark::Line { points, ink, width_px }
     };
-    let time = Axis::linear(start_s * time_factor, end_s * time_factor, (columns / 80).max(2));
-    let output_axis = Axis::padded(low * factor, high * factor, 5);
     let upper = vec![
-        Mark::Line {
-            points: points(&|i| data.measured[i], factor),
-            ink: Ink::Measured,
-            width_px: 2.5,
-        },
-        Mark::Line {
-            points: points(&|i| data.modelled[i], factor),
-            ink: Ink::Model,
-            width_px: 1.25,
-        },
+        line(&|i| data.measured[i], *factor, Ink::Measured, 2.5),
+        line(&|i| data.modelled[i], *factor, Ink::Model, 1.25),
     ];
     let noise = data.noise_rms * residual_factor;
-    let residual_axis = Axis::padded(
-        (residual_low * residual_factor).min(-noise),
-        (residual_high * residual_factor).max(noise),
-        4,
-    );
     let mut lower = Vec::new();
     if noise > 0.0 {
-        let outline = vec![
-            (time.low, -noise),
-            (time.high, -noise),
-            (time.high, noise),
-            (time.low, noise),
-        ];
+        let (start, end) = (scales.time.low, scales.time.high);
+        let outline = vec![(start, -noise), (end, -noise), (end, noise), (start, noise)];
         lower.push(Mark::Fill {
             outline,
             ink: Ink::Noise,
             opacity: 0.35,
         });
     }
-    lower.push(Mark::Line {
-        points: points(&residual, residual_factor),
-        ink: Ink::Residual,
-        width_px: 1.25,
-    });
+    lower.push(line(&residual, *residual_factor, Ink::Residual, 1.25));
 
     let description = format!(
         "{}: measured and modelled {} over time; below, measured minus modelled, between {} and {} {residual_unit}.",
         data.name,
         data.output,
-        crate::number::significant(residual_low * residual_factor),
-        crate::number::significant(residual_high * residual_factor),
+        significant(residual_low * residual_factor),
+        significant(residual_high * residual_factor),
     );
+    let (x_title, left_px) = (format!("time, {time_unit}"), scales.left_px);
+    let (y_title, residual_title) = (
+        format!("{}, {unit}", data.output),
+        format!("measured − model, {residual_unit}"),
+    );
+    Some(Picture::draw(size, &description, legend(data), |sheet| {
+        let (above, below) = sheet.split_vertically(px(UPPER_SHARE * f64::from(size.height)));
+        let (x, y) = (&scales.time, &scales.output);
+        Panel {
+            x,
+            y,
+            x_title: None,
+            y_title: &y_title,
+            left_px,
+            marks: upper,
+        }
+        .draw(&above)?;
+        let y = &scales.residual;
+        Panel {
+            x,
+            y,
+            x_title: Some(&x_title),
+            y_title: &residual_title,
+            left_px,
+            marks: lower,
+        }
+        .draw(&below)
+    }))
+}
+
+fn scales(data: &OverlayData<'_>, len: usize, (residual_low, residual_high): (f64, f64), size: Size) -> Option<Scales> {
+    let (low, high) = extent(data.measured[..len].iter().chain(&data.modelled[..len]).copied())?;
+    let (start_s, end_s) = extent(data.time_s[..len].iter().copied())?;
+    let largest = residual_low.abs().max(residual_high.abs()).max(data.noise_rms);
+    let units = [
+        readable_unit("s", start_s.abs().max(end_s.abs())),
+        readable_unit(data.unit, low.abs().max(high.abs())),
+        readable_unit(data.unit, largest),
+    ];
+    let [time, output, residual] = [units[0].0, units[1].0, units[2].0];
+    let noise = data.noise_rms * residual;
+    let ticks = |share: f64, around_px: f64| ((share * f64::from(size.height) - around_px) / TICK_PX).max(2.0) as usize;
+    let output = Axis::padded(low * output, high * output, ticks(UPPER_SHARE, TOP_PX));
+    let residual = Axis::padded(
+        (residual_low * residual).min(-noise),
+        (residual_high * residual).max(noise),
+        ticks(1.0 - UPPER_SHARE, TOP_PX + BELOW_PX),
+    );
+    let left_px = left_px(&[&output, &residual]);
+    let time_ticks = (inner_px(size.width, left_px) / 80.0).max(2.0) as usize;
+    let time = Axis::linear(start_s * time, end_s * time, time_ticks);
+    Some(Scales {
+        time,
+        output,
+        residual,
+        units,
+        left_px,
+    })
+}
+
+fn legend(data: &OverlayData<'_>) -> Vec<LegendEntry> {
     let mut legend = vec![
         LegendEntry::new("measured", Ink::Measured, Swatch::Line),
         LegendEntry::new("model", Ink::Model, Swatch::Line),
         LegendEntry::new("measured − model", Ink::Residual, Swatch::Line),
     ];
-    if noise > 0.0 {
-        legend.push(LegendEntry::new("noise floor, ± rms", Ink::Noise, Swatch::Area));
+    if data.noise_rms > 0.0 {
+        let text = format!("noise floor, ±{} rms", quantity(data.noise_rms, data.unit));
+        legend.push(LegendEntry::new(text, Ink::Noise, Swatch::Area));
     }
-    Some(Picture::draw(size, &description, legend, |sheet| {
-        let (above, below) = sheet.split_vertically(crate::canvas::px(UPPER_SHARE * f64::from(size.height)));
-        let title = format!("{}, {unit}", data.output);
-        Panel {
-            x: &time,
-            y: &output_axis,
-            x_title: None,
-            y_title: &title,
-            marks: upper,
-        }
-        .draw(&above)?;
-        let (x_title, y_title) = (
-            format!("time, {time_unit}"),
-            format!("measured − model, {residual_unit}"),
-        );
-        Panel {
-            x: &time,
-            y: &residual_axis,
-            x_title: Some(&x_title),
-            y_title: &y_title,
-            marks: lower,
-        }
-        .draw(&below)
-    }))
+    legend
 }

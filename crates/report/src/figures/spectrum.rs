@@ -5,7 +5,7 @@ use crate::canvas::{LegendEntry, Picture, Size, Swatch};
 use crate::decimate::min_max;
 use crate::number::unit_text;
 use crate::palette::Ink;
-use crate::panel::{LEFT_PX, Mark, Panel, RIGHT_PX};
+use crate::panel::{Mark, Panel, inner_px, left_px};
 
 /// What a spectrum shows: amplitude spectral densities, one-sided. The series have the frequencies' length, or none.
 #[derive(Debug, Clone, Copy)]
@@ -49,7 +49,8 @@ pub fn spectrum(data: &SpectrumData<'_>, size: Size) -> Option<Picture> {
     let x = Axis::logarithmic(lowest, highest, 8);
     // Half a decade to spare above; below, what is drawn and no more than the range.
     let y = Axis::logarithmic((low / 1.5).max(high * RANGE), high * 2.0, 7);
-    let columns = (f64::from(size.width) - LEFT_PX - RIGHT_PX).max(16.0);
+    let left_px = left_px(&[&y]);
+    let columns = inner_px(size.width, left_px);
     let column = |index: usize| ((x.coordinate(frequency_hz[index]) - x.low) / (x.high - x.low) * columns) as usize;
 
     let mut marks = Vec::new();
@@ -75,6 +76,7 @@ pub fn spectrum(data: &SpectrumData<'_>, size: Size) -> Option<Picture> {
             y: &y,
             x_title: Some("frequency, Hz"),
             y_title: &y_title,
+            left_px,
             marks,
         }
         .draw(sheet)
