@@ -111,6 +111,12 @@ fn power_of_ten(exponent: i32) -> f64 {
     10f64.powi(exponent.clamp(-400, 400))
 }
 
+/// Whether stamps up to `largest` can be told apart on a clock with this period, with room for the rounding of both.
+pub(crate) fn is_representable(largest: f64, period: f64) -> bool {
+    let room = 0.96; // so that what is written can be read: the period read differs by less than 1 %
+    largest.is_finite() && ROUNDING_ULPS * ulp(largest) <= room * COARSEST_ROUNDING * period
+}
+
 /// Finds the clock of the stamps; see the head of the file for the rules.
 ///
 /// # Cost

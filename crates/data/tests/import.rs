@@ -27,7 +27,7 @@ fn check(text: &str, options: &ImportOptions, clock: (f64, f64), voltage_v: &[f6
 }
 
 fn refuse(text: &str, options: &ImportOptions, expect: &str) {
-    let found = try_with(text.as_bytes(), options).expect_err(text).to_string();
+    let found = try_with(text.as_bytes(), options).unwrap_err().to_string();
     assert_eq!(found, expect, "{text:?}");
 }
 
@@ -681,4 +681,25 @@ fn val_imported_record_round_trips_natively() {
     let target = folder.path().join("scope.csv");
     write_record_csv(record, &target, Overwrite::Refuse).unwrap();
     assert_eq!(&read_record(&target).unwrap().0, record);
+}
+
+/// The recordings beside the project, where they are, import as they are read.
+#[test]
+fn val_real_recordings_import_as_they_are_read() {
+    let shared = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    if !shared.is_dir() {
+        println!("skipped: no recordings in ../shared/data");
+        return;
+    }
+    for name in [
+        "cubespec-fsm-lowband/u2-100mv-train0.csv",
+        "piezo-150v-1hz-step/rest-step-sine-1hz.csv",
+        "practice/case-01/step-hold.csv",
+        "practice/case-02/sine-500hz.csv",
+    ] {
+        let path = shared.join(name);
+        let found = import(&path, &ImportOptions::default(), &mut |_, _| {}).unwrap();
+        assert_eq!(found.records, [read_record(&path).unwrap().0], "{name}");
+        assert_eq!(found.preview.notices, [""; 0], "{name}");
+    }
 }

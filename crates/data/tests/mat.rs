@@ -1,6 +1,7 @@
 //! Import of MATLAB files, made here by a writer of the tests' own.
 #![expect(clippy::unwrap_used, reason = "a helper that fails is a test that fails")]
 
+#[path = "fuzzing/mat_writer.rs"]
 mod support;
 
 use hysteron_data::DataError;

@@ -354,6 +354,14 @@ fn val_dataset_round_trips_and_reports_progress() {
     assert_eq!(names(&place.join("sub")), ["quiet.csv"]);
 }
 
+/// A start at -0 came back as 0: the first stamp was the sum of -0 and 0.
+#[test]
+fn regress_a_start_at_minus_zero() {
+    let mut written = record(vec![0.0, 1.0], vec![0.0, 1.0]);
+    written.start_s = -0.0;
+    assert_eq!(round_trip(&written).start_s.to_bits(), (-0.0f64).to_bits());
+}
+
 #[test]
 fn val_one_csv_is_a_dataset() {
     let folder = tempfile::tempdir().unwrap();

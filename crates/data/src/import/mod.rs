@@ -21,7 +21,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-use crate::clock::Clock;
+use crate::clock::{self, Clock};
 use crate::error::DataError;
 use crate::lines::Lines;
 use crate::native::line_error;
@@ -245,7 +245,16 @@ fn finish(
     let mut records = Vec::with_capacity(count);
     for (part, stretch) in stretches.iter().enumerate() {
         let name = record_name(file, (count > 1).then_some(part + 1));
-        records.push(record(&table, stretch, name, file, options)?);
+        let mut record = record(&table, stretch, name, file, options)?;
+        let largest = record.start_s.abs().max((record.start_s + record.duration_s()).abs());
+        if !clock::is_representable(largest, record.period_s) {
+            notices.push(format!(
+                "{}: time begins at 0 s instead of {:?} s",
+                record.file, record.start_s
+            ));
+            record.start_s = 0.0;
+        }
+        records.push(record);
     }
     let read = |column: &columns::Chosen| ReadColumn {
         quantity: column.quantity,

@@ -4,6 +4,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use super::atomic::Pending;
+use crate::clock;
 use crate::error::DataError;
 use crate::record::Record;
 
@@ -112,7 +113,12 @@ pub(super) fn write_rows(record: &Record, out: &mut impl Write) -> io::Result<()
     let mut line = Vec::with_capacity(256);
     for index in 0..record.len() {
         line.clear();
-        let stamp = record.start_s + index as f64 * record.period_s;
+        // the first as it is: -0 + 0 is 0
+        let stamp = if index == 0 {
+            record.start_s
+        } else {
+            record.start_s + index as f64 * record.period_s
+        };
         match stamps {
             Stamps::Fixed(decimals) => write!(line, "{stamp:.decimals$}")?,
             Stamps::Shortest => write!(line, "{stamp:?}")?,
@@ -164,8 +170,7 @@ pub(super) fn validate(record: &Record) -> Result<(), DataError> {
         );
     }
     let largest = start.abs().max((start + record.duration_s()).abs());
-    // 2^-48 is 16 units in the last place: the reader's rounding of 6, with room, stays below a quarter of a period
-    if !largest.is_finite() || largest * 2f64.powi(-47) > period {
+    if !clock::is_representable(largest, period) {
         return refuse(
             format!("stamps up to {largest:.1e} s cannot tell samples {period:e} s apart"),
             "let the record start near 0 s",
