@@ -574,6 +574,17 @@ fn val_repeated_stamps() {
     );
 }
 
+/// Found by fuzzing: one sample written twice left one row, of which the usual step was taken.
+#[test]
+fn regress_one_sample_written_twice() {
+    let text = "t [s],u [V],y [um]\n1,2,3\n1,2,3\n";
+    refuse(
+        text,
+        &ImportOptions::default(),
+        "run.csv: 1 sample(s); a record needs at least 2",
+    );
+}
+
 const GCS: &str = "# REM E-753\n#\n# VERSION = 1\n# TYPE = 1\n# SEPARATOR = 32 \n# DIM = 2 \n# SAMPLE_TIME = 0.00005\n\
                    # NDATA = 3 \n#\n# NAME0 = Voltage of output chan 1 \n# NAME1 = Actual Position of axis 1\n#\n\
                    # END_HEADER\n1.5 0.25 \n2.5 0.5 \n3.5 0.75\n";

@@ -8,6 +8,7 @@ use std::cmp::Reverse;
 use super::cells::{self, Cell};
 use super::decode::{self, Encoding};
 use super::options::{Decimal, ImportOptions, Separator};
+use super::preview::Kind;
 use super::spelling;
 use crate::error::DataError;
 use crate::place::{Place, shown};
@@ -28,6 +29,25 @@ pub(crate) struct Dialect {
     pub(crate) period_s: Option<f64>,
     /// Number of samples, where the file's head gives it.
     pub(crate) samples: Option<u64>,
+}
+
+impl Dialect {
+    /// The kind of the file, for the preview.
+    pub(crate) fn kind(&self, encoding: Encoding, is_gcs: bool) -> Kind {
+        if is_gcs {
+            return Kind::Gcs {
+                first_sample_line: self.first_sample,
+            };
+        }
+        Kind::Text {
+            encoding,
+            separator: self.separator,
+            decimal: self.decimal,
+            header_line: self.header_line,
+            units_line: self.units_line,
+            first_sample_line: self.first_sample,
+        }
+    }
 }
 
 /// Layouts in the order in which they win when equal: a blank also splits what a tab splits, and integers look the

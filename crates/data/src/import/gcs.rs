@@ -35,94 +35,108 @@ pub(crate) fn is_header(lines: &[Vec<u8>]) -> bool {
         .any(|line| line.contains("END_HEADER") || line.contains("SAMPLE_TIME") || line.contains("NDATA"))
 }
 
-/// Reads the header.
-pub(crate) fn find(lines: &[Vec<u8>], file: &str) -> Result<Dialect, DataError> {
-    let mut dialect = Dialect {
-        separator: Separator::Blank,
-        decimal: Decimal::Point,
-        header_line: None,
-        units_line: None,
-        first_sample: 0,
-        names: Vec::new(),
-        units: Vec::new(),
-        period_s: None,
-        samples: None,
-    };
-    let mut names: Vec<(usize, String)> = Vec::new();
-    let mut columns = None;
-    for (index, line) in lines.iter().enumerate() {
-        let number = index as u64 + 1;
-        let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line);
-        let text = String::from_utf8_lossy(line);
-        let text = text.trim().trim_start_matches('#').trim();
-        if text.eq_ignore_ascii_case("END_HEADER") {
-            dialect.first_sample = number + 1;
-            break;
-        }
-        let Some((key, value)) = text.split_once('=') else {
-            continue;
-        };
-        let (key, value) = (key.trim().to_ascii_uppercase(), value.trim());
-        match key.as_str() {
-            "VERSION" if value != "1" => return Err(refuse(file, number, line, "VERSION = 1 is read")),
-            "TYPE" if value != "1" => return Err(refuse(file, number, line, "TYPE = 1 (a table of text) is read")),
+/// What a header says.
+#[derive(Default)]
+struct Header {
+    separator: Option<Separator>,
+    columns: Option<usize>,
+    period_s: Option<f64>,
+    samples: Option<u64>,
+    names: Vec<(usize, String)>,
+}
+
+impl Header {
+    /// Takes a line `KEY = value`; gives what is allowed if the value is not.
+    fn take(&mut self, key: &str, value: &str) -> Result<(), &'static str> {
+        match key {
+            "VERSION" if value != "1" => return Err("VERSION = 1 is read"),
+            "TYPE" if value != "1" => return Err("TYPE = 1 (a table of text) is read"),
             "SEPARATOR" => {
-                dialect.separator = separator(value).ok_or_else(|| {
-                    refuse(
-                        file,
-                        number,
-                        line,
-                        "the separator is 32 (blank), 9 (tab), 44 (`,`) or 59 (`;`)",
-                    )
-                })?
+                let separator = separator(value);
+                self.separator = Some(separator.ok_or("the separator is 32 (blank), 9 (tab), 44 (`,`) or 59 (`;`)")?);
             }
             "DIM" => {
-                let dim = value.parse().ok().filter(|dim| (1..=MOST_COLUMNS).contains(dim));
-                columns = Some(dim.ok_or_else(|| refuse(file, number, line, "DIM is a whole number from 1 to 256"))?);
+                let columns = value
+                    .parse()
+                    .ok()
+                    .filter(|columns| (1..=MOST_COLUMNS).contains(columns));
+                self.columns = Some(columns.ok_or("DIM is a whole number from 1 to 256")?);
             }
-            "NDATA" => {
-                let samples = value.parse().ok();
-                dialect.samples = Some(samples.ok_or_else(|| refuse(file, number, line, "NDATA is a whole number"))?);
-            }
+            "NDATA" => self.samples = Some(value.parse().map_err(|_| "NDATA is a whole number")?),
             "SAMPLE_TIME" => {
                 let period = value
                     .parse()
                     .ok()
                     .filter(|period: &f64| *period > 0.0 && period.is_finite());
-                let allowed = "SAMPLE_TIME is a positive number of seconds";
-                dialect.period_s = Some(period.ok_or_else(|| refuse(file, number, line, allowed))?);
+                self.period_s = Some(period.ok_or("SAMPLE_TIME is a positive number of seconds")?);
             }
             _ => {
                 if let Some(column) = key.strip_prefix("NAME").and_then(|column| column.parse().ok()) {
-                    names.push((column, value.to_owned()));
+                    self.names.push((column, value.to_owned()));
                 }
             }
         }
+        Ok(())
     }
-    if dialect.first_sample == 0 {
-        let at = Place::line(file, lines.len() as u64);
-        return Err(DataError::NoHeader {
-            at,
-            found: "the GCS header has no end".into(),
-            allowed: "it ends in a line `# END_HEADER`".into(),
-        });
+}
+
+/// Reads the header.
+pub(crate) fn find(lines: &[Vec<u8>], file: &str) -> Result<Dialect, DataError> {
+    let mut header = Header::default();
+    let mut end = None;
+    for (index, line) in lines.iter().enumerate() {
+        let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line);
+        let text = String::from_utf8_lossy(line);
+        let text = text.trim().trim_start_matches('#').trim();
+        if text.eq_ignore_ascii_case("END_HEADER") {
+            end = Some(index as u64 + 1);
+            break;
+        }
+        if let Some((key, value)) = text.split_once('=') {
+            let taken = header.take(&key.trim().to_ascii_uppercase(), value.trim());
+            taken.map_err(|allowed| DataError::NoHeader {
+                at: Place::line(file, index as u64 + 1),
+                found: format!("found {} in the GCS header", shown(line)),
+                allowed: allowed.to_owned(),
+            })?;
+        }
     }
-    let Some(columns) = columns else {
-        let at = Place::line(file, dialect.first_sample - 1);
-        return Err(DataError::NoHeader {
-            at,
-            found: "the GCS header has no DIM".into(),
-            allowed: "`# DIM = 2` says how many columns there are".into(),
-        });
+    let refuse = |line: u64, found: &str, allowed: &str| DataError::NoHeader {
+        at: Place::line(file, line),
+        found: found.into(),
+        allowed: allowed.into(),
     };
-    dialect.names = vec![String::new(); columns];
-    dialect.units = dialect.names.clone();
-    for (column, name) in names {
-        if let Some(slot) = dialect.names.get_mut(column) {
+    let end = end.ok_or_else(|| {
+        refuse(
+            lines.len() as u64,
+            "the GCS header has no end",
+            "it ends in a line `# END_HEADER`",
+        )
+    })?;
+    let columns = header.columns.ok_or_else(|| {
+        refuse(
+            end,
+            "the GCS header has no DIM",
+            "`# DIM = 2` says how many columns there are",
+        )
+    })?;
+    let mut names = vec![String::new(); columns];
+    for (column, name) in header.names {
+        if let Some(slot) = names.get_mut(column) {
             *slot = name;
         }
     }
-    Ok(dialect)
+    Ok(Dialect {
+        separator: header.separator.unwrap_or(Separator::Blank),
+        decimal: Decimal::Point,
+        header_line: None,
+        units_line: None,
+        first_sample: end + 1,
+        units: vec![String::new(); columns],
+        names,
+        period_s: header.period_s,
+        samples: header.samples,
+    })
 }
 
 fn separator(code: &str) -> Option<Separator> {
@@ -132,13 +146,5 @@ fn separator(code: &str) -> Option<Separator> {
         "44" => Some(Separator::Comma),
         "59" => Some(Separator::Semicolon),
         _ => None,
-    }
-}
-
-fn refuse(file: &str, number: u64, line: &[u8], allowed: &str) -> DataError {
-    DataError::NoHeader {
-        at: Place::line(file, number),
-        found: format!("found {} in the GCS header", shown(line)),
-        allowed: allowed.to_owned(),
     }
 }

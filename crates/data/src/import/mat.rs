@@ -2,7 +2,7 @@
 
 use std::io::Read;
 
-use super::columns::{self, Offer};
+use super::columns::{self, Chosen, Offer};
 use super::mat5::{self, Array, Contents, Fault};
 use super::options::ImportOptions;
 use super::preview::Kind;
@@ -37,6 +37,47 @@ const RATES: &[&str] = &[
     "fsample",
 ];
 
+/// A kind of MATLAB file, by its first bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum MatKind {
+    /// Version 5 to 7: read.
+    V5,
+    /// Version 7.3, or any other HDF5 file.
+    Hdf5,
+    /// MATLAB says so in the head, but the version is another.
+    Other,
+}
+
+/// The kind of MATLAB file, if it is one.
+pub(crate) fn kind(head: &[u8]) -> Option<MatKind> {
+    const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
+    if head.starts_with(HDF5) || head.get(512..520) == Some(HDF5) {
+        return Some(MatKind::Hdf5);
+    }
+    match head.get(124..128) {
+        Some([0x00, 0x01, b'I', b'M'] | [0x01, 0x00, b'M', b'I']) => Some(MatKind::V5),
+        Some([0x00, 0x02, b'I', b'M'] | [0x02, 0x00, b'M', b'I']) => Some(MatKind::Hdf5),
+        _ if head.starts_with(b"MATLAB ") && head.contains(&0) => Some(MatKind::Other),
+        _ => None,
+    }
+}
+
+impl MatKind {
+    /// Refuses kinds that cannot be read, with the way to one that can.
+    pub(crate) fn refuse_others(self, file: &str) -> Result<(), DataError> {
+        let found = match self {
+            MatKind::V5 => return Ok(()),
+            MatKind::Hdf5 => "this is HDF5, as MATLAB's version 7.3",
+            MatKind::Other => "this is a MATLAB file of a version that is not known",
+        };
+        Err(DataError::Format {
+            file: file.to_owned(),
+            found: found.into(),
+            what_to_do: "versions 5 to 7 are read: in MATLAB, load it and say `save('file.mat','-v7')`".into(),
+        })
+    }
+}
+
 /// Imports a MATLAB file.
 pub(crate) fn import(
     source: impl Read,
@@ -64,7 +105,7 @@ pub(crate) fn import(
     };
     let mut notices: Vec<String> = skipped.into_iter().map(|what| format!("left out: {what}")).collect();
     let period = period(&arrays, file)?;
-    let mut vectors = vectors(arrays);
+    let vectors = vectors(arrays);
     let names: Vec<String> = vectors.iter().map(|(name, ..)| name.clone()).collect();
     if names.is_empty() {
         return Err(DataError::Format {
@@ -84,49 +125,45 @@ pub(crate) fn import(
     };
     let (chosen, more) = columns::choose(&offer, options)?;
     notices.extend(more);
-    let single = |index: usize| vectors[index].2;
+    let table = table(chosen, vectors, file)?;
+    if let (None, None, Some((name, period))) = (options.rate_hz, table.column(Quantity::Time), &period) {
+        notices.push(format!("{name}: taken as a sample period of {period} s"));
+    }
+    finish(table, kind, period.map(|(_, period)| period), file, options, notices)
+}
+
+/// The chosen vectors as a table.
+fn table(chosen: Vec<Chosen>, mut vectors: Vec<(String, Vec<f64>, bool)>, file: &str) -> Result<Table, DataError> {
     let time = chosen.iter().find(|column| column.quantity == Quantity::Time);
-    let printed = Printed::significant(if time.is_some_and(|column| single(column.index)) {
+    // decimal digits that single and double precision have
+    let digits = if time.is_some_and(|column| vectors[column.index].2) {
         7
     } else {
         17
-    });
+    };
     let values: Vec<Vec<f64>> = chosen
         .iter()
         .map(|column| std::mem::take(&mut vectors[column.index].1))
         .collect();
     if let Some(other) = values.iter().position(|column| column.len() != values[0].len()) {
+        let (first, other) = (
+            (&chosen[0].name, values[0].len()),
+            (&chosen[other].name, values[other].len()),
+        );
         return Err(DataError::Format {
             file: file.to_owned(),
-            found: format!(
-                "{} has {} numbers, {} has {}",
-                chosen[0].name,
-                values[0].len(),
-                chosen[other].name,
-                values[other].len()
-            ),
+            found: format!("{} has {} numbers, {} has {}", first.0, first.1, other.0, other.1),
             what_to_do: "the variables of a record have one length; choose them with `--column QUANTITY=NAME:UNIT`"
                 .into(),
         });
     }
-    if let (None, None, Some((name, period))) = (options.rate_hz, time, &period) {
-        notices.push(format!("{name}: taken as a sample period of {period} s"));
-    }
-    let period = period.map(|(_, period)| period);
-    finish(
-        Table {
-            chosen,
-            values,
-            printed,
-            first_line: None,
-            dropped: Vec::new(),
-        },
-        kind,
-        period,
-        file,
-        options,
-        notices,
-    )
+    Ok(Table {
+        chosen,
+        values,
+        printed: Printed::significant(digits),
+        first_line: None,
+        dropped: Vec::new(),
+    })
 }
 
 /// The sample period, seconds, where a number has a name that says so.

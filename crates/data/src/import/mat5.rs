@@ -14,8 +14,6 @@ use std::io::{self, Read};
 
 use flate2::read::ZlibDecoder;
 
-use crate::error::DataError;
-
 /// The most numbers that are read from a file: half a gigabyte as f64.
 pub(crate) const MOST_NUMBERS: u64 = 1 << 26;
 
@@ -27,47 +25,6 @@ const DEEPEST: usize = 8;
 
 /// Bytes of the file's head.
 const HEAD: usize = 128;
-
-/// A kind of MATLAB file, by its first bytes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum MatKind {
-    /// Version 5 to 7: read.
-    V5,
-    /// Version 7.3, or any other HDF5 file.
-    Hdf5,
-    /// MATLAB says so in the head, but the version is another.
-    Other,
-}
-
-/// The kind of MATLAB file, if it is one.
-pub(crate) fn kind(head: &[u8]) -> Option<MatKind> {
-    const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
-    if head.starts_with(HDF5) || head.get(512..520) == Some(HDF5) {
-        return Some(MatKind::Hdf5);
-    }
-    match head.get(124..128) {
-        Some([0x00, 0x01, b'I', b'M'] | [0x01, 0x00, b'M', b'I']) => Some(MatKind::V5),
-        Some([0x00, 0x02, b'I', b'M'] | [0x02, 0x00, b'M', b'I']) => Some(MatKind::Hdf5),
-        _ if head.starts_with(b"MATLAB ") && head.contains(&0) => Some(MatKind::Other),
-        _ => None,
-    }
-}
-
-impl MatKind {
-    /// Refuses kinds that cannot be read, with the way to one that can.
-    pub(crate) fn refuse_others(self, file: &str) -> Result<(), DataError> {
-        let found = match self {
-            MatKind::V5 => return Ok(()),
-            MatKind::Hdf5 => "this is HDF5, as MATLAB's version 7.3",
-            MatKind::Other => "this is a MATLAB file of a version that is not known",
-        };
-        Err(DataError::Format {
-            file: file.to_owned(),
-            found: found.into(),
-            what_to_do: "versions 5 to 7 are read: in MATLAB, load it and say `save('file.mat','-v7')`".into(),
-        })
-    }
-}
 
 /// A numeric array.
 #[derive(Debug, Clone, PartialEq)]
@@ -204,6 +161,19 @@ fn number32(bytes: &[u8], big_endian: bool) -> u32 {
     }
 }
 
+/// What a variable is that is left out; complex if it is numeric.
+fn name_of_class(class: u32) -> Result<&'static str, Fault> {
+    Ok(match class {
+        1 => "a cell array",
+        STRUCT_CLASS => "a structure array",
+        3 | 16..=18 => "an object",
+        4 => "text",
+        5 => "a sparse array",
+        class if NUMERIC_CLASSES.contains(&class) => "complex",
+        _ => return broken(format!("a variable of class {class}")),
+    })
+}
+
 /// The elements in an array's element.
 struct Elements<'a> {
     source: &'a mut dyn Read,
@@ -309,16 +279,8 @@ impl<'a> Elements<'a> {
         }
         let flags = number32(&flags, self.big_endian);
         let (class, complex) = (flags & 0xff, flags & 0x0800 != 0);
-        let name_of_class = match class {
-            1 => "a cell array",
-            STRUCT_CLASS => "a structure array",
-            3 | 16..=18 => "an object",
-            4 => "text",
-            5 => "a sparse array",
-            class if NUMERIC_CLASSES.contains(&class) => "complex",
-            _ => return broken(format!("a variable of class {class}")),
-        };
-        if class > 15 {
+        let name_of_class = name_of_class(class)?;
+        if class > *NUMERIC_CLASSES.end() {
             let which = if outer.is_empty() { "a variable" } else { outer };
             contents.skipped.push(format!("{which}: {name_of_class}"));
             return Ok(());

@@ -113,7 +113,7 @@ pub fn import_from(
         .read_to_end(&mut head)
         .map_err(DataError::io(file, "read it"))?;
     let complete = (head.len() as u64) < HEAD;
-    if let Some(kind) = mat5::kind(&head) {
+    if let Some(kind) = mat::kind(&head) {
         kind.refuse_others(file)?;
         return mat::import(io::Cursor::new(head).chain(source), file, options, progress);
     }
@@ -144,20 +144,7 @@ pub fn import_from(
     }
     let whole = Decoded::new(io::Cursor::new(head).chain(source), encoding);
     let table = table::read(whole, file, &dialect, encoding, chosen, options.missing, progress)?;
-    let kind = if is_gcs {
-        Kind::Gcs {
-            first_sample_line: dialect.first_sample,
-        }
-    } else {
-        Kind::Text {
-            encoding,
-            separator: dialect.separator,
-            decimal: dialect.decimal,
-            header_line: dialect.header_line,
-            units_line: dialect.units_line,
-            first_sample_line: dialect.first_sample,
-        }
-    };
+    let kind = dialect.kind(encoding, is_gcs);
     finish(table, kind, dialect.period_s, file, options, notices)
 }
 
@@ -230,17 +217,7 @@ fn finish(
             least: 2,
         });
     }
-    for column in table
-        .chosen
-        .iter()
-        .filter(|column| !column.unit.is_base() && column.quantity != Quantity::Time)
-    {
-        let (from, to) = (column.unit.symbol, column.quantity.base_unit().symbol);
-        notices.push(format!(
-            "{} `{}`: converted from {from} to {to}",
-            column.quantity, column.name
-        ));
-    }
+    notices.extend(conversions(&table));
     let count = stretches.len();
     let mut records = Vec::with_capacity(count);
     for (part, stretch) in stretches.iter().enumerate() {
@@ -256,23 +233,38 @@ fn finish(
         }
         records.push(record);
     }
-    let read = |column: &columns::Chosen| ReadColumn {
+    let preview = Preview {
+        file: file.to_owned(),
+        kind,
+        columns: table.chosen.iter().map(read_column).collect(),
+        rates_hz: records.iter().map(|record| 1.0 / record.period_s).collect(),
+        samples: records.iter().map(Record::len).collect(),
+        notices,
+    };
+    Ok(Imported { records, preview })
+}
+
+/// What is said of the units that were converted.
+fn conversions(table: &Table) -> impl Iterator<Item = String> {
+    let converted = table
+        .chosen
+        .iter()
+        .filter(|column| !column.unit.is_base() && column.quantity != Quantity::Time);
+    converted.map(|column| {
+        let (from, to) = (column.unit.symbol, column.quantity.base_unit().symbol);
+        format!("{} `{}`: converted from {from} to {to}", column.quantity, column.name)
+    })
+}
+
+fn read_column(column: &columns::Chosen) -> ReadColumn {
+    ReadColumn {
         quantity: column.quantity,
         number: column.index + 1,
         name: column.name.clone(),
         unit: column.unit,
         factor: column.factor,
         told: column.told,
-    };
-    let preview = Preview {
-        file: file.to_owned(),
-        kind,
-        columns: table.chosen.iter().map(read).collect(),
-        rates_hz: records.iter().map(|record| 1.0 / record.period_s).collect(),
-        samples: records.iter().map(Record::len).collect(),
-        notices,
-    };
-    Ok(Imported { records, preview })
+    }
 }
 
 /// The name of a record's CSV: that of the file, with the number of the part.

@@ -191,19 +191,14 @@ impl FromStr for ColumnChoice {
             },
             None => (rest, 1.0),
         };
-        let (column, unit) = match rest.rsplit_once(':') {
-            Some((column, symbol)) => match spelling::unit(quantity, symbol) {
-                Some(unit) => (column, Some(unit)),
-                None => {
-                    let known = spelling::known_units(quantity);
-                    return refuse(
-                        format!(": `{}` is no unit of {quantity}", symbol.trim()),
-                        format!("known are {known}"),
-                    );
-                }
-            },
-            None => (rest, None),
-        };
+        let (column, symbol) = rest
+            .rsplit_once(':')
+            .map_or((rest, None), |(column, symbol)| (column, Some(symbol)));
+        let unit = symbol.and_then(|symbol| spelling::unit(quantity, symbol));
+        if let (Some(symbol), None) = (symbol, unit) {
+            let found = format!(": `{}` is no unit of {quantity}", symbol.trim());
+            return refuse(found, format!("known are {}", spelling::known_units(quantity)));
+        }
         let source = match (column.trim(), column.trim().parse::<usize>()) {
             ("", _) => Source::Find,
             (_, Ok(0)) => return refuse(": there is no column 0".into(), "columns count from 1".into()),

@@ -71,9 +71,11 @@ pub struct ReadColumn {
     pub told: bool,
 }
 
-impl fmt::Display for Preview {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let noun = match &self.kind {
+impl Preview {
+    /// Writes what kind of file it is; gives what its columns are called.
+    fn fmt_kind(&self, out: &mut fmt::Formatter<'_>) -> Result<&'static str, fmt::Error> {
+        let file = &self.file;
+        match &self.kind {
             Kind::Text {
                 encoding,
                 separator,
@@ -85,23 +87,17 @@ impl fmt::Display for Preview {
                 let sign = if *decimal == Decimal::Comma { ',' } else { '.' };
                 let names = header_line.map_or("no names".to_owned(), |line| format!("names in line {line}"));
                 let units = units_line.map_or(String::new(), |line| format!(", units in line {line}"));
+                let (encoding, separator) = (encoding.name(), separator.name());
                 writeln!(
                     out,
-                    "{}: table, {}, separator {}, decimal sign `{sign}`",
-                    self.file,
-                    encoding.name(),
-                    separator.name()
+                    "{file}: table, {encoding}, separator {separator}, decimal sign `{sign}`"
                 )?;
                 writeln!(out, "  {names}{units}, samples from line {first_sample_line}")?;
-                "column"
+                Ok("column")
             }
             Kind::Gcs { first_sample_line } => {
-                writeln!(
-                    out,
-                    "{}: PI GCS array, samples from line {first_sample_line}",
-                    self.file
-                )?;
-                "column"
+                writeln!(out, "{file}: PI GCS array, samples from line {first_sample_line}")?;
+                Ok("column")
             }
             Kind::Mat { variables } => {
                 let sizes = |size: &[usize]| size.iter().map(usize::to_string).collect::<Vec<_>>().join("x");
@@ -109,10 +105,16 @@ impl fmt::Display for Preview {
                     .iter()
                     .map(|(name, size)| format!("{name} {}", sizes(size)))
                     .collect();
-                writeln!(out, "{}: MATLAB file: {}", self.file, listed.join(", "))?;
-                "variable"
+                writeln!(out, "{file}: MATLAB file: {}", listed.join(", "))?;
+                Ok("variable")
             }
-        };
+        }
+    }
+}
+
+impl fmt::Display for Preview {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let noun = self.fmt_kind(out)?;
         for column in &self.columns {
             let factor = if column.factor == 1.0 {
                 String::new()

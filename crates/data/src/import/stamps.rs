@@ -1,5 +1,6 @@
 //! Time stamps as recorders write them: repeated, jittering, with gaps; and the uniform clocks behind them.
 
+use std::fmt;
 use std::ops::Range;
 
 use super::options::{Gaps, ImportOptions, Jitter};
@@ -60,6 +61,9 @@ pub(crate) fn stretches(
             resample: false,
         }]);
     }
+    if table.rows() < 2 {
+        return Ok(Vec::new());
+    }
     let stamps = Stamps { table, column, file };
     let breaks = stamps.breaks()?;
     if options.gaps == Gaps::Refuse
@@ -95,9 +99,9 @@ fn repeats(
     let repeated: Vec<usize> = (1..stamps.len())
         .filter(|&row| stamps[row] == stamps[row - 1])
         .collect();
-    let Some(&first) = repeated.first() else {
+    if repeated.is_empty() {
         return Ok(None);
-    };
+    }
     let copies = repeated
         .iter()
         .filter(|&&row| table.values.iter().all(|values| values[row] == values[row - 1]))
@@ -127,17 +131,21 @@ fn repeats(
     if options.jitter == Jitter::Clock {
         return Ok(None);
     }
+    Err(repeated_stamp(table, column, file, &repeated, copies))
+}
+
+fn repeated_stamp(table: &Table, column: usize, file: &str, repeated: &[usize], copies: usize) -> DataError {
     let twice = if copies == repeated.len() {
         ", and so do the values"
     } else {
         ""
     };
-    Err(DataError::Clock {
-        at: table.place(file, first, column),
+    DataError::Clock {
+        at: table.place(file, repeated[0], column),
         found: format!(
             "time {:?} {} repeats the stamp before it{twice}; {} of {} stamps do",
-            table.values[column][first],
-            unit.symbol,
+            table.values[column][repeated[0]],
+            table.chosen[column].unit.symbol,
             repeated.len(),
             table.rows()
         ),
@@ -145,7 +153,7 @@ fn repeats(
             "if the samples were taken uniformly give the rate with `--rate HZ` or say `--jitter clock`; if rows \
                      were written twice, delete one of them"
                 .into(),
-    })
+    }
 }
 
 /// The clock of stamps that are rounded to a unit longer than its period: each stamp less its time on that clock lies
@@ -289,27 +297,15 @@ impl Stamps<'_> {
             });
         }
         let line = fit(stamps);
-        let off = |row: usize| (stamps[row] - line.start - row as f64 * line.period).abs();
-        let worst = (0..stamps.len())
-            .max_by(|&a, &b| off(a).total_cmp(&off(b)))
-            .unwrap_or(0);
-        let largest = off(worst) / line.period;
-        let rms = (0..stamps.len())
-            .map(|row| (off(row) / line.period).powi(2))
-            .sum::<f64>()
-            / stamps.len() as f64;
-        let size = format!(
-            "{:.1} % of a sample period at most, {:.1} % rms",
-            100.0 * largest,
-            100.0 * rms.sqrt()
-        );
+        let jitter = JitterSize::of(stamps, line);
         let symbol = self.symbol();
         // a valid clock has a positive, finite period: NaN fails this as well
-        let usable = line.period > 0.0 && line.period.is_finite() && line.start.is_finite() && largest.is_finite();
-        if usable && (largest <= SMALL_JITTER || options.jitter == Jitter::Clock) {
+        let usable =
+            line.period > 0.0 && line.period.is_finite() && line.start.is_finite() && jitter.largest.is_finite();
+        if usable && (jitter.largest <= SMALL_JITTER || options.jitter == Jitter::Clock) {
+            let period = brief(line.period);
             notices.push(format!(
-                "time stamps jitter ({size}): put on the clock that fits best, {} {symbol} a sample",
-                brief(line.period)
+                "time stamps jitter ({jitter}): put on the clock that fits best, {period} {symbol} a sample"
             ));
             return Ok(Stretch {
                 rows,
@@ -318,9 +314,9 @@ impl Stamps<'_> {
             });
         }
         if usable && options.jitter == Jitter::Interpolate && stamps.windows(2).all(|pair| pair[1] > pair[0]) {
+            let period = brief(line.period);
             notices.push(format!(
-                "time stamps jitter ({size}): samples interpolated to {} {symbol} a sample",
-                brief(line.period)
+                "time stamps jitter ({jitter}): samples interpolated to {period} {symbol} a sample"
             ));
             return Ok(Stretch {
                 clock: Clock {
@@ -332,13 +328,45 @@ impl Stamps<'_> {
             });
         }
         Err(DataError::Clock {
-            at: self.table.place(self.file, rows.start + worst, self.column),
-            found: format!("the time stamps jitter by {size}, most at {:?} {symbol}", stamps[worst]),
+            at: self.table.place(self.file, rows.start + jitter.worst, self.column),
+            found: format!(
+                "the time stamps jitter by {jitter}, most at {:?} {symbol}",
+                stamps[jitter.worst]
+            ),
             what_to_do:
                 "say `--jitter clock` if the samples were taken uniformly and only the stamps are late, `--jitter \
                          interpolate` if they were taken when the stamps say, or give the rate with `--rate HZ`"
                     .into(),
         })
+    }
+}
+
+/// How far stamps are off a clock, in periods.
+struct JitterSize {
+    worst: usize,
+    largest: f64,
+    rms: f64,
+}
+
+impl JitterSize {
+    fn of(stamps: &[f64], clock: Clock) -> JitterSize {
+        let off = |row: usize| ((stamps[row] - clock.start - row as f64 * clock.period) / clock.period).abs();
+        let worst = (0..stamps.len())
+            .max_by(|&a, &b| off(a).total_cmp(&off(b)))
+            .unwrap_or(0);
+        let mean_square = (0..stamps.len()).map(|row| off(row).powi(2)).sum::<f64>() / stamps.len() as f64;
+        JitterSize {
+            worst,
+            largest: off(worst),
+            rms: mean_square.sqrt(),
+        }
+    }
+}
+
+impl fmt::Display for JitterSize {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (largest, rms) = (100.0 * self.largest, 100.0 * self.rms);
+        write!(out, "{largest:.1} % of a sample period at most, {rms:.1} % rms")
     }
 }
 
