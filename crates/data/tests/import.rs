@@ -279,7 +279,7 @@ fn refuse_choices_that_cannot_be() {
 
 #[test]
 fn refuse_cells_and_rows_with_their_place() {
-    const DECIMAL: &str = "allowed is a number with `.` as decimal sign; `--decimal ,` reads commas";
+    const DECIMAL: &str = "allowed is a number with `.` as decimal sign; `--decimal comma` reads commas";
     const MISSING: &str = "samples must not be missing; `--missing trim` leaves out such lines at both ends, `--missing \
                            interpolate` also closes single gaps";
     let head = "t [s];u [V];y [um]\n0;1;2.5\n1;2;3\n2;3;4\n";
@@ -315,6 +315,14 @@ fn refuse_cells_and_rows_with_their_place() {
         refuse(&format!("{head}{rows}"), &ImportOptions::default(), &expect);
     }
     refuse(
+        "Time;u [V];y [um]\n12:00:01;1.5;2\n12:00:02;1;2\n12:00:03;1;2\n",
+        &ImportOptions::default(),
+        &format!(
+            "run.csv, line 2, column 1 (Time): found `12:00:01`; {DECIMAL}; for dates and times of day give the rate with \
+             `--rate HZ`"
+        ),
+    );
+    refuse(
         "t [s];u [V];y [um]\n0;1;2\n",
         &ImportOptions::default(),
         "run.csv: 1 sample(s); a record needs at least 2",
@@ -349,7 +357,7 @@ fn refuse_commas_that_mean_two_things() {
     );
     let text = "0,001,1,5\n0,002,1,6\n0,003,1,7\n";
     let expect = "run.csv, line 1: `0,001,1,5` looks like decimal commas between separating commas; save the file with \
-                  `;` between columns, or say `--separator ,` if these are integers";
+                  `;` between columns, or say `--separator comma` if these are integers";
     refuse(text, &told(&["time=1:s", "voltage=2:V", "position=3:um"]), expect);
     // integers that the user vouches for
     let options = ImportOptions {

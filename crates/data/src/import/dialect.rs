@@ -344,7 +344,8 @@ fn refuse_decimal_commas(lines: &[Vec<u8>], rows: &Rows, file: &str) -> Result<(
         Some((index, line)) => Err(DataError::Ambiguous {
             at: Place::line(file, index as u64 + 1),
             found: format!("{line} looks like decimal commas between separating commas"),
-            what_to_do: "save the file with `;` between columns, or say `--separator ,` if these are integers".into(),
+            what_to_do: "save the file with `;` between columns, or say `--separator comma` if these are integers"
+                .into(),
         }),
         None => Ok(()),
     }
@@ -464,7 +465,7 @@ mod tests {
                 "0,001,1,5\n0,002,1,6\n",
                 format!(
                     "a.csv, line 1: `0,001,1,5` looks like decimal commas between separating commas; {SEMICOLON}, or \
-                     say `--separator ,` if these are integers"
+                     say `--separator comma` if these are integers"
                 ),
             ),
         ] {

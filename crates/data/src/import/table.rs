@@ -185,7 +185,13 @@ fn row(
         Some((index, found, cell)) => Err(DataError::Cell {
             at: Place::cell(file, number, index, &dialect.names[index]),
             found,
-            allowed: allowed(dialect, cell).to_owned(),
+            allowed: match slots[index].map(|slot| chosen[slot].quantity) {
+                Some(Quantity::Time) if cell == Cell::Text => format!(
+                    "{}; for dates and times of day give the rate with `--rate HZ`",
+                    allowed(dialect, cell)
+                ),
+                _ => allowed(dialect, cell).to_owned(),
+            },
         }),
     }
 }
@@ -196,8 +202,8 @@ fn allowed(dialect: &Dialect, cell: Cell) -> &'static str {
             "samples must not be missing; `--missing trim` leaves out such lines at both ends, `--missing interpolate` \
              also closes single gaps"
         }
-        (_, Decimal::Comma, _) => "allowed is a number with `,` as decimal sign; `--decimal .` reads points",
+        (_, Decimal::Comma, _) => "allowed is a number with `,` as decimal sign; `--decimal point` reads points",
         (_, Decimal::Point, Separator::Comma) => "allowed is a number with `.` as decimal sign",
-        (_, Decimal::Point, _) => "allowed is a number with `.` as decimal sign; `--decimal ,` reads commas",
+        (_, Decimal::Point, _) => "allowed is a number with `.` as decimal sign; `--decimal comma` reads commas",
     }
 }
