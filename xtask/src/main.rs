@@ -1,1 +1,125 @@
-fn main() {}
+//! `cargo xtask`: what CI does, as one command at home.
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "a tool of the command line")]
+
+use std::process::{Command, ExitCode, Stdio};
+
+const HELP: &str = "\
+usage: cargo xtask <command>
+
+  test    install what the tests need, then format check, lints, chip build and all tests; ends on a count
+  bench   print the figures of the README: cargo bench over the workspace
+  fuzz    run every fuzz target for SECONDS (default 60) with cargo-fuzz; needs the nightly toolchain
+
+Example:
+  cargo xtask test
+";
+
+/// The chip that the core is built for: Cortex-M4F and M7 with single-precision floating point.
+const CHIP: &str = "thumbv7em-none-eabihf";
+
+fn main() -> ExitCode {
+    let mut words = std::env::args().skip(1);
+    let done = match words.next().as_deref() {
+        Some("test") => test(),
+        Some("bench") => cargo(&["bench", "--workspace"]),
+        Some("fuzz") => fuzz(words.next().as_deref().unwrap_or("60")),
+        Some("help" | "--help" | "-h") => {
+            print!("{HELP}");
+            Ok(())
+        }
+        _ => {
+            eprint!("{HELP}");
+            return ExitCode::from(2);
+        }
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(reason) => {
+            eprintln!("cargo xtask: {reason}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn test() -> Result<(), String> {
+    install_target()?;
+    cargo(&["fmt", "--all", "--check"])?;
+    cargo(&["clippy", "--workspace", "--all-targets", "--locked", "--", "--deny", "warnings"])?;
+    cargo(&["build", "--package", "hysteron-core", "--target", CHIP, "--release", "--locked"])?;
+    count_tests(&["test", "--workspace", "--locked", "--no-fail-fast"])
+}
+
+/// Adds the chip's target, and says what to do where rustup cannot.
+fn install_target() -> Result<(), String> {
+    let installed = output("rustup", &["target", "list", "--installed"])
+        .map_err(|reason| format!("{reason}; install rustup, or the target {CHIP} by your distribution's packages"))?;
+    if installed.lines().any(|line| line.trim() == CHIP) {
+        return Ok(());
+    }
+    run("rustup", &["target", "add", CHIP])
+}
+
+/// Runs `cargo test`, shows its output as it comes, and closes on the sum of its counts.
+fn count_tests(arguments: &[&str]) -> Result<(), String> {
+    use std::io::BufRead;
+    let mut child = Command::new("cargo")
+        .args(arguments)
+        .stdout(Stdio::piped())
+        .spawn()
+        .map_err(|error| format!("cannot start cargo: {error}"))?;
+    let (mut passed, mut failed, mut ignored) = (0, 0, 0);
+    if let Some(lines) = child.stdout.take() {
+        for line in std::io::BufReader::new(lines).lines().map_while(Result::ok) {
+            println!("{line}");
+            if let Some(counts) = line.strip_prefix("test result: ") {
+                let count = |name: &str| -> u64 {
+                    let before = counts.split(name).next().unwrap_or_default();
+                    before.split_whitespace().next_back().and_then(|word| word.parse().ok()).unwrap_or(0)
+                };
+                passed += count(" passed");
+                failed += count(" failed");
+                ignored += count(" ignored");
+            }
+        }
+    }
+    let status = child.wait().map_err(|error| format!("cargo test: {error}"))?;
+    println!("\n{passed} passed, {failed} failed, {ignored} skipped");
+    if !status.success() || failed > 0 {
+        return Err(format!("tests failed ({status})"));
+    }
+    if passed == 0 { Err("no test ran".to_owned()) } else { Ok(()) }
+}
+
+fn fuzz(seconds: &str) -> Result<(), String> {
+    seconds.parse::<u32>().map_err(|_| format!("fuzz: `{seconds}` is no number of seconds"))?;
+    if output("cargo", &["+nightly", "fuzz", "--version"]).is_err() {
+        run("cargo", &["install", "--locked", "cargo-fuzz"])?;
+    }
+    let targets = output("cargo", &["+nightly", "fuzz", "list", "--fuzz-dir", "fuzz"])?;
+    for target in targets.lines() {
+        let limit = format!("-max_total_time={seconds}");
+        run("cargo", &["+nightly", "fuzz", "run", "--fuzz-dir", "fuzz", target, "--", &limit, "-rss_limit_mb=1024"])?;
+    }
+    Ok(())
+}
+
+fn cargo(arguments: &[&str]) -> Result<(), String> {
+    run("cargo", arguments)
+}
+
+fn run(program: &str, arguments: &[&str]) -> Result<(), String> {
+    println!("> {program} {}", arguments.join(" "));
+    let status =
+        Command::new(program).args(arguments).status().map_err(|error| format!("cannot start {program}: {error}"))?;
+    if status.success() { Ok(()) } else { Err(format!("{program} {}: {status}", arguments.join(" "))) }
+}
+
+fn output(program: &str, arguments: &[&str]) -> Result<String, String> {
+    let output =
+        Command::new(program).args(arguments).output().map_err(|error| format!("cannot start {program}: {error}"))?;
+    if output.status.success() {
+        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+    } else {
+        Err(format!("{program} {}: {}", arguments.join(" "), output.status))
+    }
+}

@@ -20,6 +20,7 @@ fn main() -> ExitCode {
         Err(refusal) => return exit::usage(&refusal),
     };
     let done = match args.command {
+        Command::Import(args) => commands::import::run(&args),
         Command::Fit(args) => commands::fit::run(&args),
         Command::Compare(args) => commands::compare::run(&args),
     };

@@ -25,6 +25,7 @@ impl core::fmt::Display for InitialState {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Periodic { samples } => write!(f, "periodic, {samples} samples"),
+            Self::Remanent { fraction } if *fraction == 0.0 => f.write_str("at rest from above"),
             Self::Remanent { fraction } => write!(f, "remanent {fraction:.3}"),
         }
     }

@@ -1,14 +1,36 @@
 //! `hysteron compare`.
 
-use crate::args::CompareArgs;
 use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
-use hysteron_data::Role;
+use clap::Args;
+use hysteron_data::{Dataset, Role};
 use hysteron_diagnose::{Comparison, NoiseSource, Pooled};
 use hysteron_identify::Model;
+use hysteron_report::{Context, comparison_page};
 use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+#[derive(Args)]
+#[command(after_help = "Example:\n  hysteron compare stage model.toml -o page.html\n  \
+    hysteron compare stage model.toml --json --fail-above 2.5    # in CI")]
+pub(crate) struct CompareArgs {
+    /// Dataset folder, or one CSV
+    pub data: PathBuf,
+    /// The model to compare with
+    pub model: PathBuf,
+    /// Exit with 1 if the pooled error (eq. 19) on validation records exceeds this percentage; on the records it was
+    /// fitted to where there are no others
+    #[arg(long, value_name = "PERCENT", value_parser = percent)]
+    pub fail_above: Option<f64>,
+    /// Write a page with pictures
+    #[arg(short, long, value_name = "PAGE.html")]
+    pub output: Option<PathBuf>,
+    /// Print the answer as JSON
+    #[arg(long)]
+    pub json: bool,
+}
 
 pub(crate) fn run(args: &CompareArgs) -> Result<Done, CliError> {
     let model = Model::read(&args.model)?;
@@ -16,12 +38,33 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Done, CliError> {
     let bar = progress::bar("comparing");
     let comparison = hysteron_diagnose::compare(&dataset, &model, &|share| progress::advance(&bar, share));
     bar.finish_and_clear();
+    if let Some(path) = &args.output {
+        output::write_file(path, &page(args, &dataset, &model, &comparison))?;
+    }
     if args.json {
         output::print_json(&comparison)?;
     } else {
         output::print(&text(&comparison))?;
     }
     judge(args.fail_above, &comparison)
+}
+
+/// The page with pictures.
+fn page(args: &CompareArgs, dataset: &Dataset, model: &Model, comparison: &Comparison) -> String {
+    let direction = model.direction.name();
+    let facts = [
+        ("data", format!("{} ({})", dataset.name, args.data.display())),
+        ("model", format!("{}, {} plays, {direction} ({})", model.family, model.thresholds.len(), args.model.display())),
+        ("fitted on", model.fitted_on.dataset.clone()),
+    ];
+    let command = format!(
+        "hysteron compare {} {} -o {}",
+        args.data.display(),
+        args.model.display(),
+        args.output.as_deref().unwrap_or(Path::new("page.html")).display()
+    );
+    let context = Context { facts: &facts, command: &command, version: env!("CARGO_PKG_VERSION") };
+    comparison_page(&format!("{} against {}", model.family, dataset.name), comparison, &context)
 }
 
 /// Whether the limit that was asked for holds.
@@ -99,5 +142,12 @@ fn source_in_words(source: NoiseSource) -> &'static str {
         NoiseSource::QuietRecord => "stretches at constant voltage",
         NoiseSource::PeriodScatter => "the scatter between periods",
         NoiseSource::HighPass => "the differences between neighbouring samples (an upper bound)",
+    }
+}
+
+fn percent(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err("a percentage of peak to peak, 0 or more, such as 2.5".to_owned()),
     }
 }

@@ -1,13 +1,85 @@
 //! `hysteron fit`.
 
-use crate::args::{DirectionName, FitArgs, MethodName, ModelName, ThresholdsName};
 use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
+use clap::{Args, ValueEnum};
 use hysteron_identify::objective::Weighting;
 use hysteron_identify::{Direction, Family, FitOptions, FitReport, Method, Model, Placement};
 use std::fmt::Write;
+use std::path::PathBuf;
+
+#[derive(Args)]
+#[command(after_help = "Example:\n  hysteron fit stage --model mrpi --plays 10 -o model.toml")]
+pub(crate) struct FitArgs {
+    /// Dataset folder, or one CSV
+    pub data: PathBuf,
+    /// The hysteresis model
+    #[arg(long, value_enum)]
+    pub model: ModelName,
+    /// Number of play operators, 1 to 64
+    #[arg(long, default_value_t = 10)]
+    pub plays: usize,
+    /// Where the thresholds of the plays stand
+    #[arg(long, value_enum, default_value_t = ThresholdsName::Data)]
+    pub thresholds: ThresholdsName,
+    /// forward: voltage to position; inverse: position to voltage, for feedforward
+    #[arg(long, value_enum, default_value_t = DirectionName::Forward)]
+    pub direction: DirectionName,
+    /// separable: least squares, deterministic; mpso: the paper's particle swarm with its weights (eqs 17, 18)
+    #[arg(long, value_enum, default_value_t = MethodName::Separable)]
+    pub method: MethodName,
+    /// Seed of the particle swarm
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Where to write the model
+    #[arg(short, long, default_value = "model.toml")]
+    pub output: PathBuf,
+    /// Print the answer as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ModelName {
+    /// Prandtl-Ishlinskii (eq. 5)
+    Pi,
+    /// Modified Prandtl-Ishlinskii (eq. 6)
+    Mpi,
+    /// Rate-dependent weights
+    Wrpi,
+    /// Modified rate-dependent Prandtl-Ishlinskii (eq. 10)
+    Mrpi,
+    /// A cubic of each play's output
+    PlayPolynomial,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DirectionName {
+    /// Voltage to position
+    Forward,
+    /// Position to voltage (eqs 12, 13)
+    Inverse,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MethodName {
+    /// Separable least squares
+    Separable,
+    /// Modified particle swarm
+    Mpso,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ThresholdsName {
+    /// Where the records exercise the plays
+    Data,
+    /// Evenly spaced from zero (eq. 16)
+    Eq16,
+    /// Logarithmic from half a percent of the range
+    Log,
+}
 
 pub(crate) fn run(args: &FitArgs) -> Result<Done, CliError> {
     let dataset = load::dataset(&args.data)?;

@@ -2,4 +2,5 @@
 
 pub(crate) mod compare;
 pub(crate) mod fit;
+pub(crate) mod import;
 pub(crate) mod load;
