@@ -36,6 +36,17 @@ pub enum IdentifyError {
         /// The family.
         family: &'static str,
     },
+    /// A model with another number of plays than the table it is to fill.
+    #[error("the model has {plays} plays, the control table has {wanted}; fit with --plays {wanted}")]
+    CorePlays {
+        /// Plays of the model.
+        plays: usize,
+        /// Plays of the table.
+        wanted: usize,
+    },
+    /// A model that the core refuses.
+    #[error("the model cannot run as a control table: {0}")]
+    Core(#[from] hysteron_core::error::ParamError),
     /// A model file that cannot be read.
     #[error("{file}: {reason}")]
     ModelFile {

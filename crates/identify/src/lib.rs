@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod columns;
+pub mod core_model;
 pub mod error;
 pub mod family;
 pub mod fit;
@@ -20,6 +21,7 @@ pub mod placement;
 mod separable;
 mod uncertainty;
 
+pub use core_model::CoreModel;
 pub use error::IdentifyError;
 pub use family::{Direction, Family};
 pub use fit::{FitOptions, FitReport, Method, fit};
