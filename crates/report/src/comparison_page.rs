@@ -48,11 +48,17 @@ pub fn comparison_page(title: &str, comparison: &Comparison, context: &Context<'
         .render()
 }
 
+/// A remark as a sentence; the first letter is left as it is where it begins a name, such as a file's.
 fn sentence_case(text: &str) -> String {
-    let mut characters = text.trim_end_matches('.').chars();
-    characters.next().map_or_else(String::new, |first| {
-        first.to_uppercase().collect::<String>() + characters.as_str() + "."
-    })
+    let text = text.trim_end_matches('.');
+    let first_word = text.split(' ').next().unwrap_or("");
+    let mut characters = text.chars();
+    match characters.next() {
+        Some(first) if first_word.chars().all(char::is_alphabetic) => {
+            format!("{}{}.", first.to_uppercase(), characters.as_str())
+        }
+        _ => format!("{text}."),
+    }
 }
 
 /// Key figures and notices.
@@ -296,7 +302,7 @@ fn share_figure(breakdown: &Breakdown, output_unit: &str) -> Option<Figure> {
         LegendEntry::new("share of the squared error", Ink::Residual, Swatch::Bar),
         LegendEntry::new(presence, Ink::Text, Swatch::Stroke),
     ];
-    let name = quantity_name(breakdown.by);
+    let name = quantity_name(breakdown);
     let picture = bars(&rows, &format!("share by {name}, %"), legend, 524)?;
     let unit = unit_text(output_unit);
     let (first, rms, mean) = (sentence_case(name), format!("rms, {unit}"), format!("Mean, {unit}"));

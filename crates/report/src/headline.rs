@@ -2,12 +2,15 @@
 
 use hysteron_diagnose::{Breakdown, Comparison, Pooled};
 
-use crate::number::{count, percent, plain, significant, unit_text};
+use crate::number::{count, edge, percent, significant, unit_text};
 
 /// Ratio to the noise floor up to which the error is noise and little else.
 const AT_NOISE: f64 = 1.2;
 /// Share of the squared error in one place, percent, that makes it worth naming.
 const MOST: f64 = 50.0;
+
+/// Ratio of a share of the error to the share of the samples from which a place stands out; as the findings judge it.
+const OUT_OF_PROPORTION: f64 = 2.0;
 
 /// The first sentences of a comparison: how far off the model is, and where; on validation records where there are any.
 pub(crate) fn headline(comparison: &Comparison) -> Vec<String> {
@@ -56,7 +59,7 @@ fn sentence(opening: &str, pooled: &Pooled, comparison: &Comparison) -> String {
         }
     }
     if let Some(place) = place(&comparison.r#where) {
-        text.push_str(&format!("; {place}"));
+        text.push_str(&format!("; over all records, {place}"));
     }
     text.push('.');
     text
@@ -67,7 +70,7 @@ fn place(breakdowns: &[Breakdown]) -> Option<String> {
     let (breakdown, bin) = breakdowns
         .iter()
         .flat_map(|breakdown| breakdown.bins.iter().map(move |bin| (breakdown, bin)))
-        .filter(|(_, bin)| bin.share_percent >= MOST && bin.share_percent >= 1.5 * bin.samples_percent)
+        .filter(|(_, bin)| bin.share_percent >= MOST && bin.share_percent > OUT_OF_PROPORTION * bin.samples_percent)
         .max_by(|a, b| {
             (a.1.share_percent - a.1.samples_percent).total_cmp(&(b.1.share_percent - b.1.samples_percent))
         })?;
@@ -79,24 +82,27 @@ fn place(breakdowns: &[Breakdown]) -> Option<String> {
         ));
     }
     let range = range(bin.from, bin.to, breakdown.unit);
-    Some(format!("{share} is at {} {range}", quantity_name(breakdown.by)))
+    Some(format!("{share} is at {} {range}", quantity_name(breakdown)))
 }
 
 /// A bin's range in words, with its unit.
 pub(crate) fn range(from: f64, to: f64, unit: &str) -> String {
     let unit = unit_text(unit);
+    let to_text = edge(to, to - from);
     if from == 0.0 {
-        format!("below {}\u{a0}{unit}", plain(to))
+        format!("below {to_text}\u{a0}{unit}")
     } else {
-        format!("{} to {}\u{a0}{unit}", plain(from), plain(to))
+        format!("{} to {to_text}\u{a0}{unit}", edge(from, to - from))
     }
 }
 
 /// The name of what an error is broken down by.
-pub(crate) fn quantity_name(by: &str) -> &str {
-    match by {
-        "time" => "time since start",
-        other => other,
+pub(crate) fn quantity_name(breakdown: &Breakdown) -> &'static str {
+    match (breakdown.by, breakdown.unit) {
+        ("time", _) => "time since start",
+        // The output of an inverse model.
+        ("position", "V") => "voltage",
+        (other, _) => other,
     }
 }
 
@@ -108,5 +114,25 @@ pub(crate) fn direction(from: f64, to: f64) -> &'static str {
         "rising"
     } else {
         "at rest"
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::range;
+
+    #[test]
+    fn golden_ranges_have_the_digits_their_width_needs() {
+        let rows = [
+            (0.0, 0.03, "Hz", "below 0.03\u{a0}Hz"),
+            (10_000.0, 30_000.0, "um/s", "10\u{202f}000 to 30\u{202f}000\u{a0}µm/s"),
+            (-3.95, -0.003_81, "um", "−4 to 0\u{a0}µm"),
+            (-0.003_81, 3.94, "um", "0 to 3.9\u{a0}µm"),
+            (1005.2, 1005.9, "um", "1005.2 to 1005.9\u{a0}µm"),
+            (3e-8, 1e-7, "s", "3×10⁻⁸ to 1×10⁻⁷\u{a0}s"),
+        ];
+        for (from, to, unit, expected) in rows {
+            assert_eq!(range(from, to, unit), expected);
+        }
     }
 }

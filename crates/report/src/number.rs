@@ -51,13 +51,21 @@ pub fn count(value: usize) -> String {
     grouped
 }
 
-/// A number with up to three significant digits, without zeros at its end: for edges and limits, which are often round.
-pub(crate) fn plain(value: f64) -> String {
-    let text = significant(value);
-    if text.contains('.') && !text.contains('×') {
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+/// An edge of a bin, with the digits that two significant digits of the bin's width need, and no zeros at its end.
+pub(crate) fn edge(value: f64, width: f64) -> String {
+    let digits = if width > 0.0 {
+        1 - width.log10().floor() as i32
     } else {
-        text
+        0
+    };
+    match digits {
+        ..=0 if value.abs() >= 1e4 => significant(value),
+        ..=0 => signed(&format!("{value:.0}")),
+        1..=6 => {
+            let text = format!("{:.*}", digits as usize, value);
+            signed(text.trim_end_matches('0').trim_end_matches('.'))
+        }
+        _ => significant(value).replace(".00×", "×"),
     }
 }
 

@@ -11,8 +11,10 @@ use crate::page::{Block, Figure};
 
 /// Records of each role that are shown in full.
 const IN_FULL: usize = 3;
+/// Bytes of pictures in full; records beyond are folded.
+const FULL_BYTES: usize = 600_000;
 /// Bytes of pictures of a page; records beyond are left to the table.
-const PICTURE_BYTES: usize = 1_000_000;
+const PICTURE_BYTES: usize = 900_000;
 
 /// All pictures of records, worst first: in full, then folded, within the page's budget.
 pub(crate) fn record_pictures(comparison: &Comparison) -> Vec<Block> {
@@ -29,14 +31,20 @@ pub(crate) fn record_pictures(comparison: &Comparison) -> Vec<Block> {
     }
     let mut blocks = Vec::new();
     let mut bytes = 0;
+    let mut next_worst = Vec::new();
     for record in in_full {
         let block = full(comparison, record);
-        bytes += picture_bytes(&block);
-        blocks.push(block);
+        let size = picture_bytes(&block);
+        if bytes + size > FULL_BYTES {
+            next_worst.push(record);
+        } else {
+            bytes += size;
+            blocks.push(block);
+        }
     }
     let mut shown = Vec::new();
     let mut left_out = 0;
-    for record in folded {
+    for record in next_worst.into_iter().chain(folded) {
         let block = small(comparison, record);
         let size = picture_bytes(&block);
         if bytes + size > PICTURE_BYTES {
@@ -95,12 +103,17 @@ fn overlay_data<'a>(
     }
 }
 
-fn loop_data<'a>(comparison: &'a Comparison, record: &'a RecordComparison) -> LoopData<'a> {
+fn loop_data<'a>(
+    comparison: &'a Comparison,
+    record: &'a RecordComparison,
+    range: std::ops::Range<usize>,
+) -> LoopData<'a> {
+    let series = &record.series;
     let (output_name, input_name, input_unit) = names(comparison.output_unit);
     LoopData {
-        input: &record.series.input,
-        measured: &record.series.measured,
-        modelled: &record.series.modelled,
+        input: series.input.get(range.clone()).unwrap_or(&[]),
+        measured: series.measured.get(range.clone()).unwrap_or(&[]),
+        modelled: series.modelled.get(range).unwrap_or(&[]),
         input_name,
         input_unit,
         output_name,
@@ -153,36 +166,22 @@ pub(crate) fn role(role: Role) -> &'static str {
 }
 
 fn full(comparison: &Comparison, record: &RecordComparison) -> Block {
-    let whole = 0..record.series.time_s.len();
-    let mut left = Vec::new();
-    let size = Size {
-        width: 700,
-        height: 390,
-    };
-    if let Some(picture) = overlay(&overlay_data(comparison, record, whole), size) {
-        left.push(Block::Figure(Figure::new(picture, "The whole record.")));
+    let whole = (0..record.series.time_s.len(), "The whole record.", 390);
+    let part = worst_part(record).map(|range| (range, "Around the largest error.", 330));
+    let (mut left, mut right) = (Vec::new(), Vec::new());
+    for (range, caption, height) in std::iter::once(whole).chain(part) {
+        let size = Size { width: 700, height };
+        let picture = overlay(&overlay_data(comparison, record, range.clone()), size);
+        left.extend(picture.map(|picture| Block::Figure(Figure::new(picture, caption))));
+        // As high as the overlay beside it.
+        let size = Size { width: 336, height };
+        let picture = loop_plot(&loop_data(comparison, record, range), size);
+        right.extend(picture.map(|picture| Block::Figure(Figure::new(picture, caption))));
     }
-    if let Some(range) = worst_part(record) {
-        let size = Size {
-            width: 700,
-            height: 330,
-        };
-        if let Some(picture) = overlay(&overlay_data(comparison, record, range), size) {
-            left.push(Block::Figure(Figure::new(picture, "Around the largest error.")));
-        }
-    }
-    let mut right = Vec::new();
-    if let Some(picture) = loop_plot(
-        &loop_data(comparison, record),
-        Size {
-            width: 344,
-            height: 344,
-        },
-    ) {
-        right.push(Block::Figure(Figure::new(picture, "Output against input.")));
-    }
-    right.push(Block::Facts(facts(comparison, record)));
-    Block::Group(record.file.clone(), vec![Block::Columns(left, right)])
+    Block::Group(
+        record.file.clone(),
+        vec![Block::Facts(facts(comparison, record)), Block::Columns(left, right)],
+    )
 }
 
 fn small(comparison: &Comparison, record: &RecordComparison) -> Block {
@@ -195,10 +194,11 @@ fn small(comparison: &Comparison, record: &RecordComparison) -> Block {
         None => (0..record.series.time_s.len(), "The whole record."),
     };
     let mut figures = Vec::new();
-    figures
-        .extend(overlay(&overlay_data(comparison, record, range), size).map(|picture| Figure::new(picture, caption)));
-    let picture = loop_plot(&loop_data(comparison, record), size);
-    figures.extend(picture.map(|picture| Figure::new(picture, "Output against input, the whole record.")));
+    figures.extend(
+        overlay(&overlay_data(comparison, record, range.clone()), size).map(|picture| Figure::new(picture, caption)),
+    );
+    let picture = loop_plot(&loop_data(comparison, record, range), size);
+    figures.extend(picture.map(|picture| Figure::new(picture, caption)));
     let heading = match record.nrmse_percent {
         Some(percent) => format!("{} ({}, {})", record.file, role(record.role), percent_text(percent)),
         None => format!("{} ({}, does not move)", record.file, role(record.role)),

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use crate::number::{significant, unit_text};
+use crate::number::{signed, significant, unit_text};
 
 /// Characters up to which a text stays on one line.
 const SHORT: usize = 28;
@@ -117,20 +117,32 @@ pub fn paper_table(caption: impl Into<String>, figures: &[PaperFigure]) -> Table
     }
     let mut table = Table::new(caption, &columns);
     for figure in figures {
+        // The paper's figure as the paper writes it; ours and the difference never with fewer decimals than that.
+        let decimals = figure.paper.map_or(0, |paper| decimals(&paper.to_string()));
         let difference = figure.paper.zip(figure.ours).map(|(paper, ours)| {
-            let difference = significant(ours - paper);
+            let decimals = decimals.max(self::decimals(&significant(ours)));
+            let difference = signed(&format!("{:.decimals$}", ours - paper));
             if ours > paper {
                 format!("+{difference}")
             } else {
                 difference
             }
         });
+        let ours = figure.ours.map(|ours| {
+            let text = significant(ours);
+            if text.contains('×') || self::decimals(&text) >= decimals {
+                text
+            } else {
+                signed(&format!("{ours:.decimals$}"))
+            }
+        });
+        let or_dash = |text: Option<String>| Cell::Number(text.unwrap_or_else(|| "–".to_owned()));
         let mut row = vec![
             Cell::text(&figure.what),
             Cell::text(unit_text(&figure.unit)),
-            Cell::number(figure.paper),
-            Cell::number(figure.ours),
-            Cell::Number(difference.unwrap_or_else(|| "–".to_owned())),
+            or_dash(figure.paper.map(|paper| signed(&paper.to_string()))),
+            or_dash(ours),
+            or_dash(difference),
         ];
         if remarks {
             row.push(Cell::text(&figure.remark));
@@ -138,4 +150,11 @@ pub fn paper_table(caption: impl Into<String>, figures: &[PaperFigure]) -> Table
         table = table.row(row);
     }
     table
+}
+
+/// Digits after the point.
+fn decimals(number: &str) -> usize {
+    number
+        .split_once('.')
+        .map_or(0, |(_, digits)| digits.chars().take_while(char::is_ascii_digit).count())
 }

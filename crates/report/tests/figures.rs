@@ -198,6 +198,13 @@ fn golden_paper_s_figures_beside_ours() {
             ours: Some(2280.0),
             ..PaperFigure::default()
         },
+        PaperFigure {
+            what: "loop opening".to_owned(),
+            unit: "%".to_owned(),
+            paper: Some(16.44),
+            ours: Some(16.4),
+            ..PaperFigure::default()
+        },
     ];
     let section = Section::new("Figures").with(hysteron_report::Block::Table(paper_table("Paper and ours", &figures)));
     let page = Page::new("Paper", "0.1.0").section(section).render();
@@ -210,12 +217,13 @@ fn golden_paper_s_figures_beside_ours() {
             [
                 "open-loop rms error, MRPI, 500 Hz",
                 "%",
-                "1.60",
+                "1.6",
                 "2.05",
-                "+0.450",
+                "+0.45",
                 "other stage"
             ],
             ["bandwidth", "Hz", "–", "2280", "–", ""],
+            ["loop opening", "%", "16.44", "16.40", "−0.04", ""],
         ]
         .concat()
     );

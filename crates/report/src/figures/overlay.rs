@@ -28,6 +28,8 @@ pub struct OverlayData<'a> {
 
 /// Height for one tick of a vertical axis, pixels: two lines of text.
 const TICK_PX: f64 = 30.0;
+/// Height of the noise band from which its edges are told apart, pixels.
+const EDGES_PX: f64 = 4.0;
 /// Share of the height that the upper panel takes.
 const UPPER_SHARE: f64 = 0.57;
 
@@ -82,6 +84,18 @@ pub fn overlay(data: &OverlayData<'_>, size: Size) -> Option<Picture> {
         });
     }
     lower.push(line(&residual, *residual_factor, Ink::Residual, 1.25));
+    // A dense residual hides the band: its edges again on top, where they are two lines and not one.
+    let residual_px = (1.0 - UPPER_SHARE) * f64::from(size.height) - TOP_PX - BELOW_PX;
+    if 2.0 * noise / (scales.residual.high - scales.residual.low) * residual_px > EDGES_PX {
+        for edge in [-noise, noise] {
+            let points = vec![(scales.time.low, edge), (scales.time.high, edge)];
+            lower.push(Mark::Line {
+                points,
+                ink: Ink::Text,
+                width_px: 0.75,
+            });
+        }
+    }
 
     let description = format!(
         "{}: measured and modelled {} over time; below, measured minus modelled, between {} and {} {residual_unit}.",
