@@ -1,0 +1,27 @@
+//! What can go wrong when a loop is built or run.
+
+use hysteron_core::error::ParamError;
+use hysteron_identify::IdentifyError;
+use hysteron_plant::StageError;
+
+/// An error of a tracking run.
+#[derive(Debug, thiserror::Error)]
+pub enum TrackingError {
+    /// The simulated stage refuses its configuration or its command.
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    /// A model that cannot be fitted or run.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    /// A control law that the core refuses.
+    #[error("the control law cannot be built: {0}")]
+    Control(#[from] ParamError),
+    /// A reference that is not finite.
+    #[error("reference_um[{index}] = {value} is not finite; give micrometres")]
+    Reference {
+        /// The sample.
+        index: usize,
+        /// What was given.
+        value: f64,
+    },
+}

@@ -1,0 +1,159 @@
+//! The paper's section 4 on one simulated stage: identification, open loop, closed loop, bandwidth.
+
+mod feedback;
+mod modelling;
+mod tracking;
+
+use crate::error::TrackingError;
+use crate::experiment::{common_range_um, sines};
+use crate::run::Tracked;
+use hysteron_data::Dataset;
+use hysteron_identify::objective::measured_opening;
+use hysteron_identify::{Family, FitOptions, FitReport, fit, loop_opening};
+use hysteron_plant::opening::loop_opening as mid_stroke_opening;
+use hysteron_plant::{StageConfig, StageError};
+
+pub use feedback::{PUBLISHED_PI_HZ, PiReading, Reading, chosen_reading};
+pub use modelling::{ModellingError, SwarmRace};
+pub use tracking::{Bandwidth, COMPLEX_HARMONIC_HZ, ControllerName, History, NOISE_BAND_HZ, NOISE_SHARE, TRACKED_HZ, TrackingFigure, find};
+
+/// Frequencies of identification, hertz (section 4.2).
+pub const IDENTIFIED_HZ: [f64; 3] = [10.0, 100.0, 500.0];
+/// The sine's highest voltage, volts: "fixed amplitude (26 V)".
+pub const HIGH_V: f64 = 26.0;
+/// Length of each record, seconds: two periods of the slowest sine. Eq. 17 counts samples, so equal lengths let every
+/// frequency count alike before eq. 18 weighs it.
+pub const RECORD_S: f64 = 0.2;
+/// The inverses compared.
+pub const FAMILIES: [Family; 3] = [Family::Mpi, Family::Wrpi, Family::Mrpi];
+
+/// Everything the paper measured, on one stage.
+#[derive(Debug, Clone)]
+pub struct Study {
+    /// Name of the preset.
+    pub preset: &'static str,
+    /// The stage.
+    pub stage: StageConfig,
+    /// The three sines.
+    pub records: Dataset,
+    /// Loop openings at mid stroke, percent: what the presets are calibrated to.
+    pub openings_percent: [f64; 3],
+    /// Loop openings where the loop is widest, percent: what eq. 18 takes here.
+    pub widest_percent: [f64; 3],
+    /// Weights of eq. 18.
+    pub weights: [f64; 3],
+    /// Range of all trajectories: what every record reaches, micrometres.
+    pub range_um: [f64; 2],
+    /// Inverses by separable least squares, in the order of [`FAMILIES`].
+    pub inverses: Vec<FitReport>,
+    /// MRPI by both methods.
+    pub race: SwarmRace,
+    /// How far the inverse MRPI is off on the records it was fitted to.
+    pub modelling: ModellingError,
+    /// Open loop: each family at each frequency, and the complex harmonic.
+    pub open_loop: Vec<TrackingFigure>,
+    /// Open loop at 500 Hz with inverses fitted to as many periods of each sine instead of as many samples.
+    pub open_loop_equal_periods: Vec<TrackingFigure>,
+    /// Open loop at 500 Hz, MRPI, one sample of computing more than in the records.
+    pub open_loop_one_sample_late: Option<TrackingFigure>,
+    /// PI control under each reading of the gains' units.
+    pub readings: Vec<PiReading>,
+    /// The reading used: an index into `readings`.
+    pub reading: usize,
+    /// Closed loop: each controller at each frequency, and the complex harmonic.
+    pub closed_loop: Vec<TrackingFigure>,
+    /// Bandwidth of each controller.
+    pub bandwidths: Vec<Bandwidth>,
+    /// Runs to draw: 500 Hz in open and closed loop.
+    pub histories: Vec<History>,
+}
+
+/// Redoes the paper on one stage. `progress` is called with the share done, 0 to 1.
+///
+/// # Errors
+/// A stage that cannot be simulated, records that no model can be fitted to.
+///
+/// # Cost
+/// Most of it is the swarm's 80 000 evaluations of the objective over 30 000 samples.
+pub fn study(
+    preset: &'static str,
+    stage: &StageConfig,
+    seed: u64,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Study, TrackingError> {
+    let samples = (RECORD_S / stage.sample_period_s).round() as usize;
+    let records = sines(stage, &IDENTIFIED_HZ, HIGH_V, |_| samples, seed)?;
+    let range_um = common_range_um(&records).ok_or_else(|| StageError::Conflict {
+        what: format!("the stage reaches no position at all of {IDENTIFIED_HZ:?} Hz"),
+        advice: "give a stage that moves",
+    })?;
+    let inverses = fit_inverses(&records)?;
+    progress(0.03);
+    let race = modelling::race(&records, &inverses[2], seed, &|share| progress(0.03 + 0.57 * share))?;
+    let modelling = modelling::error(&records, &inverses[2].model);
+    let bench = tracking::Bench {
+        stage,
+        seed,
+        range_um,
+    };
+    let open_loop = bench.open_loop(&inverses)?;
+    progress(0.68);
+    let readings = feedback::readings(&bench)?;
+    progress(0.8);
+    let reading = chosen_reading(&readings);
+    let gains = readings[reading].gains;
+    let closed_loop = bench.closed_loop(&inverses, gains)?;
+    progress(0.88);
+    let bandwidths = bench.bandwidths(&inverses, gains)?;
+    progress(0.98);
+    let histories = bench.histories(&inverses, gains)?;
+    let widest_percent = by_record(&records, |record| measured_opening(record).unwrap_or(f64::NAN));
+    let weights = loop_opening::weights(&widest_percent.map(Some));
+    let study = Study {
+        preset,
+        stage: stage.clone(),
+        openings_percent: mid_stroke(&records)?,
+        widest_percent,
+        weights: core::array::from_fn(|i| weights[i]),
+        range_um,
+        race,
+        modelling,
+        open_loop,
+        open_loop_equal_periods: bench.equal_periods()?,
+        open_loop_one_sample_late: bench.one_sample_late(&inverses)?,
+        readings,
+        reading,
+        closed_loop,
+        bandwidths,
+        histories,
+        inverses,
+        records,
+    };
+    progress(1.0);
+    Ok(study)
+}
+
+/// The three inverses by the paper's objective.
+fn fit_inverses(records: &Dataset) -> Result<Vec<FitReport>, TrackingError> {
+    let fitted = FAMILIES.map(|family| fit(records, &FitOptions::paper(family), &|_| ()));
+    fitted.into_iter().map(|report| Ok(report?)).collect()
+}
+
+fn by_record(records: &Dataset, figure: impl Fn(&hysteron_data::Record) -> f64) -> [f64; 3] {
+    core::array::from_fn(|i| records.records.get(i).map_or(f64::NAN, &figure))
+}
+
+/// Loop openings at mid stroke, percent.
+fn mid_stroke(records: &Dataset) -> Result<[f64; 3], TrackingError> {
+    let mut openings = [f64::NAN; 3];
+    for (opening, record) in openings.iter_mut().zip(&records.records) {
+        *opening = 100.0 * mid_stroke_opening(&record.voltage_v, &record.position_um)?;
+    }
+    Ok(openings)
+}
+
+/// The last `periods` of a run, for a picture.
+fn last_periods(run: &Tracked, periods: f64, frequency_hz: f64, period_s: f64) -> Tracked {
+    let samples = (periods / frequency_hz / period_s).round() as usize + 1;
+    run.from(run.reference_um.len().saturating_sub(samples))
+}

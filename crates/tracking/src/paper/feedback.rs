@@ -1,0 +1,112 @@
+//! The gains K_p = 1 and K_i = 6000, whose units the paper does not state.
+
+use super::tracking::{Bandwidth, Bench, TrackingFigure, of};
+use crate::error::TrackingError;
+use crate::reference::Shape;
+use crate::run::PiGains;
+use hysteron_plant::StageConfig;
+use rayon::prelude::*;
+
+/// The paper's gains, the second per second.
+const GAINS: [f64; 2] = [1.0, 6000.0];
+
+/// The paper's bandwidth of the PI controller, hertz.
+pub const PUBLISHED_PI_HZ: f64 = 36.1;
+
+/// What the gains may be volts of, for each unit of position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reading {
+    /// Volts at the actuator for each volt of the sensor.
+    ActuatorVoltsPerSensorVolt,
+    /// Volts at the actuator for each micrometre.
+    ActuatorVoltsPerMicrometre,
+    /// Volts at the converter for each volt of the sensor.
+    ConverterVoltsPerSensorVolt,
+    /// Volts at the converter for each micrometre.
+    ConverterVoltsPerMicrometre,
+}
+
+impl Reading {
+    /// All of them, weakest loop first for the paper's amplifier (20) and sensor (2.5 um/V).
+    pub const ALL: [Self; 4] = [
+        Self::ActuatorVoltsPerSensorVolt,
+        Self::ActuatorVoltsPerMicrometre,
+        Self::ConverterVoltsPerSensorVolt,
+        Self::ConverterVoltsPerMicrometre,
+    ];
+
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::ActuatorVoltsPerSensorVolt => "actuator volts per sensor volt",
+            Self::ActuatorVoltsPerMicrometre => "actuator volts per micrometre",
+            Self::ConverterVoltsPerSensorVolt => "converter volts per sensor volt",
+            Self::ConverterVoltsPerMicrometre => "converter volts per micrometre",
+        }
+    }
+
+    /// The gains in actuator volts per micrometre.
+    pub fn gains(self, stage: &StageConfig) -> PiGains {
+        let (amplifier, um_per_v) = (stage.amplifier.gain, stage.sensor.um_per_v);
+        let factor = match self {
+            Self::ActuatorVoltsPerSensorVolt => 1.0 / um_per_v,
+            Self::ActuatorVoltsPerMicrometre => 1.0,
+            Self::ConverterVoltsPerSensorVolt => amplifier / um_per_v,
+            Self::ConverterVoltsPerMicrometre => amplifier,
+        };
+        PiGains {
+            proportional_v_per_um: factor * GAINS[0],
+            integral_v_per_um_s: factor * GAINS[1],
+        }
+    }
+}
+
+/// PI control under one reading of the gains' units.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PiReading {
+    /// The reading.
+    pub reading: Reading,
+    /// The gains under it.
+    pub gains: PiGains,
+    /// The response to noise.
+    pub bandwidth: Bandwidth,
+    /// The 500 Hz sine.
+    pub at_500_hz: Option<TrackingFigure>,
+}
+
+impl PiReading {
+    /// The bandwidth, if the loop holds it: a loop that swings from limit to limit has none.
+    pub fn bandwidth_hz(&self) -> Option<f64> {
+        let crossing = self.bandwidth.lag_30_deg?;
+        (self.bandwidth.limited == 0 && crossing.coherence > 0.5).then_some(crossing.frequency_hz)
+    }
+}
+
+pub(super) fn readings(bench: &Bench<'_>) -> Result<Vec<PiReading>, TrackingError> {
+    Reading::ALL
+        .par_iter()
+        .map(|&reading| {
+            let gains = reading.gains(bench.stage);
+            let named = of(None, Some(gains));
+            Ok(PiReading {
+                reading,
+                gains,
+                bandwidth: bench.bandwidth(&named)?,
+                at_500_hz: bench.figure(&named, Shape::Sine { frequency_hz: 500.0 })?,
+            })
+        })
+        .collect()
+}
+
+/// The reading whose bandwidth has the smallest ratio to the published 36.1 Hz, either way; the first where none has one.
+pub fn chosen_reading(readings: &[PiReading]) -> usize {
+    let distance = |reading: &PiReading| {
+        reading
+            .bandwidth_hz()
+            .map_or(f64::INFINITY, |hz| (hz / PUBLISHED_PI_HZ).ln().abs())
+    };
+    (0..readings.len())
+        .min_by(|&a, &b| distance(&readings[a]).total_cmp(&distance(&readings[b])))
+        .unwrap_or(0)
+}

@@ -1,0 +1,128 @@
+//! One run of the core's control law on the simulated stage.
+
+use crate::error::TrackingError;
+use crate::reference::Reference;
+use hysteron_core::control_law::ControlLaw;
+use hysteron_core::limiter::Limiter;
+use hysteron_core::pi_controller::PiController;
+use hysteron_identify::{CoreModel, Model};
+use hysteron_plant::{Stage, StageConfig};
+use std::collections::VecDeque;
+
+/// The control law of eq. 15 in micrometres and actuator volts, its inverse with N plays.
+pub type Law<const N: usize> = ControlLaw<f64, CoreModel<f64, N>>;
+
+/// Gains of the PI controller, eq. 14.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PiGains {
+    /// K_p, actuator volts per micrometre.
+    pub proportional_v_per_um: f64,
+    /// K_i, actuator volts per micrometre and second.
+    pub integral_v_per_um_s: f64,
+}
+
+/// Builds the control law for a stage: the command within the amplifier's range, not limited in slew.
+///
+/// # Errors
+/// An inverse with another number of plays than N, gains that are negative or not finite.
+pub fn law<const N: usize>(
+    stage: &StageConfig,
+    inverse: Option<&Model>,
+    gains: Option<PiGains>,
+) -> Result<Law<N>, TrackingError> {
+    let rate_hz = 1.0 / stage.sample_period_s;
+    let (low_v, high_v) = (stage.amplifier.min_v, stage.amplifier.max_v);
+    let feedforward = inverse
+        .map(|model| model.to_core(model.input_min, model.input_max, rate_hz))
+        .transpose()?;
+    let feedback = gains
+        .map(|gains| PiController::new(gains.proportional_v_per_um, gains.integral_v_per_um_s, rate_hz))
+        .transpose()?;
+    Ok(ControlLaw {
+        feedforward,
+        feedback,
+        // The whole range in one sample is no limit.
+        limiter: Limiter::new(low_v, high_v, (high_v - low_v) * rate_hz, rate_hz)?,
+    })
+}
+
+/// What a run leaves behind, one value a sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tracked {
+    /// Desired position, micrometres.
+    pub reference_um: Vec<f64>,
+    /// Sensor readings, micrometres.
+    pub measured_um: Vec<f64>,
+    /// Position of the platform itself, micrometres.
+    pub true_um: Vec<f64>,
+    /// Commands, volts at the actuator before the converter.
+    pub command_v: Vec<f64>,
+    /// Samples on which the command met a limit.
+    pub limited: usize,
+}
+
+impl Tracked {
+    /// The part from a sample on.
+    #[must_use]
+    pub fn from(&self, first: usize) -> Self {
+        let part = |values: &[f64]| values.get(first..).unwrap_or(&[]).to_vec();
+        Self {
+            reference_um: part(&self.reference_um),
+            measured_um: part(&self.measured_um),
+            true_um: part(&self.true_um),
+            command_v: part(&self.command_v),
+            limited: self.limited,
+        }
+    }
+}
+
+/// Lets the control law drive a fresh stage along a reference, at the stage's own sample rate, through its converters.
+///
+/// At each sample the sensor is read, the law computes, and the command is latched, as in the records that the stage
+/// gives: the first reading that a command can move is the next one, so the loop has one sample of latency and the half
+/// sample of the hold. `further_samples` are whole samples of computing on top of that. Position k is compared with
+/// reference k: nothing is shifted.
+///
+/// # Errors
+/// A stage that cannot be built, a reference that is not finite.
+pub fn track<const N: usize>(
+    config: &StageConfig,
+    seed: u64,
+    law: &Law<N>,
+    reference: &Reference,
+    further_samples: usize,
+) -> Result<Tracked, TrackingError> {
+    let samples_um = &reference.samples_um;
+    if let Some(index) = samples_um.iter().position(|value| !value.is_finite()) {
+        let value = samples_um[index];
+        return Err(TrackingError::Reference { index, value });
+    }
+    let mut stage = Stage::new(config, seed)?;
+    let start_um = samples_um.first().copied().unwrap_or(0.0);
+    // Without an inverse the state is there and is not used: any table would do.
+    let plays = match &law.feedforward {
+        Some(inverse) => inverse.start_at(start_um, 0.0),
+        None => hysteron_core::bank::PlayState::virgin(),
+    };
+    let mut state = law.start(plays, 0.0);
+    let mut waiting: VecDeque<f64> = VecDeque::from(vec![0.0; further_samples]);
+    let length = samples_um.len();
+    let mut tracked = Tracked {
+        reference_um: samples_um.clone(),
+        measured_um: Vec::with_capacity(length),
+        true_um: Vec::with_capacity(length),
+        command_v: Vec::with_capacity(length),
+        limited: 0,
+    };
+    for &reference_um in samples_um {
+        let sample = stage.sample();
+        tracked.measured_um.push(sample.position_um);
+        tracked.true_um.push(sample.true_position_um);
+        let command_v = law.step(&mut state, reference_um, sample.position_um);
+        tracked.command_v.push(command_v);
+        tracked.limited += usize::from(state.limiter.limited());
+        waiting.push_back(command_v);
+        stage.step(waiting.pop_front().unwrap_or(command_v));
+    }
+    Ok(tracked)
+}
