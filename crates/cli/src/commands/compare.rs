@@ -22,7 +22,7 @@ pub(crate) struct CompareArgs {
     pub model: PathBuf,
     /// Exit with 1 if the pooled error (eq. 19) on validation records exceeds this percentage; on the records it was
     /// fitted to where there are no others
-    #[arg(long, value_name = "PERCENT", value_parser = percent)]
+    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true, value_parser = percent)]
     pub fail_above: Option<f64>,
     /// Write a page with pictures
     #[arg(short, long, value_name = "PAGE.html")]

@@ -31,7 +31,7 @@ pub(crate) struct ImportArgs {
     #[arg(long = "column", value_name = "QUANTITY=COLUMN:UNIT*FACTOR")]
     pub columns: Vec<ColumnChoice>,
     /// Sample rate in hertz, for files without time and instead of the time in the file
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     pub rate: Option<f64>,
     /// Where columns end; found out if not given
     #[arg(long, value_enum)]

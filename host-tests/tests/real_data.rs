@@ -1,0 +1,58 @@
+//! Real recordings, where they are: `../shared/data` beside the project. Without them a line says so.
+#![expect(clippy::unwrap_used, reason = "a test that cannot read its records fails")]
+
+use hysteron_data::{Dataset, Role, read_dataset};
+use hysteron_diagnose::compare;
+use hysteron_identify::{Family, FitOptions, Placement, fit};
+use std::path::Path;
+
+fn dataset(name: &str) -> Option<Dataset> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(name);
+    if path.exists() {
+        return Some(read_dataset(&path).unwrap());
+    }
+    println!("{name} is not here: nothing was tested");
+    None
+}
+
+/// The notes beside the data: a classic PI with equally spaced thresholds, fitted and judged on parts of the sine, leaves
+/// 0.154 um with 5 plays, 0.102 with 10, 0.076 with 20, 0.063 with 40. Ours is fitted on the whole first record, with its
+/// rest and its step.
+#[test]
+fn val_piezo_150v_reaches_the_published_baselines() {
+    let Some(dataset) = dataset("piezo-150v-1hz-step") else { return };
+    for (placement, plays, limit_um) in [
+        (Placement::Eq16, 10, 0.103),
+        (Placement::Eq16, 40, 0.065),
+        (Placement::Data, 10, 0.065),
+        (Placement::Data, 40, 0.065),
+    ] {
+        let options = FitOptions { plays, placement, ..FitOptions::new(Family::Pi) };
+        let model = fit(&dataset, &options, &|_| ()).unwrap().model;
+        let comparison = compare(&dataset, &model, &|_| ());
+        let judged = comparison.records.iter().find(|record| record.role == Role::Validate).unwrap();
+        assert!(judged.rms_um <= limit_um, "{placement:?}, {plays} plays: {} um", judged.rms_um);
+    }
+}
+
+/// The notes: static gain leaves 22.9 / 22.5 / 23.1 % of the output's rms on the three test records, a classic PI 19.9 /
+/// 17.7 / 18.6 %: hysteresis barely helps. The comparison has to make that plain.
+#[test]
+fn val_on_cubespec_hysteresis_barely_helps_and_the_comparison_says_where() {
+    let Some(dataset) = dataset("cubespec-fsm-lowband") else { return };
+    let model = fit(&dataset, &FitOptions::new(Family::Pi), &|_| ()).unwrap().model;
+    let comparison = compare(&dataset, &model, &|_| ());
+    let left: Vec<f64> = comparison
+        .records
+        .iter()
+        .filter(|record| record.role == Role::Validate)
+        .map(|record| 100.0 - record.fit_percent.unwrap())
+        .collect();
+    for (left, (with_hysteresis, without)) in left.iter().zip([(19.9, 22.9), (17.7, 22.5), (18.6, 23.1)]) {
+        // Within a point of the notes' PI, which had other thresholds, and better than a straight line.
+        assert!((left - with_hysteresis).abs() < 1.0 && *left < without, "{left} % against {with_hysteresis} %");
+    }
+    assert!(comparison.validate.unwrap().rms_um > 5.0 * comparison.noise_rms_um);
+    let by_frequency = comparison.r#where.iter().find(|breakdown| breakdown.by == "frequency").unwrap();
+    assert!(by_frequency.finding.contains("300 to 1000 Hz"), "{}", by_frequency.finding);
+}
