@@ -15,6 +15,7 @@ extern crate std;
 pub mod bank;
 pub mod codes;
 pub mod control_law;
+pub mod effects;
 pub mod envelope;
 pub mod error;
 pub mod limiter;

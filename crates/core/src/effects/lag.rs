@@ -1,0 +1,137 @@
+//! A first-order lag: amplifier against the stack's capacitance, sensor filter.
+
+use crate::effects::{Block, admit};
+use crate::error::{ParamError, in_range};
+use crate::real::Real;
+
+/// A first-order lag, `tau y' + y = u`, exact for straight lines between samples:
+/// `y_1 = y_0 + b (u_0 - y_0) + g (u_1 - u_0)` with `b = 1 - exp(-T / tau)` and `g = 1 - b tau / T`.
+///
+/// # Units
+/// Time constant in seconds; 0 lets the input through. The signal in any unit.
+/// # Cost
+/// 2 multiply-adds and 2 subtractions a step.
+/// # Example
+/// ```
+/// use hysteron_core::effects::{Block, lag::Lag};
+/// let lag = Lag::<f64>::new(100e-6, 50e3)?;
+/// let mut state = lag.rest_at(0.0);
+/// lag.step(&mut state, 1.0); // a ramp over one sample, then rest at 1
+/// let after: Vec<f64> = (0..5).map(|_| lag.step(&mut state, 1.0)).collect();
+/// // five samples are one time constant
+/// assert!((after[4] - (1.0 - (-1.1_f64).exp())).abs() < 2e-3);
+/// # Ok::<(), hysteron_core::error::ParamError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lag<T> {
+    /// `1 - exp(-T / tau)`.
+    approach: T,
+    /// `1 - approach tau / T`.
+    through: T,
+}
+
+/// Output and last input of a lag.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LagState<T> {
+    /// The output.
+    pub output: T,
+    /// The input it belongs to.
+    pub input: T,
+}
+
+impl<T: Real> Lag<T> {
+    /// Builds a lag.
+    ///
+    /// # Errors
+    /// A time constant outside 0 to 1e6 s; a sample rate outside 1e-3 to 1e7 Hz.
+    pub fn new(tau_s: f64, sample_rate_hz: f64) -> Result<Self, ParamError> {
+        in_range("sample_rate_hz", None, sample_rate_hz, 1e-3, 1e7)?;
+        in_range("tau_s", None, tau_s, 0.0, 1e6)?;
+        let (approach, through) = coefficients(tau_s * sample_rate_hz);
+        Ok(Self {
+            approach: T::from_f64(approach),
+            through: T::from_f64(through),
+        })
+    }
+
+    /// What a step leaves of the state, `exp(-T / tau)`.
+    pub fn memory(&self) -> T {
+        T::ONE - self.approach
+    }
+}
+
+/// `b` and `g` for a time constant of `tau` samples.
+pub(crate) fn coefficients(tau: f64) -> (f64, f64) {
+    if tau < 1e-9 {
+        return (1.0, 1.0);
+    }
+    let x = 1.0 / tau;
+    let approach = -libm::expm1(-x);
+    // 1 - (1 - exp(-x)) / x cancels for small x: there its series x/2 - x^2/6 + x^3/24, whose next term is below 1e-14.
+    let through = if x < 1e-3 {
+        x * (0.5 - x * (1.0 / 6.0 - x / 24.0))
+    } else {
+        1.0 - approach / x
+    };
+    (approach, through)
+}
+
+impl<T: Real> Block<T> for Lag<T> {
+    type State = LagState<T>;
+
+    fn rest_at(&self, input: T) -> LagState<T> {
+        let input = admit(input, T::ZERO);
+        LagState { output: input, input }
+    }
+
+    #[inline(always)]
+    fn step(&self, state: &mut LagState<T>, input: T) -> T {
+        let input = admit(input, state.input);
+        state.output += self.approach * (state.input - state.output) + self.through * (input - state.input);
+        state.input = input;
+        state.output
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A ramp of slope s from rest: `y = s (t - tau (1 - exp(-t / tau)))`, exact for a straight line.
+    #[test]
+    fn val_ramp_closed_form() {
+        for tau in [1e-9, 0.3, 4.0, 500.0, 1e6] {
+            let lag = Lag::<f64>::new(tau, 1.0).unwrap();
+            let mut state = lag.rest_at(0.0);
+            for k in 1..=50 {
+                let t = f64::from(k);
+                let found = lag.step(&mut state, 2.0 * t);
+                let wanted = 2.0 * (t + tau * libm::expm1(-t / tau));
+                assert!((found - wanted).abs() < 1e-7, "{tau} {t}: {found} {wanted}");
+            }
+        }
+    }
+
+    #[test]
+    fn val_no_time_constant_lets_through() {
+        let lag = Lag::<f32>::new(0.0, 50e3).unwrap();
+        let mut state = lag.rest_at(1.0);
+        assert_eq!([2.0, -3.0].map(|u| lag.step(&mut state, u)), [2.0, -3.0]);
+    }
+
+    #[test]
+    fn prop_finite_for_every_input() {
+        let lag = Lag::<f32>::new(1e-4, 50e3).unwrap();
+        let mut state = lag.rest_at(f32::INFINITY);
+        for input in [1.0, f32::NAN, f32::INFINITY, -f32::MAX, 1e30, -1e30] {
+            assert!(lag.step(&mut state, input).is_finite());
+        }
+    }
+
+    #[test]
+    fn refuse_negative_time() {
+        assert!(Lag::<f64>::new(-1e-6, 50e3).is_err());
+        assert!(Lag::<f64>::new(1e-6, 0.0).is_err());
+        assert!(Lag::<f64>::new(f64::NAN, 50e3).is_err());
+    }
+}
