@@ -63,28 +63,22 @@ pub fn lines(series: &[Line], axes: &Lines<'_>, size: Size) -> Option<Picture> {
     let mut marks = Vec::new();
     let mut legend = Vec::new();
     for line in series {
-        let placed: Vec<(f64, f64)> = line
-            .points
-            .iter()
-            .filter(|point| shown(point))
+        let points = line.points.iter().filter(|point| shown(point));
+        let placed: Vec<(f64, f64)> = points
             .map(|point| (x.coordinate(point.0), y.coordinate(point.1)))
             .collect();
         let column = |index: usize| ((placed[index].0 - x.low) / (x.high - x.low) * columns) as usize;
-        let kept: Vec<(f64, f64)> = if placed.len() <= DOTTED {
+        let kept = min_max(placed.len(), column, |index| placed[index].1);
+        if placed.len() <= DOTTED {
             marks.extend(placed.iter().map(|at| Mark::Dot {
                 at: *at,
                 ink: line.ink,
                 radius_px: 2.75,
             }));
-            placed
-        } else {
-            min_max(placed.len(), column, |index| placed[index].1)
-                .into_iter()
-                .map(|index| placed[index])
-                .collect()
-        };
+        }
+        let points = kept.into_iter().map(|index| placed[index]).collect();
         marks.push(Mark::Line {
-            points: kept,
+            points,
             ink: line.ink,
             width_px: 1.75,
         });

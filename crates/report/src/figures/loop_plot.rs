@@ -54,29 +54,24 @@ pub fn loop_plot(data: &LoopData<'_>, size: Size) -> Option<Picture> {
         (width_px / 60.0) as usize,
     );
     let budget = (POINTS * (width_px * height_px / 1e5).max(0.2)) as usize;
-    let curves = |output: &[f64], ink: Ink, width: f64| -> Vec<Mark> {
+    let mut marks = Vec::new();
+    for (output, ink, width) in [(data.measured, Ink::Measured, 2.5), (data.modelled, Ink::Model, 1.25)] {
+        let at = |index: usize| (data.input[index] * input_factor, output[index] * factor);
         let place = |index: usize| {
-            let across = (data.input[index] * input_factor - x.low) / (x.high - x.low) * width_px;
-            let up = (output[index] * factor - y.low) / (y.high - y.low) * height_px;
-            (across, up)
+            let (across, up) = at(index);
+            (
+                (across - x.low) / (x.high - x.low) * width_px,
+                (up - y.low) / (y.high - y.low) * height_px,
+            )
         };
-        path(len, budget, place)
-            .into_iter()
-            .map(|line| {
-                let points = line
-                    .into_iter()
-                    .map(|i| (data.input[i] * input_factor, output[i] * factor))
-                    .collect();
-                Mark::Line {
-                    points,
-                    ink,
-                    width_px: width,
-                }
-            })
-            .collect()
-    };
-    let mut marks = curves(data.measured, Ink::Measured, 2.5);
-    marks.extend(curves(data.modelled, Ink::Model, 1.25));
+        for line in path(len, budget, place) {
+            marks.push(Mark::Line {
+                points: line.into_iter().map(at).collect(),
+                ink,
+                width_px: width,
+            });
+        }
+    }
 
     let description = format!(
         "{}: {} against {}, measured and modelled.",

@@ -72,30 +72,10 @@ pub fn overlay(data: &OverlayData<'_>, size: Size) -> Option<Picture> {
         line(&|i| data.measured[i], *factor, Ink::Measured, 2.5),
         line(&|i| data.modelled[i], *factor, Ink::Model, 1.25),
     ];
-    let noise = data.noise_rms * residual_factor;
-    let mut lower = Vec::new();
-    if noise > 0.0 {
-        let (start, end) = (scales.time.low, scales.time.high);
-        let outline = vec![(start, -noise), (end, -noise), (end, noise), (start, noise)];
-        lower.push(Mark::Fill {
-            outline,
-            ink: Ink::Noise,
-            opacity: 0.35,
-        });
-    }
+    let (below, above) = noise_marks(&scales, data.noise_rms * residual_factor, size);
+    let mut lower = below;
     lower.push(line(&residual, *residual_factor, Ink::Residual, 1.25));
-    // A dense residual hides the band: its edges again on top, where they are two lines and not one.
-    let residual_px = (1.0 - UPPER_SHARE) * f64::from(size.height) - TOP_PX - BELOW_PX;
-    if 2.0 * noise / (scales.residual.high - scales.residual.low) * residual_px > EDGES_PX {
-        for edge in [-noise, noise] {
-            let points = vec![(scales.time.low, edge), (scales.time.high, edge)];
-            lower.push(Mark::Line {
-                points,
-                ink: Ink::Text,
-                width_px: 0.75,
-            });
-        }
-    }
+    lower.extend(above);
 
     let description = format!(
         "{}: measured and modelled {} over time; below, measured minus modelled, between {} and {} {residual_unit}.",
@@ -105,33 +85,58 @@ pub fn overlay(data: &OverlayData<'_>, size: Size) -> Option<Picture> {
         significant(residual_high * residual_factor),
     );
     let (x_title, left_px) = (format!("time, {time_unit}"), scales.left_px);
-    let (y_title, residual_title) = (
+    let (upper_title, lower_title) = (
         format!("{}, {unit}", data.output),
         format!("measured − model, {residual_unit}"),
     );
-    Some(Picture::draw(size, &description, legend(data), |sheet| {
-        let (above, below) = sheet.split_vertically(px(UPPER_SHARE * f64::from(size.height)));
-        let (x, y) = (&scales.time, &scales.output);
+    let panels = [
         Panel {
-            x,
-            y,
+            x: &scales.time,
+            y: &scales.output,
             x_title: None,
-            y_title: &y_title,
+            y_title: &upper_title,
             left_px,
             marks: upper,
-        }
-        .draw(&above)?;
-        let y = &scales.residual;
+        },
         Panel {
-            x,
-            y,
+            x: &scales.time,
+            y: &scales.residual,
             x_title: Some(&x_title),
-            y_title: &residual_title,
+            y_title: &lower_title,
             left_px,
             marks: lower,
-        }
-        .draw(&below)
+        },
+    ];
+    Some(Picture::draw(size, &description, legend(data), |sheet| {
+        let (above, below) = sheet.split_vertically(px(UPPER_SHARE * f64::from(size.height)));
+        panels[0].draw(&above)?;
+        panels[1].draw(&below)
     }))
+}
+
+/// The noise floor as a band below the residual and, where a dense residual would hide it, its edges above.
+fn noise_marks(scales: &Scales, noise: f64, size: Size) -> (Vec<Mark>, Vec<Mark>) {
+    if noise <= 0.0 {
+        return (Vec::new(), Vec::new());
+    }
+    let (start, end) = (scales.time.low, scales.time.high);
+    let outline = vec![(start, -noise), (end, -noise), (end, noise), (start, noise)];
+    let band = vec![Mark::Fill {
+        outline,
+        ink: Ink::Noise,
+        opacity: 0.35,
+    }];
+    let panel_px = (1.0 - UPPER_SHARE) * f64::from(size.height) - TOP_PX - BELOW_PX;
+    let band_px = 2.0 * noise / (scales.residual.high - scales.residual.low) * panel_px;
+    if band_px <= EDGES_PX {
+        return (band, Vec::new());
+    }
+    let edge = |at: f64| Mark::Line {
+        points: vec![(start, at), (end, at)],
+        ink: Ink::Text,
+        width_px: 0.75,
+    };
+    (band, vec![edge(-noise), edge(noise)])
 }
 
 fn scales(data: &OverlayData<'_>, len: usize, (residual_low, residual_high): (f64, f64), size: Size) -> Option<Scales> {
