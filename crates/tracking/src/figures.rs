@@ -94,7 +94,7 @@ mod tests {
                 command_v: vec![0.0; 1000],
                 reference_um,
                 measured_um,
-                limited: 0,
+                limited: vec![false; 1000],
             }
         };
         let late = judge(&run(1.0, 1.0, 0.0), 20e-6).unwrap();
@@ -120,7 +120,7 @@ mod tests {
             measured_um: vec![1.0; 10],
             true_um: vec![1.0; 10],
             command_v: vec![0.0; 10],
-            limited: 0,
+            limited: vec![false; 10],
         };
         assert_eq!(judge(&still, 20e-6), None);
         assert_eq!(lateness_us(90.0, 500.0), None);

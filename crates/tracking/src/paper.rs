@@ -15,7 +15,7 @@ use hysteron_plant::{StageConfig, StageError};
 
 pub use feedback::{PUBLISHED_PI_HZ, PiReading, Reading, chosen_reading};
 pub use modelling::{ModellingError, SwarmRace};
-pub use tracking::{Bandwidth, COMPLEX_HARMONIC_HZ, ControllerName, History, NOISE_BAND_HZ, NOISE_SHARE, TRACKED_HZ, TrackingFigure, find};
+pub use tracking::{Bandwidth, COMPLEX_HARMONIC_HZ, ControllerName, History, NOISE_BAND_HZ, NOISE_SHARE, OTHER_NOISE_SHARES, TRACKED_HZ, TrackingFigure, find};
 
 /// Frequencies of identification, hertz (section 4.2).
 pub const IDENTIFIED_HZ: [f64; 3] = [10.0, 100.0, 500.0];
@@ -24,6 +24,9 @@ pub const HIGH_V: f64 = 26.0;
 /// Length of each record, seconds: two periods of the slowest sine. Eq. 17 counts samples, so equal lengths let every
 /// frequency count alike before eq. 18 weighs it.
 pub const RECORD_S: f64 = 0.2;
+/// Share of the range that trajectories keep away from either end. At 0 V the amplifier ends, and an inverse that leads has
+/// to go below where the records went.
+pub const INSET: f64 = 0.02;
 /// The inverses compared.
 pub const FAMILIES: [Family; 3] = [Family::Mpi, Family::Wrpi, Family::Mrpi];
 
@@ -42,7 +45,7 @@ pub struct Study {
     pub widest_percent: [f64; 3],
     /// Weights of eq. 18.
     pub weights: [f64; 3],
-    /// Range of all trajectories: what every record reaches, micrometres.
+    /// Range of all trajectories, micrometres: what every record reaches, less [`INSET`] at either end.
     pub range_um: [f64; 2],
     /// Inverses by separable least squares, in the order of [`FAMILIES`].
     pub inverses: Vec<FitReport>,
@@ -62,8 +65,10 @@ pub struct Study {
     pub reading: usize,
     /// Closed loop: each controller at each frequency, and the complex harmonic.
     pub closed_loop: Vec<TrackingFigure>,
-    /// Bandwidth of each controller.
+    /// Bandwidth of each controller, with noise of [`NOISE_SHARE`].
     pub bandwidths: Vec<Bandwidth>,
+    /// The same with noise of [`OTHER_NOISE_SHARES`].
+    pub other_bandwidths: [Vec<Bandwidth>; 2],
     /// Runs to draw: 500 Hz in open and closed loop.
     pub histories: Vec<History>,
 }
@@ -83,10 +88,12 @@ pub fn study(
 ) -> Result<Study, TrackingError> {
     let samples = (RECORD_S / stage.sample_period_s).round() as usize;
     let records = sines(stage, &IDENTIFIED_HZ, HIGH_V, |_| samples, seed)?;
-    let range_um = common_range_um(&records).ok_or_else(|| StageError::Conflict {
+    let [low_um, high_um] = common_range_um(&records).ok_or_else(|| StageError::Conflict {
         what: format!("the stage reaches no position at all of {IDENTIFIED_HZ:?} Hz"),
         advice: "give a stage that moves",
     })?;
+    let inset_um = INSET * (high_um - low_um);
+    let range_um = [low_um + inset_um, high_um - inset_um];
     let inverses = fit_inverses(&records)?;
     progress(0.03);
     let race = modelling::race(&records, &inverses[2], seed, &|share| progress(0.03 + 0.57 * share))?;
@@ -104,7 +111,13 @@ pub fn study(
     let gains = readings[reading].gains;
     let closed_loop = bench.closed_loop(&inverses, gains)?;
     progress(0.88);
-    let bandwidths = bench.bandwidths(&inverses, gains)?;
+    let bandwidths = bench.bandwidths(&inverses, gains, NOISE_SHARE)?;
+    progress(0.92);
+    let [small, large] = OTHER_NOISE_SHARES;
+    let other_bandwidths = [
+        bench.bandwidths(&inverses, gains, small)?,
+        bench.bandwidths(&inverses, gains, large)?,
+    ];
     progress(0.98);
     let histories = bench.histories(&inverses, gains)?;
     let widest_percent = by_record(&records, |record| measured_opening(record).unwrap_or(f64::NAN));
@@ -125,6 +138,7 @@ pub fn study(
         reading,
         closed_loop,
         bandwidths,
+        other_bandwidths,
         histories,
         inverses,
         records,

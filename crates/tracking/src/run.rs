@@ -57,22 +57,30 @@ pub struct Tracked {
     pub true_um: Vec<f64>,
     /// Commands, volts at the actuator before the converter.
     pub command_v: Vec<f64>,
-    /// Samples on which the command met a limit.
-    pub limited: usize,
+    /// Whether the command met a limit.
+    pub limited: Vec<bool>,
 }
 
 impl Tracked {
     /// The part from a sample on.
     #[must_use]
     pub fn from(&self, first: usize) -> Self {
-        let part = |values: &[f64]| values.get(first..).unwrap_or(&[]).to_vec();
-        Self {
-            reference_um: part(&self.reference_um),
-            measured_um: part(&self.measured_um),
-            true_um: part(&self.true_um),
-            command_v: part(&self.command_v),
-            limited: self.limited,
+        fn part<T: Copy>(values: &[T], first: usize) -> Vec<T> {
+            values.get(first..).unwrap_or(&[]).to_vec()
         }
+        Self {
+            reference_um: part(&self.reference_um, first),
+            measured_um: part(&self.measured_um, first),
+            true_um: part(&self.true_um, first),
+            command_v: part(&self.command_v, first),
+            limited: part(&self.limited, first),
+        }
+    }
+
+    /// Share of the samples on which the command met a limit, percent.
+    pub fn limited_percent(&self) -> f64 {
+        let limited = self.limited.iter().filter(|&&limited| limited).count();
+        100.0 * limited as f64 / self.limited.len().max(1) as f64
     }
 }
 
@@ -112,7 +120,7 @@ pub fn track<const N: usize>(
         measured_um: Vec::with_capacity(length),
         true_um: Vec::with_capacity(length),
         command_v: Vec::with_capacity(length),
-        limited: 0,
+        limited: Vec::with_capacity(length),
     };
     for &reference_um in samples_um {
         let sample = stage.sample();
@@ -120,7 +128,7 @@ pub fn track<const N: usize>(
         tracked.true_um.push(sample.true_position_um);
         let command_v = law.step(&mut state, reference_um, sample.position_um);
         tracked.command_v.push(command_v);
-        tracked.limited += usize::from(state.limiter.limited());
+        tracked.limited.push(state.limiter.limited());
         waiting.push_back(command_v);
         stage.step(waiting.pop_front().unwrap_or(command_v));
     }

@@ -1,6 +1,6 @@
 //! The gains K_p = 1 and K_i = 6000, whose units the paper does not state.
 
-use super::tracking::{Bandwidth, Bench, TrackingFigure, of};
+use super::tracking::{Bandwidth, Bench, NOISE_SHARE, TrackingFigure, of};
 use crate::error::TrackingError;
 use crate::reference::Shape;
 use crate::run::PiGains;
@@ -79,7 +79,7 @@ impl PiReading {
     /// The bandwidth, if the loop holds it: a loop that swings from limit to limit has none.
     pub fn bandwidth_hz(&self) -> Option<f64> {
         let crossing = self.bandwidth.lag_30_deg?;
-        (self.bandwidth.limited == 0 && crossing.coherence > 0.5).then_some(crossing.frequency_hz)
+        (self.bandwidth.limited_percent == 0.0 && crossing.coherence > 0.5).then_some(crossing.frequency_hz)
     }
 }
 
@@ -92,7 +92,7 @@ pub(super) fn readings(bench: &Bench<'_>) -> Result<Vec<PiReading>, TrackingErro
             Ok(PiReading {
                 reading,
                 gains,
-                bandwidth: bench.bandwidth(&named)?,
+                bandwidth: bench.bandwidth(&named, NOISE_SHARE)?,
                 at_500_hz: bench.figure(&named, Shape::Sine { frequency_hz: 500.0 })?,
             })
         })

@@ -21,9 +21,11 @@ pub const COMPLEX_HARMONIC_HZ: f64 = 100.0;
 
 /// Band of the noise that bandwidths are measured with, hertz: twice the largest bandwidth of the paper, below the mode.
 pub const NOISE_BAND_HZ: f64 = 5000.0;
-/// Its rms as a share of the trajectories' range. The paper states no amplitude. Five percent stays within the range by
-/// ten times its rms and is 150 times the sensor's noise.
+/// Its rms as a share of the trajectories' range, for the figures: within the range by ten times its rms, and 150 times
+/// the sensor's noise.
 pub const NOISE_SHARE: f64 = 0.05;
+/// Other amplitudes, as the paper states none: 30 times the sensor's noise, and what fills the range.
+pub const OTHER_NOISE_SHARES: [f64; 2] = [0.01, 0.15];
 /// Its length, seconds: 14 half-overlapping segments of 0.66 s.
 const NOISE_S: f64 = 5.0;
 
@@ -59,8 +61,8 @@ pub struct TrackingFigure {
     pub complex_harmonic: bool,
     /// The figures.
     pub figures: RunFigures,
-    /// Samples on which the command met the amplifier's limits.
-    pub limited: usize,
+    /// Share of the samples on which the command met the amplifier's limits, percent.
+    pub limited_percent: f64,
 }
 
 /// A controller's response to noise.
@@ -74,8 +76,8 @@ pub struct Bandwidth {
     pub lag_30_deg: Option<Crossing>,
     /// Where its gain is -3 dB.
     pub minus_3_db: Option<Crossing>,
-    /// Samples on which the command met the amplifier's limits.
-    pub limited: usize,
+    /// Share of the samples on which the command met the amplifier's limits, percent.
+    pub limited_percent: f64,
 }
 
 /// A short run to draw.
@@ -164,7 +166,7 @@ impl Bench<'_> {
             frequency_hz: shape.frequency_hz(),
             complex_harmonic: matches!(shape, Shape::ComplexHarmonic { .. }),
             figures,
-            limited: tracked.limited,
+            limited_percent: tracked.limited_percent(),
         }))
     }
 
@@ -193,17 +195,22 @@ impl Bench<'_> {
         self.figure(&(name, late), Shape::Sine { frequency_hz: 500.0 })
     }
 
-    pub(super) fn bandwidths(&self, inverses: &[FitReport], gains: PiGains) -> Result<Vec<Bandwidth>, TrackingError> {
+    pub(super) fn bandwidths(
+        &self,
+        inverses: &[FitReport],
+        gains: PiGains,
+        share: f64,
+    ) -> Result<Vec<Bandwidth>, TrackingError> {
         closed(inverses, gains)
             .par_iter()
-            .map(|named| self.bandwidth(named))
+            .map(|named| self.bandwidth(named, share))
             .collect()
     }
 
-    /// The response of one controller to band-limited noise about the middle of the range.
-    pub(super) fn bandwidth(&self, (name, controller): &Named<'_>) -> Result<Bandwidth, TrackingError> {
+    /// The response of one controller to band-limited noise about the middle of the range, its rms a share of it.
+    pub(super) fn bandwidth(&self, (name, controller): &Named<'_>, share: f64) -> Result<Bandwidth, TrackingError> {
         let [low_um, high_um] = self.range_um;
-        let rms_um = NOISE_SHARE * (high_um - low_um);
+        let rms_um = share * (high_um - low_um);
         let period_s = self.stage.sample_period_s;
         let reference = noise(self.range_um, rms_um, NOISE_BAND_HZ, NOISE_S, self.seed, period_s)?;
         let run = controller.track(self.stage, self.seed, &reference)?;
@@ -213,7 +220,7 @@ impl Bench<'_> {
             lag_30_deg: response.lag_30_deg(),
             minus_3_db: response.minus_3_db(),
             response,
-            limited: run.limited,
+            limited_percent: run.limited_percent(),
         })
     }
 
