@@ -10,6 +10,8 @@ use hysteron_identify::family::peak_to_peak;
 pub(crate) struct Sample<'a> {
     pub record: &'a Record,
     pub compared: &'a RecordComparison,
+    /// Peak to peak of the measured output.
+    stroke: f64,
     /// Weight of a squared error: as in the pooled percentage, `1 / (samples x stroke^2)`; 0 where nothing moves.
     pub weight: f64,
 }
@@ -26,6 +28,7 @@ impl<'a> Sample<'a> {
         Self {
             record,
             compared,
+            stroke,
             weight,
         }
     }
@@ -75,10 +78,10 @@ pub(crate) fn breakdowns(samples: &[Sample<'_>], direction: Direction) -> Vec<Br
         .fold(0.0, f64::max);
     let longest = samples.iter().map(|s| s.record.duration_s()).fold(0.0, f64::max);
     let shortest = samples.iter().map(|s| s.record.period_s).fold(f64::INFINITY, f64::min);
-    let strokes = samples.iter().map(|s| peak_to_peak(&s.compared.series.measured));
+    let strokes = samples.iter().map(|s| s.stroke);
     let widest = strokes.fold(0.0, f64::max);
     let mut all = vec![by_frequency(samples)];
-    let amplitude = |s: &Sample<'_>, _: usize| peak_to_peak(&s.compared.series.measured);
+    let amplitude = |s: &Sample<'_>, _: usize| s.stroke;
     all.push(by("amplitude", unit, &even(0.0, widest, 5), samples, amplitude));
     all.push(by("position", unit, &even(low, high, 10), samples, |s, k| {
         s.compared.series.measured[k]
