@@ -19,7 +19,11 @@ fn dependencies() -> BTreeMap<String, BTreeSet<String>> {
         .iter()
         .filter_map(|package| Some((ours(package["name"].as_str()?)?, package)))
         .map(|(name, package)| {
-            let shipped = package["dependencies"].as_array().unwrap().iter().filter(|d| d["kind"].is_null());
+            let shipped = package["dependencies"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .filter(|d| d["kind"].is_null());
             (name, shipped.filter_map(|d| ours(d["name"].as_str()?)).collect())
         })
         .collect()
@@ -30,7 +34,10 @@ fn val_data_flows_one_way() {
     let found = dependencies();
     let check = |name: &str, allowed: &[&str]| {
         let extra: Vec<_> = found[name].iter().filter(|d| !allowed.contains(&d.as_str())).collect();
-        assert!(extra.is_empty(), "{name} depends on {extra:?}; ARCHITECTURE.md allows {allowed:?}");
+        assert!(
+            extra.is_empty(),
+            "{name} depends on {extra:?}; ARCHITECTURE.md allows {allowed:?}"
+        );
     };
     check("core", &[]);
     check("data", &[]);
@@ -39,7 +46,9 @@ fn val_data_flows_one_way() {
     check("diagnose", &["core", "data", "identify"]);
     check("tracking", &["core", "data", "identify", "plant"]);
     check("report", &["data", "identify", "diagnose", "tracking"]);
-    let known = ["core", "data", "plant", "identify", "diagnose", "tracking", "report", "cli"];
+    let known = [
+        "core", "data", "plant", "identify", "diagnose", "tracking", "report", "cli",
+    ];
     for name in found.keys() {
         assert!(known.contains(&name.as_str()), "{name} is not in ARCHITECTURE.md");
     }

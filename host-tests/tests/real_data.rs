@@ -1,5 +1,6 @@
 //! Real recordings, where they are: `../shared/data` beside the project. Without them a line says so.
 #![expect(clippy::unwrap_used, reason = "a test that cannot read its records fails")]
+#![expect(clippy::print_stdout, reason = "a test that skips says so")]
 
 use hysteron_data::{Dataset, Role, read_dataset};
 use hysteron_diagnose::compare;
@@ -7,7 +8,9 @@ use hysteron_identify::{Family, FitOptions, Placement, fit};
 use std::path::Path;
 
 fn dataset(name: &str) -> Option<Dataset> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../shared/data")
+        .join(name);
     if path.exists() {
         return Some(read_dataset(&path).unwrap());
     }
@@ -20,18 +23,32 @@ fn dataset(name: &str) -> Option<Dataset> {
 /// rest and its step.
 #[test]
 fn val_piezo_150v_reaches_the_published_baselines() {
-    let Some(dataset) = dataset("piezo-150v-1hz-step") else { return };
+    let Some(dataset) = dataset("piezo-150v-1hz-step") else {
+        return;
+    };
     for (placement, plays, limit_um) in [
         (Placement::Eq16, 10, 0.103),
         (Placement::Eq16, 40, 0.065),
         (Placement::Data, 10, 0.065),
         (Placement::Data, 40, 0.065),
     ] {
-        let options = FitOptions { plays, placement, ..FitOptions::new(Family::Pi) };
+        let options = FitOptions {
+            plays,
+            placement,
+            ..FitOptions::new(Family::Pi)
+        };
         let model = fit(&dataset, &options, &|_| ()).unwrap().model;
         let comparison = compare(&dataset, &model, &|_| ());
-        let judged = comparison.records.iter().find(|record| record.role == Role::Validate).unwrap();
-        assert!(judged.rms_um <= limit_um, "{placement:?}, {plays} plays: {} um", judged.rms_um);
+        let judged = comparison
+            .records
+            .iter()
+            .find(|record| record.role == Role::Validate)
+            .unwrap();
+        assert!(
+            judged.rms_um <= limit_um,
+            "{placement:?}, {plays} plays: {} um",
+            judged.rms_um
+        );
     }
 }
 
@@ -39,7 +56,9 @@ fn val_piezo_150v_reaches_the_published_baselines() {
 /// 17.7 / 18.6 %: hysteresis barely helps. The comparison has to make that plain.
 #[test]
 fn val_on_cubespec_hysteresis_barely_helps_and_the_comparison_says_where() {
-    let Some(dataset) = dataset("cubespec-fsm-lowband") else { return };
+    let Some(dataset) = dataset("cubespec-fsm-lowband") else {
+        return;
+    };
     let model = fit(&dataset, &FitOptions::new(Family::Pi), &|_| ()).unwrap().model;
     let comparison = compare(&dataset, &model, &|_| ());
     let left: Vec<f64> = comparison
@@ -50,9 +69,20 @@ fn val_on_cubespec_hysteresis_barely_helps_and_the_comparison_says_where() {
         .collect();
     for (left, (with_hysteresis, without)) in left.iter().zip([(19.9, 22.9), (17.7, 22.5), (18.6, 23.1)]) {
         // Within a point of the notes' PI, which had other thresholds, and better than a straight line.
-        assert!((left - with_hysteresis).abs() < 1.0 && *left < without, "{left} % against {with_hysteresis} %");
+        assert!(
+            (left - with_hysteresis).abs() < 1.0 && *left < without,
+            "{left} % against {with_hysteresis} %"
+        );
     }
     assert!(comparison.validate.unwrap().rms_um > 5.0 * comparison.noise_rms_um);
-    let by_frequency = comparison.r#where.iter().find(|breakdown| breakdown.by == "frequency").unwrap();
-    assert!(by_frequency.finding.contains("300 to 1000 Hz"), "{}", by_frequency.finding);
+    let by_frequency = comparison
+        .r#where
+        .iter()
+        .find(|breakdown| breakdown.by == "frequency")
+        .unwrap();
+    assert!(
+        by_frequency.finding.contains("300 to 1000 Hz"),
+        "{}",
+        by_frequency.finding
+    );
 }

@@ -83,7 +83,12 @@ pub(crate) fn breakdowns(samples: &[Sample<'_>], direction: Direction) -> Vec<Br
     let mut all = vec![by_frequency(samples)];
     let amplitude = |s: &Sample<'_>, _: usize| s.stroke;
     all.push(by("amplitude", unit, &even(0.0, widest, 5), samples, amplitude));
-    all.push(by("position", unit, &even(low, high, 10), samples, |s, k| {
+    let output = if direction == Direction::Forward {
+        "position"
+    } else {
+        "voltage"
+    };
+    all.push(by(output, unit, &even(low, high, 10), samples, |s, k| {
         s.compared.series.measured[k]
     }));
     all.push(by(

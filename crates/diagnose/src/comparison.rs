@@ -137,7 +137,7 @@ pub struct Spectrum {
 /// The whole answer of `compare`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Noise floor, micrometres rms.
+    /// Noise floor, micrometres rms; for an inverse model volts rms, by the mean slope of the records.
     pub noise_rms_um: f64,
     /// What the noise floor rests on.
     pub noise_source: NoiseSource,

@@ -145,7 +145,7 @@ impl Spectrum {
         for (k, &value) in self.eigen.eigenvalues.iter().enumerate() {
             if value > UNDETERMINED {
                 let v = self.eigen.eigenvectors.column(k);
-                inverse += &v * v.transpose() / (value + ridge);
+                inverse += v * v.transpose() / (value + ridge);
             }
         }
         for i in 0..n {
