@@ -5,7 +5,9 @@
 mod breakdown;
 pub mod compare;
 pub mod comparison;
+pub mod diagnosis;
 mod error_map;
+mod missing;
 pub mod noise;
 mod spectrum;
 
@@ -13,3 +15,4 @@ pub use compare::compare;
 pub use comparison::{
     Bin, Breakdown, Comparison, ErrorMap, NoiseFloor, NoiseSource, Pooled, RecordComparison, Series, Spectrum,
 };
+pub use missing::diagnose;

@@ -1,0 +1,125 @@
+//! What a diagnosis says, in numbers and names.
+
+use serde::Serialize;
+
+/// How an effect is told from the shape of the loops.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Level {
+    /// Survives a hysteresis of free shape.
+    Physical,
+    /// Seen only against the fixed family of plays; a richer shape explains it as well.
+    Shape,
+}
+
+/// A fitted parameter of an effect.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EffectParameter {
+    /// Name in the field's terms.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Unit; empty for a pure number.
+    pub unit: String,
+}
+
+/// One candidate, fitted in its place jointly with the rest.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RankedEffect {
+    /// Name.
+    pub effect: String,
+    /// Error with it, percent of peak to peak, on the records it was fitted to.
+    pub identify_percent: f64,
+    /// The same on the validation records.
+    pub validate_percent: f64,
+    /// Sum over records of the logarithm of the squared error's fall, each record predicted from the others.
+    pub statistic: f64,
+    /// What the statistic must exceed.
+    pub threshold: f64,
+    /// Gain in predictive log-likelihood, nats, with as many samples as are independent.
+    pub log_likelihood_gain: f64,
+    /// Independent samples behind it.
+    pub effective_samples: f64,
+    /// What it takes away of the squared error, 0 to 1.
+    pub share: f64,
+    /// Whether it is significant and large enough to matter.
+    pub significant: bool,
+    /// Physical or shape.
+    pub level: Level,
+    /// Its parameters.
+    pub parameters: Vec<EffectParameter>,
+}
+
+/// Errors of the given model.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Before {
+    /// Percent of peak to peak on identification records.
+    pub identify_percent: Option<f64>,
+    /// Percent of peak to peak on validation records.
+    pub validate_percent: Option<f64>,
+}
+
+/// The record that would tell most.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NextRecord {
+    /// What to play, in words.
+    pub excitation: String,
+    /// What it separates.
+    pub separates: Vec<String>,
+    /// Expected difference, in units of what is left unexplained.
+    pub expected_sigma: f64,
+    /// Where it was written.
+    pub file: Option<String>,
+    /// Its sample period, seconds.
+    pub sample_period_s: f64,
+    /// The voltage, one value a sample.
+    #[serde(skip)]
+    pub voltage_v: Vec<f64>,
+}
+
+/// What the remaining structure is locked to.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Lock {
+    /// `time`, `position`, `speed`, `drive`, `temperature`, `record`.
+    pub to: String,
+    /// Share of the remaining squared error that goes with it, 0 to 1.
+    pub share: f64,
+}
+
+/// What nothing in the catalogue explains.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unexplained {
+    /// What is left, percent of peak to peak, over all records that move.
+    pub percent: f64,
+    /// Of this, what the sensor noise explains.
+    pub noise_percent: f64,
+    /// What it is locked to, largest first.
+    pub locked_to: Vec<Lock>,
+}
+
+/// The answer of `diagnose`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Diagnosis {
+    /// Name of an effect, or `none`, `unknown`, `hysteresis-shape`.
+    pub verdict: String,
+    /// Effects that these records cannot tell from the verdict.
+    pub also_possible: Vec<String>,
+    /// Further effects that are missing beside the verdict.
+    pub further: Vec<String>,
+    /// Whether the family of plays is too poor for this stage's loops.
+    pub shape_too_poor: bool,
+    /// Why these records cannot answer, where they cannot.
+    pub cannot_answer: Vec<String>,
+    /// Noise floor, micrometres rms.
+    pub noise_rms_um: f64,
+    /// Errors of the given model.
+    pub before: Before,
+    /// Error of a hysteresis of free shape, nothing else added, percent of peak to peak.
+    pub free_shape: Before,
+    /// The candidates, best first.
+    pub ranking: Vec<RankedEffect>,
+    /// The record to take next.
+    pub next_record: Option<NextRecord>,
+    /// What remains.
+    pub unexplained: Unexplained,
+}

@@ -1,0 +1,343 @@
+//! The workbench: records, a hysteresis base, and how well it fits with trial effects.
+
+use crate::missing::chain::{self, Base, Effect, Shape};
+use crate::missing::regression::Gram;
+use crate::missing::traces::{Trace, Traces};
+use hysteron_data::Role;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// A fitted trial.
+#[derive(Debug, Clone)]
+pub(crate) struct Trial {
+    pub effects: Vec<Effect>,
+    pub coefficients: DVector<f64>,
+    /// Measured minus modelled at the rows of each record, fitted to the identification records.
+    pub residuals: Vec<DVector<f64>>,
+    /// Mean squared error of each record when it takes no part in the fit, at most four times that when it does: what only
+    /// one record shows (the highest rate, the longest hold) cannot be foretold from the others, with or without an effect.
+    pub held_out: Vec<f64>,
+    /// Rows that count as independent, each record.
+    pub effective: Vec<f64>,
+    pub identify_percent: f64,
+    pub validate_percent: f64,
+}
+
+/// Records, base and weights.
+#[derive(Clone)]
+pub(crate) struct Bench<'a> {
+    pub traces: &'a Traces,
+    pub base: Base,
+    pub noise_um: f64,
+    /// Weight of each record's mean squared error.
+    pub weights: Vec<f64>,
+    /// Modelled position of each record at full rate.
+    pub reference_um: Vec<Vec<f64>>,
+    /// Identification records with fewer rows, for searches.
+    coarse: Vec<(usize, Trace)>,
+}
+
+/// Rows of a record that a search looks at.
+const SEARCH_ROWS: usize = 300;
+
+/// Ridges on the shape-free base, chosen by leaving out one record at a time.
+const RIDGES: [f64; 5] = [1e-9, 1e-8, 1e-7, 1e-6, 1e-5];
+
+impl<'a> Bench<'a> {
+    /// The base alone: ridge and weights chosen, nothing else in it but `given` effects.
+    pub(crate) fn new(traces: &'a Traces, base: Base, given: &[Effect], noise_um: f64) -> (Self, Trial) {
+        let coarse = traces
+            .each
+            .iter()
+            .enumerate()
+            .filter(|(_, t)| t.role == Role::Identify)
+            .map(|(i, t)| {
+                let stride = t.rows.len().div_ceil(SEARCH_ROWS).max(1);
+                let rows = t.rows.iter().copied().step_by(stride).collect();
+                (i, Trace { rows, ..t.clone() })
+            })
+            .collect();
+        let mut bench = Self {
+            traces,
+            base,
+            noise_um,
+            weights: vec![1.0; traces.each.len()],
+            reference_um: Vec::new(),
+            coarse,
+        };
+        bench.weights = bench.weights_of(|_| (0.01 * traces.stroke_um).powi(2));
+        if bench.base.shape == Shape::Free {
+            bench.base.ridge = bench.choose_ridge(given);
+        }
+        let mut trial = bench.fit(given, None);
+        for _ in 0..2 {
+            bench.weights = bench.weights_of(|i| mean_square(&trial.residuals[i]));
+            trial = bench.fit(given, None);
+        }
+        bench.take_reference(&trial);
+        (bench, trial)
+    }
+
+    fn weights_of(&self, structure: impl Fn(usize) -> f64) -> Vec<f64> {
+        (0..self.traces.each.len())
+            .map(|i| 1.0 / (self.noise_um.powi(2) + structure(i)))
+            .collect()
+    }
+
+    /// This bench with a trial's hysteresis output as what creep, heat and stops act on.
+    pub(crate) fn referring_to(&self, trial: &Trial) -> Self {
+        let mut bench = self.clone();
+        bench.take_reference(trial);
+        bench
+    }
+
+    /// Takes a trial's hysteresis output as what creep, heat and stops act on.
+    pub(crate) fn take_reference(&mut self, trial: &Trial) {
+        let columns = self.base.columns();
+        let old = std::mem::take(&mut self.reference_um);
+        self.reference_um = self
+            .traces
+            .each
+            .par_iter()
+            .enumerate()
+            .map(|(i, t)| {
+                let before = old.get(i).map(Vec::as_slice);
+                chain::simulate(&self.base, &trial.effects, t, before, &trial.coefficients, columns)
+            })
+            .collect();
+    }
+
+    fn reference(&self, i: usize) -> Option<&[f64]> {
+        self.reference_um.get(i).map(Vec::as_slice)
+    }
+
+    fn choose_ridge(&self, effects: &[Effect]) -> f64 {
+        let all: Vec<(usize, Gram)> = self.grams_of_identify(effects);
+        let n = chain::width(&self.base, effects);
+        let error = |ridge: f64| -> f64 {
+            (0..all.len())
+                .map(|out| {
+                    let x = self.pooled(&all, Some(out), n).solve(self.base.columns(), ridge, &[]);
+                    self.weight_of(all[out].0, &all[out].1) * all[out].1.squared_error(&x)
+                })
+                .sum()
+        };
+        let errors: Vec<f64> = RIDGES.par_iter().map(|&r| error(r)).collect();
+        let best = (0..RIDGES.len())
+            .min_by(|&a, &b| errors[a].total_cmp(&errors[b]))
+            .unwrap_or(2);
+        RIDGES[best]
+    }
+
+    fn weight_of(&self, record: usize, gram: &Gram) -> f64 {
+        self.weights[record] / gram.rows.max(1) as f64
+    }
+
+    fn pooled(&self, grams: &[(usize, Gram)], without: Option<usize>, n: usize) -> Gram {
+        let mut sum = Gram::zeros(n);
+        for (k, (record, gram)) in grams.iter().enumerate() {
+            if Some(k) != without {
+                sum.add(gram, self.weight_of(*record, gram));
+            }
+        }
+        sum
+    }
+
+    fn grams_of_identify(&self, effects: &[Effect]) -> Vec<(usize, Gram)> {
+        self.coarse
+            .iter()
+            .map(|(i, t)| {
+                let matrix = chain::matrix(&self.base, effects, t, self.reference(*i));
+                (*i, Gram::new(&matrix, &target(t)))
+            })
+            .collect()
+    }
+
+    /// Weighted squared error on the identification records, for searches; each record of the base alone counts about 1.
+    pub(crate) fn objective(&self, effects: &[Effect]) -> f64 {
+        let grams = self.grams_of_identify(effects);
+        let n = chain::width(&self.base, effects);
+        let pooled = self.pooled(&grams, None, n);
+        let x = solve_signed(&pooled, &self.base, effects);
+        // The logarithm: a record explained to a tenth counts as much as another one explained to a tenth.
+        grams
+            .iter()
+            .map(|(_, gram)| {
+                let mean = gram.squared_error(&x) / gram.rows.max(1) as f64;
+                (self.noise_um.powi(2) + mean).ln()
+            })
+            .enumerate()
+            .map(|(k, v)| v * self.coarse[k].1.rows.len() as f64 / SEARCH_ROWS as f64)
+            .sum::<f64>()
+    }
+
+    /// Fits a trial exactly: all rows, weights from its own residuals, each record once left out.
+    pub(crate) fn fit(&self, effects: &[Effect], reweigh: Option<usize>) -> Trial {
+        let n = chain::width(&self.base, effects);
+        let parts: Vec<(DMatrix<f64>, DVector<f64>, Gram)> = self
+            .traces
+            .each
+            .par_iter()
+            .enumerate()
+            .map(|(i, t)| {
+                let matrix = chain::matrix(&self.base, effects, t, self.reference(i));
+                let target = target(t);
+                let gram = Gram::new(&matrix, &target);
+                (matrix, target, gram)
+            })
+            .collect();
+        let identify: Vec<usize> = self.identify().collect();
+        let mut weights = self.weights.clone();
+        let pool = |weights: &[f64], without: Option<usize>| {
+            let mut sum = Gram::zeros(n);
+            for &i in identify.iter().filter(|&&i| Some(i) != without) {
+                sum.add(&parts[i].2, weights[i] / parts[i].2.rows.max(1) as f64);
+            }
+            solve_signed(&sum, &self.base, effects)
+        };
+        let mut coefficients = pool(&weights, None);
+        for _ in 0..reweigh.unwrap_or(0) {
+            for (weight, part) in weights.iter_mut().zip(&parts) {
+                let mean = part.2.squared_error(&coefficients) / part.2.rows.max(1) as f64;
+                *weight = 1.0 / (self.noise_um.powi(2) + mean);
+            }
+            coefficients = pool(&weights, None);
+        }
+        let residuals: Vec<DVector<f64>> = parts.iter().map(|(a, y, _)| y - a * &coefficients).collect();
+        let held_out: Vec<f64> = (0..parts.len())
+            .into_par_iter()
+            .map(|i| {
+                let mean = |x: &DVector<f64>| parts[i].2.squared_error(x) / parts[i].2.rows.max(1) as f64;
+                if identify.contains(&i) && identify.len() > 1 {
+                    mean(&pool(&weights, Some(i))).min(4.0 * mean(&coefficients))
+                } else {
+                    mean(&coefficients)
+                }
+            })
+            .collect();
+        let effective = residuals.iter().map(effective_samples).collect();
+        let percent = |role: Role| {
+            let squares: Vec<f64> = (0..parts.len())
+                .filter(|&i| self.traces.each[i].role == role && self.traces.each[i].stroke_um > 0.0)
+                .map(|i| 1e4 * mean_square(&residuals[i]) / self.traces.each[i].stroke_um.powi(2))
+                .collect();
+            (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+        };
+        Trial {
+            effects: effects.to_vec(),
+            identify_percent: percent(Role::Identify),
+            validate_percent: percent(Role::Validate),
+            coefficients,
+            residuals,
+            held_out,
+            effective,
+        }
+    }
+
+    /// As [`Self::fit`]; what acts on the position is fitted again on the position that comes out, until that stands still.
+    pub(crate) fn fit_to_the_end(&self, effects: &[Effect]) -> Trial {
+        let trial = self.fit(effects, Some(2));
+        if !effects.iter().any(Effect::acts_on_position) {
+            return trial;
+        }
+        let mut trial = trial;
+        for _ in 0..2 {
+            trial = self.referring_to(&trial).fit(effects, Some(2));
+        }
+        trial
+    }
+
+    /// The coefficients of one effect's own columns.
+    pub(crate) fn coefficients_of(&self, trial: &Trial, effect: &Effect) -> Vec<f64> {
+        let before: Vec<Effect> = trial.effects.iter().take_while(|e| *e != effect).cloned().collect();
+        let from = chain::width(&self.base, &before);
+        let count = chain::width(&self.base, std::slice::from_ref(effect)) - self.base.columns();
+        trial.coefficients.iter().skip(from).take(count).copied().collect()
+    }
+
+    /// Parameters of some of a trial's effects.
+    pub(crate) fn parameters(&self, trial: &Trial, effects: &[&Effect]) -> Vec<crate::diagnosis::EffectParameter> {
+        effects
+            .iter()
+            .flat_map(|e| crate::missing::judge::parameters(e, &self.coefficients_of(trial, e)))
+            .collect()
+    }
+
+    /// Takes the weights from a trial's residuals.
+    pub(crate) fn weigh_by(&mut self, trial: &Trial) {
+        self.weights = self.weights_of(|i| mean_square(&trial.residuals[i]));
+    }
+
+    /// Measured minus modelled at the full rate, run-in included.
+    pub(crate) fn full_residuals(&self, trial: &Trial) -> Vec<Vec<f64>> {
+        let referring = self.referring_to(trial);
+        let columns = chain::width(&self.base, &trial.effects);
+        referring
+            .traces
+            .each
+            .par_iter()
+            .enumerate()
+            .map(|(i, t)| {
+                let reference = referring.reference(i);
+                let y = chain::simulate(&self.base, &trial.effects, t, reference, &trial.coefficients, columns);
+                t.position_um.iter().zip(y).map(|(m, y)| m - y).collect()
+            })
+            .collect()
+    }
+
+    pub(crate) fn identify(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.traces.each.len()).filter(|&i| self.traces.each[i].role == Role::Identify)
+    }
+}
+
+fn target(trace: &Trace) -> DVector<f64> {
+    DVector::from_iterator(trace.rows.len(), trace.rows.iter().map(|&k| trace.position_um[k]))
+}
+
+pub(crate) fn mean_square(values: &DVector<f64>) -> f64 {
+    values.norm_squared() / values.len().max(1) as f64
+}
+
+/// Least squares with physical signs: an active set in which coefficients enter one at a time and leave when they turn
+/// negative (Lawson, Hanson 1974, chapter 23).
+fn solve_signed(gram: &Gram, base: &Base, effects: &[Effect]) -> DVector<f64> {
+    let signed = chain::not_negative(base, effects);
+    let mut keep: Vec<bool> = signed.iter().map(|s| !s).collect();
+    let mut x = gram.solve(base.columns(), base.ridge, &keep);
+    let mut barred = vec![false; signed.len()];
+    while let Some(j) = gram.steepest(&x, |j| signed[j] && !keep[j] && !barred[j]) {
+        keep[j] = true;
+        x = gram.solve(base.columns(), base.ridge, &keep);
+        while let Some(out) = (0..signed.len())
+            .filter(|&k| signed[k] && keep[k])
+            .find(|&k| x[k] < 0.0)
+        {
+            (keep[out], barred[out]) = (false, true);
+            x = gram.solve(base.columns(), base.ridge, &keep);
+        }
+    }
+    x
+}
+
+/// `n / (1 + 2 sum rho)`, the sum up to where the autocorrelation first falls below a twentieth.
+fn effective_samples(residual: &DVector<f64>) -> f64 {
+    let n = residual.len();
+    if n < 8 {
+        return n as f64;
+    }
+    let mean = residual.mean();
+    let centred: Vec<f64> = residual.iter().map(|r| r - mean).collect();
+    let variance: f64 = centred.iter().map(|r| r * r).sum();
+    if variance <= 0.0 {
+        return n as f64;
+    }
+    let mut sum = 0.0;
+    for lag in 1..n / 4 {
+        let rho = centred[lag..].iter().zip(&centred).map(|(a, b)| a * b).sum::<f64>() / variance;
+        if rho < 0.05 {
+            break;
+        }
+        sum += rho;
+    }
+    (n as f64 / (1.0 + 2.0 * sum)).max(2.0)
+}

@@ -1,0 +1,357 @@
+//! The effects that can be missing, and the search for each one's parameters.
+
+use crate::missing::bench::Bench;
+use crate::missing::chain::{self, Effect};
+use crate::missing::traces::Traces;
+
+/// A candidate: the name under which it is reported, and its forms.
+pub(crate) struct Candidate {
+    pub name: &'static str,
+    pub search: fn(&Bench<'_>, &[Effect]) -> Vec<Vec<Effect>>,
+}
+
+/// All candidates whose effect is more than the shape of the loops.
+pub(crate) const PHYSICAL: [Candidate; 9] = [
+    Candidate {
+        name: "delay",
+        search: delay,
+    },
+    Candidate {
+        name: "first-order-lag",
+        search: lag,
+    },
+    Candidate {
+        name: "resonance",
+        search: resonance,
+    },
+    Candidate {
+        name: "rate-dependence",
+        search: rate,
+    },
+    Candidate {
+        name: "slew-limit",
+        search: slew,
+    },
+    Candidate {
+        name: "saturation",
+        search: saturation,
+    },
+    Candidate {
+        name: "creep",
+        search: creep,
+    },
+    Candidate {
+        name: "thermal-drift",
+        search: thermal,
+    },
+    Candidate {
+        name: "cross-coupling",
+        search: cross,
+    },
+];
+
+/// Longest delay or lag searched, seconds: slow sensor filters reach 2 ms.
+const LONGEST_S: f64 = 3e-3;
+
+fn shortest(traces: &Traces) -> f64 {
+    traces.each.iter().map(|t| t.period_s).fold(f64::INFINITY, f64::min)
+}
+
+fn duration(traces: &Traces) -> f64 {
+    traces
+        .each
+        .iter()
+        .map(|t| t.period_s * t.len() as f64)
+        .fold(0.0, f64::max)
+}
+
+/// Least of `f` over a positive parameter: a scan in equal ratios, then golden section beside the best.
+fn least(low: f64, high: f64, scan: usize, refine: u32, f: impl Fn(f64) -> f64) -> (f64, f64) {
+    let (a, b) = (low.ln(), high.ln());
+    let step = (b - a) / (scan.max(2) - 1) as f64;
+    let mut best = (f64::INFINITY, a);
+    for k in 0..scan.max(2) {
+        let x = a + step * k as f64;
+        let value = f(x.exp());
+        if value < best.0 {
+            best = (value, x);
+        }
+    }
+    let (mut low, mut high) = ((best.1 - step).max(a), (best.1 + step).min(b));
+    const RATIO: f64 = 0.618_033_988_749_894_8; // (sqrt 5 - 1) / 2
+    let (mut p, mut q) = (high - RATIO * (high - low), low + RATIO * (high - low));
+    let (mut fp, mut fq) = (f(p.exp()), f(q.exp()));
+    for _ in 0..refine {
+        if fp < fq {
+            (high, q, fq) = (q, p, fp);
+            p = high - RATIO * (high - low);
+            fp = f(p.exp());
+        } else {
+            (low, p, fp) = (p, q, fq);
+            q = low + RATIO * (high - low);
+            fq = f(q.exp());
+        }
+    }
+    let last = if fp < fq { (fp, p) } else { (fq, q) };
+    let (value, x) = if last.0 < best.0 { last } else { best };
+    (x.exp(), value)
+}
+
+fn with(given: &[Effect], more: Effect) -> Vec<Effect> {
+    given.iter().cloned().chain([more]).collect()
+}
+
+/// One-parameter forms: searched, then given back with the rest of the chain.
+///
+/// A rate dependence that the model has already may have taken the place of what is tried now: it is fitted again with it.
+fn one(
+    bench: &Bench<'_>,
+    given: &[Effect],
+    (low, high): (f64, f64),
+    scan: usize,
+    form: impl Fn(f64) -> Effect,
+) -> Vec<Effect> {
+    if !given.iter().any(|e| matches!(e, Effect::RateShift { .. })) {
+        let (x, _) = least(low, high, scan, 9, |x| bench.objective(&with(given, form(x))));
+        return with(given, form(x));
+    }
+    let chain = |share: f64, x: f64| with(&slower(given, share), form(x));
+    let mut best = (f64::INFINITY, low, 1.0);
+    for share in [1.0, 0.6, 0.25] {
+        let (x, value) = least(low, high, scan, 0, |x| bench.objective(&chain(share, x)));
+        if value < best.0 {
+            best = (value, x, share);
+        }
+    }
+    let mut step: f64 = (high / low).powf(1.0 / (scan - 1) as f64);
+    for _ in 0..3 {
+        let (share, value) = least(best.2 / 1.6, best.2 * 1.6, 3, 3, |share| {
+            bench.objective(&chain(share, best.1))
+        });
+        if value < best.0 {
+            best = (value, best.1, share);
+        }
+        let (x, value) = least((best.1 / step).max(low), (best.1 * step).min(high), 3, 4, |x| {
+            bench.objective(&chain(best.2, x))
+        });
+        if value < best.0 {
+            best = (value, x, best.2);
+        }
+        step = step.sqrt();
+    }
+    chain(best.2, best.1)
+}
+
+/// The chain with its rate dependence scaled.
+fn slower(given: &[Effect], share: f64) -> Vec<Effect> {
+    given
+        .iter()
+        .map(|effect| match *effect {
+            Effect::RateShift {
+                up,
+                down,
+                exponent,
+                narrow,
+            } => Effect::RateShift {
+                up: up * share,
+                down: down * share,
+                exponent,
+                narrow,
+            },
+            ref other => other.clone(),
+        })
+        .collect()
+}
+
+fn delay(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
+    if given.iter().any(|e| matches!(e, Effect::Delay { .. })) {
+        return Vec::new();
+    }
+    let low = shortest(bench.traces) / 20.0;
+    vec![one(bench, given, (low, LONGEST_S.max(4.0 * low)), 7, |delay_s| {
+        Effect::Delay { delay_s }
+    })]
+}
+
+fn lag(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
+    if given
+        .iter()
+        .any(|e| matches!(e, Effect::LagBefore { .. } | Effect::LagAfter { .. }))
+    {
+        return Vec::new();
+    }
+    let low = shortest(bench.traces) / 20.0;
+    let range = (low, LONGEST_S.max(4.0 * low));
+    vec![
+        one(bench, given, range, 7, |tau_s| Effect::LagBefore { tau_s }),
+        one(bench, given, range, 7, |tau_s| Effect::LagAfter { tau_s }),
+    ]
+}
+
+/// Largest damping ratio of a resonance: more would imitate lag and delay.
+pub(crate) const MOST_DAMPING: f64 = 0.1;
+
+fn resonance(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
+    let nyquist = 0.5 / shortest(bench.traces);
+    // A tenth of a cycle in the longest record is no vibration; a mode far above the last sampled frequency shows only as inertia.
+    let low = (5.0 / duration(bench.traces)).max(20.0).min(nyquist / 2.0);
+    let mode = |frequency_hz: f64, zeta: f64| with(given, Effect::Mode { frequency_hz, zeta });
+    let (mut f, mut value) = least(low, nyquist, 28, 0, |f| bench.objective(&mode(f, 0.03)));
+    let mut zeta = 0.03;
+    let mut span: f64 = (nyquist / low).powf(1.0 / 27.0);
+    for _ in 0..2 {
+        let (best, at) = least(f / span, f * span, 3, 7, |f| bench.objective(&mode(f, zeta)));
+        if at < value {
+            (f, value) = (best, at);
+        }
+        let (best, at) = least(0.002, MOST_DAMPING, 4, 3, |zeta| bench.objective(&mode(f, zeta)));
+        if at < value {
+            (zeta, value) = (best, at);
+        }
+        span = span.powf(0.25);
+    }
+    vec![mode(f, zeta)]
+}
+
+fn rate(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
+    if given.iter().any(|e| {
+        matches!(
+            e,
+            Effect::RateShift { .. } | Effect::RateThreshold { .. } | Effect::LogGain
+        )
+    }) {
+        return Vec::new();
+    }
+    let peak = chain::peak_rate(&bench.traces.each).max(f64::MIN_POSITIVE);
+    // The shift at the peak rate between a thousandth and half of the span.
+    let range = |exponent: f64| (2e-3 / peak.powf(exponent), 1.0 / peak.powf(exponent));
+    let shift = |exponent: f64, narrow: f64| rate_shift(bench, given, range(exponent), exponent, narrow);
+    vec![
+        shift(1.0, chain::NARROW),
+        shift(1.0, 0.0),
+        shift(0.5, 0.0),
+        one(bench, given, (3e-3, 0.5), 4, |growth| Effect::RateThreshold { growth }),
+        with(given, Effect::LogGain),
+    ]
+}
+
+/// A shift of the plays' input, both branches.
+fn rate_shift(bench: &Bench<'_>, given: &[Effect], (low, high): (f64, f64), exponent: f64, narrow: f64) -> Vec<Effect> {
+    let form = |up: f64, down: f64| {
+        with(
+            given,
+            Effect::RateShift {
+                up,
+                down,
+                exponent,
+                narrow,
+            },
+        )
+    };
+    let (both, _) = least(low, high, 5, 6, |x| bench.objective(&form(x, x)));
+    // One branch may be slower than the other: their ratio, then both again.
+    let (ratio, _) = least(0.25, 4.0, 3, 5, |q| {
+        bench.objective(&form(both * q.sqrt(), both / q.sqrt()))
+    });
+    let (both, _) = least(both / 1.5, both * 1.5, 3, 4, |x| {
+        bench.objective(&form(x * ratio.sqrt(), x / ratio.sqrt()))
+    });
+    form(both * ratio.sqrt(), both / ratio.sqrt())
+}
+
+/// The rate dependence of a model that has one, fitted anew on a base.
+pub(crate) fn rate_of_model(bench: &Bench<'_>) -> Vec<Effect> {
+    let peak = chain::peak_rate(&bench.traces.each).max(f64::MIN_POSITIVE);
+    rate_shift(bench, &[], (2e-3 / peak, 1.0 / peak), 1.0, chain::NARROW)
+}
+
+fn slew(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
+    if given.iter().any(|e| matches!(e, Effect::Slew { .. })) {
+        return Vec::new();
+    }
+    let peak = chain::peak_rate(&bench.traces.each);
+    if peak <= 0.0 {
+        return Vec::new();
+    }
+    vec![one(bench, given, (0.2 * peak, 0.999 * peak), 12, |per_s| {
+        Effect::Slew { per_s }
+    })]
+}
+
+fn saturation(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
+    if given
+        .iter()
+        .any(|e| matches!(e, Effect::ClipDrive { .. } | Effect::EndStop { .. }))
+    {
+        return Vec::new();
+    }
+    let (low_um, high_um) = chain::position_range(&bench.traces.each);
+    let span = high_um - low_um;
+    let mut forms = Vec::new();
+    // Depth of the cut as a share of the span, from below or above, at the amplifier or at the stop.
+    let depth = (2e-3, 0.4);
+    forms.push(one(bench, given, depth, 8, |d| Effect::ClipDrive {
+        low: -2.0,
+        high: 1.0 - 2.0 * d,
+    }));
+    forms.push(one(bench, given, depth, 8, |d| Effect::ClipDrive {
+        low: -1.0 + 2.0 * d,
+        high: 2.0,
+    }));
+    forms.push(one(bench, given, depth, 8, |d| Effect::EndStop {
+        low_um: low_um - span,
+        high_um: high_um - d * span,
+    }));
+    forms.push(one(bench, given, depth, 8, |d| Effect::EndStop {
+        low_um: low_um + d * span,
+        high_um: high_um + span,
+    }));
+    forms
+}
+
+fn creep(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
+    if given.iter().any(|e| matches!(e, Effect::Creep { .. })) {
+        return Vec::new();
+    }
+    // Two a decade from 50 ms, where creep ends and structural dynamics begin, to three times the longest record.
+    let longest = 3.0 * duration(bench.traces);
+    let taus_s: Vec<f64> = (0..12)
+        .map(|k| 0.05 * 10f64.powf(0.5 * f64::from(k)))
+        .take_while(|&t| t < longest)
+        .collect();
+    if taus_s.is_empty() {
+        return Vec::new();
+    }
+    vec![with(given, Effect::Creep { taus_s })]
+}
+
+fn thermal(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
+    if given
+        .iter()
+        .any(|e| matches!(e, Effect::Temperature | Effect::TemperatureGain | Effect::StartOffset))
+    {
+        return Vec::new();
+    }
+    let mut forms = Vec::new();
+    if bench.traces.each.iter().any(|t| t.temperature_c.is_some()) {
+        forms.push(with(given, Effect::Temperature));
+        forms.push(with(given, Effect::TemperatureGain));
+        forms.push(with(&with(given, Effect::Temperature), Effect::TemperatureGain));
+        forms.push(with(&with(given, Effect::Temperature), Effect::StartOffset));
+    }
+    if bench.traces.each.iter().any(|t| t.start_offset_um != 0.0) {
+        forms.push(with(given, Effect::StartOffset));
+    }
+    forms
+}
+
+fn cross(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
+    if given.iter().any(|e| matches!(e, Effect::Cross)) {
+        return Vec::new();
+    }
+    if bench.traces.each.iter().any(|t| t.drive2.is_some()) {
+        vec![with(given, Effect::Cross)]
+    } else {
+        Vec::new()
+    }
+}

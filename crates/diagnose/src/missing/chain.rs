@@ -1,0 +1,495 @@
+//! A hysteresis base with trial effects in their places, as columns of a regression.
+//!
+//! voltage -> delay -> amplifier (lag, slew, clipping) -> plays (rate) -> structure (resonance) -> sensor (lag); what adds to
+//! the position (creep, heat, other axis, end stop) comes as columns of its own.
+
+use crate::missing::filters::{self, Mode};
+use crate::missing::traces::{Trace, range};
+use nalgebra::{DMatrix, DVector};
+
+/// An effect with its nonlinear parameters; times in seconds, drive in scaled units.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Effect {
+    Delay {
+        delay_s: f64,
+    },
+    LagBefore {
+        tau_s: f64,
+    },
+    LagAfter {
+        tau_s: f64,
+    },
+    Mode {
+        frequency_hz: f64,
+        zeta: f64,
+    },
+    Slew {
+        per_s: f64,
+    },
+    ClipDrive {
+        low: f64,
+        high: f64,
+    },
+    /// The input of plays wider than `narrow` lags by `up |v'|^exponent` on the way up, by `down ..` on the way down.
+    RateShift {
+        up: f64,
+        down: f64,
+        exponent: f64,
+        narrow: f64,
+    },
+    /// The plays' thresholds grow by this share a decade of the rate.
+    RateThreshold {
+        growth: f64,
+    },
+    /// The gain falls with the logarithm of the frequency.
+    LogGain,
+    Creep {
+        taus_s: Vec<f64>,
+    },
+    Temperature,
+    TemperatureGain,
+    StartOffset,
+    Cross,
+    EndStop {
+        low_um: f64,
+        high_um: f64,
+    },
+    /// Second and third power of the position.
+    SensorPowers,
+    /// Second to fifth power of the drive.
+    DrivePowers,
+    /// A play of this width behind the position.
+    Backlash {
+        width_um: f64,
+    },
+}
+
+impl Effect {
+    /// Whether its columns are made from the modelled position.
+    pub(crate) fn acts_on_position(&self) -> bool {
+        matches!(
+            self,
+            Self::Creep { .. }
+                | Self::LogGain
+                | Self::TemperatureGain
+                | Self::EndStop { .. }
+                | Self::SensorPowers
+                | Self::Backlash { .. }
+        )
+    }
+}
+
+/// What the plays' outputs are turned into.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Shape {
+    /// g to the fifth order, each play through a cubic.
+    Free,
+    /// g linear, a weight a play.
+    Pi,
+    /// g with first and third order, a weight a play.
+    Mpi,
+}
+
+/// The hysteresis.
+#[derive(Debug, Clone)]
+pub(crate) struct Base {
+    pub shape: Shape,
+    /// Scaled units, ascending.
+    pub thresholds: Vec<f64>,
+    /// Ridge on the scaled columns of the hysteresis.
+    pub ridge: f64,
+}
+
+/// Plays narrower than this share of the span belong to the linear path: a rate effect on a play without width is a delay.
+pub(crate) const NARROW: f64 = 0.05;
+
+impl Base {
+    pub(crate) fn columns(&self) -> usize {
+        let n = self.thresholds.len();
+        match self.shape {
+            Shape::Free => 6 + 3 * n,
+            Shape::Pi => 2 + n,
+            Shape::Mpi => 3 + n,
+        }
+    }
+}
+
+/// Number of columns that effects add.
+fn extra_columns(effects: &[Effect]) -> usize {
+    effects
+        .iter()
+        .map(|effect| match effect {
+            Effect::Creep { taus_s } => taus_s.len(),
+            Effect::LogGain
+            | Effect::Temperature
+            | Effect::TemperatureGain
+            | Effect::StartOffset
+            | Effect::Backlash { .. }
+            | Effect::EndStop { .. } => 1,
+            Effect::SensorPowers => 2,
+            Effect::DrivePowers => 4,
+            Effect::Cross => CROSS_COLUMNS,
+            _ => 0,
+        })
+        .sum()
+}
+
+/// All columns of base and effects.
+pub(crate) fn width(base: &Base, effects: &[Effect]) -> usize {
+    base.columns() + extra_columns(effects)
+}
+
+/// Calls `visit(column, series)` for every column of one record, at the record's full rate, run-in included.
+///
+/// `reference_um` is the modelled position that creep, heat and stops act on.
+pub(crate) fn for_each_column(
+    base: &Base,
+    effects: &[Effect],
+    trace: &Trace,
+    reference_um: Option<&[f64]>,
+    mut visit: impl FnMut(usize, &[f64]),
+) {
+    let input = drive_at_stack(effects, trace);
+    let after = After::new(effects, trace.period_s);
+    let n = input.len();
+    let mut column = vec![1.0; n];
+    visit(0, &column);
+    let powers: &[i32] = match base.shape {
+        Shape::Free => &[1, 2, 3, 4, 5],
+        Shape::Pi => &[1],
+        Shape::Mpi => &[1, 3],
+    };
+    let mut next = 1;
+    let mut emit = |column: &mut Vec<f64>, visit: &mut dyn FnMut(usize, &[f64])| {
+        after.apply(column);
+        visit(next, column);
+        next += 1;
+    };
+    for &power in powers {
+        column.iter_mut().zip(&input).for_each(|(c, v)| *c = v.powi(power));
+        emit(&mut column, &mut visit);
+    }
+    let rates = Rates::new(effects, &input, trace.period_s);
+    for &threshold in &base.thresholds {
+        let play = rates.play(&input, threshold, trace.fraction);
+        column.copy_from_slice(&play);
+        emit(&mut column, &mut visit);
+        if base.shape == Shape::Free {
+            // Middle of the play's travel, so that odd and even powers stay apart.
+            for power in [2, 3] {
+                column.iter_mut().zip(&play).for_each(|(c, w)| *c = w.powi(power));
+                emit(&mut column, &mut visit);
+            }
+        }
+    }
+    for effect in effects {
+        extra(effect, trace, reference_um, &mut |series| {
+            visit(next, series);
+            next += 1;
+        });
+    }
+}
+
+/// The commanded drive after delay and amplifier.
+fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
+    let mut input = trace.drive.clone();
+    for effect in effects {
+        if let Effect::Delay { delay_s } = effect {
+            input = filters::delayed(&input, delay_s / trace.period_s);
+        }
+    }
+    for effect in effects {
+        match *effect {
+            Effect::LagBefore { tau_s } => filters::lag(&mut input, trace.period_s, tau_s),
+            Effect::Slew { per_s } => filters::slew(&mut input, per_s * trace.period_s),
+            Effect::ClipDrive { low, high } => input.iter_mut().for_each(|v| *v = v.clamp(low, high)),
+            _ => {}
+        }
+    }
+    input
+}
+
+/// What every column of the hysteresis goes through.
+struct After {
+    modes: Vec<Mode>,
+    lags_s: Vec<f64>,
+    period_s: f64,
+}
+
+impl After {
+    fn new(effects: &[Effect], period_s: f64) -> Self {
+        let (mut modes, mut lags_s) = (Vec::new(), Vec::new());
+        for effect in effects {
+            match *effect {
+                Effect::Mode { frequency_hz, zeta } => modes.push(Mode::new(frequency_hz, zeta, period_s)),
+                Effect::LagAfter { tau_s } => lags_s.push(tau_s),
+                _ => {}
+            }
+        }
+        Self {
+            modes,
+            lags_s,
+            period_s,
+        }
+    }
+
+    fn apply(&self, series: &mut [f64]) {
+        for mode in &self.modes {
+            mode.apply(series);
+        }
+        for &tau_s in &self.lags_s {
+            filters::lag(series, self.period_s, tau_s);
+        }
+    }
+}
+
+/// What rate effects do to the plays.
+struct Rates {
+    shifted: Option<Vec<f64>>,
+    widening: Option<Vec<f64>>,
+    narrow: f64,
+}
+
+impl Rates {
+    fn new(effects: &[Effect], input: &[f64], period_s: f64) -> Self {
+        let rate = |k: usize| {
+            // Central: the command is free of noise, and a backward difference would be half a sample late.
+            let (before, after) = (k.saturating_sub(1), (k + 1).min(input.len() - 1));
+            if after == before {
+                0.0
+            } else {
+                (input[after] - input[before]) / ((after - before) as f64 * period_s)
+            }
+        };
+        let mut rates = Self {
+            shifted: None,
+            widening: None,
+            narrow: NARROW,
+        };
+        for effect in effects {
+            match *effect {
+                Effect::RateShift {
+                    up,
+                    down,
+                    exponent,
+                    narrow,
+                } => {
+                    rates.narrow = narrow;
+                    let lagging = |k: usize| {
+                        input[k]
+                            - if rate(k) > 0.0 {
+                                up * rate(k).powf(exponent)
+                            } else {
+                                -down * (-rate(k)).powf(exponent)
+                            }
+                    };
+                    rates.shifted = Some((0..input.len()).map(lagging).collect());
+                }
+                Effect::RateThreshold { growth } => {
+                    // One span a second is where a 0.3 Hz full sine peaks: below it growth fades out linearly.
+                    let wider = |k: usize| 1.0 + growth * (1.0 + rate(k).abs() / 2.0).log10();
+                    rates.widening = Some((0..input.len()).map(wider).collect());
+                }
+                _ => {}
+            }
+        }
+        rates
+    }
+
+    /// Output of one play, centred: half its threshold above the lower bound.
+    fn play(&self, input: &[f64], threshold: f64, fraction: f64) -> Vec<f64> {
+        let wide = threshold > self.narrow * 2.0;
+        let seen = match &self.shifted {
+            Some(shifted) if wide => shifted,
+            _ => input,
+        };
+        let half = threshold / 2.0;
+        // A drive between -1 and 1 takes a play no further out than this.
+        let lowest = -1.0_f64;
+        let mut w = input.first().map_or(0.0, |v| (v - fraction * threshold).max(lowest));
+        match &self.widening {
+            Some(widening) if wide => seen
+                .iter()
+                .zip(widening)
+                .map(|(&v, grown)| {
+                    let more = half * (grown - 1.0);
+                    w = (v - threshold - more).max((v + more).min(w));
+                    w + half
+                })
+                .collect(),
+            _ => seen
+                .iter()
+                .map(|&v| {
+                    w = (v - threshold).max(v.min(w));
+                    w + half
+                })
+                .collect(),
+        }
+    }
+}
+
+/// Drive of the other axis: itself, its rate, three plays.
+const CROSS_COLUMNS: usize = 5;
+
+/// Columns that an effect adds to the position.
+fn extra(effect: &Effect, trace: &Trace, reference_um: Option<&[f64]>, push: &mut dyn FnMut(&[f64])) {
+    let n = trace.len();
+    let zeros = || vec![0.0; n];
+    let reference = || reference_um.map_or_else(zeros, <[f64]>::to_vec);
+    match effect {
+        Effect::Creep { taus_s } => {
+            for &tau_s in taus_s {
+                push(&settling(&reference(), trace, tau_s));
+            }
+        }
+        Effect::LogGain => {
+            // Two lags a decade from 1 Hz to 1 kHz: a staircase whose ripple is below a tenth of its slope.
+            let y = reference();
+            let mut sum = zeros();
+            for i in 0..7 {
+                let tau_s = 1.0 / (std::f64::consts::TAU * 10f64.powf(f64::from(i) / 2.0));
+                let slow = settling(&y, trace, tau_s);
+                sum.iter_mut()
+                    .zip(&slow)
+                    .zip(&y)
+                    .for_each(|((s, slow), y)| *s += 0.5 * (slow - y));
+            }
+            push(&sum);
+        }
+        Effect::Temperature => push(&trace.temperature_c.clone().unwrap_or_else(zeros)),
+        Effect::TemperatureGain => {
+            let mut column = reference();
+            if let Some(temperature_c) = &trace.temperature_c {
+                column.iter_mut().zip(temperature_c).for_each(|(y, t)| *y *= t);
+                push(&column);
+            } else {
+                push(&zeros());
+            }
+        }
+        Effect::StartOffset => push(&vec![trace.start_offset_um; n]),
+        Effect::Cross => cross(trace, push),
+        Effect::EndStop { low_um, high_um } => {
+            let mut column = reference();
+            column.iter_mut().for_each(|y| *y = y.clamp(*low_um, *high_um) - *y);
+            push(&column);
+        }
+        Effect::SensorPowers => {
+            let y = reference();
+            for power in [2, 3] {
+                push(&y.iter().map(|y| y.powi(power)).collect::<Vec<_>>());
+            }
+        }
+        Effect::DrivePowers => {
+            for power in [2, 3, 4, 5] {
+                push(&trace.drive.iter().map(|v| v.powi(power)).collect::<Vec<_>>());
+            }
+        }
+        Effect::Backlash { width_um } => {
+            let mut z = None;
+            let follow = |&y: &f64| {
+                let now = z.map_or(y, |z: f64| (y - width_um / 2.0).max((y + width_um / 2.0).min(z)));
+                z = Some(now);
+                now - y
+            };
+            push(&reference().iter().map(follow).collect::<Vec<_>>());
+        }
+        _ => {}
+    }
+}
+
+/// A first-order state that follows the position; at rest before the record, at the mean where the record is periodic.
+fn settling(position_um: &[f64], trace: &Trace, tau_s: f64) -> Vec<f64> {
+    let mut state = position_um.to_vec();
+    let start = if trace.from > 0 {
+        position_um[..trace.from].iter().sum::<f64>() / trace.from as f64
+    } else {
+        position_um.first().copied().unwrap_or(0.0)
+    };
+    let a = (-trace.period_s / tau_s).exp();
+    let mut x = start;
+    for value in &mut state {
+        x = a * x + (1.0 - a) * *value;
+        *value = x;
+    }
+    state
+}
+
+fn cross(trace: &Trace, push: &mut dyn FnMut(&[f64])) {
+    let Some(drive2) = &trace.drive2 else {
+        for _ in 0..CROSS_COLUMNS {
+            push(&vec![0.0; trace.len()]);
+        }
+        return;
+    };
+    push(drive2);
+    let mut rate = vec![0.0; drive2.len()];
+    for k in 1..rate.len() {
+        rate[k] = (drive2[k] - drive2[k - 1]) / trace.period_s;
+    }
+    push(&rate);
+    let still = Rates {
+        shifted: None,
+        widening: None,
+        narrow: NARROW,
+    };
+    for threshold in [0.1, 0.4, 1.0] {
+        push(&still.play(drive2, threshold, 0.0));
+    }
+}
+
+/// The columns of one record at its rows.
+pub(crate) fn matrix(base: &Base, effects: &[Effect], trace: &Trace, reference_um: Option<&[f64]>) -> DMatrix<f64> {
+    let mut matrix = DMatrix::zeros(trace.rows.len(), width(base, effects));
+    for_each_column(base, effects, trace, reference_um, |j, series| {
+        for (cell, &k) in matrix.column_mut(j).iter_mut().zip(&trace.rows) {
+            *cell = series[k];
+        }
+    });
+    matrix
+}
+
+/// The modelled position of one record at its full rate; `columns` are how many of them take part.
+pub(crate) fn simulate(
+    base: &Base,
+    effects: &[Effect],
+    trace: &Trace,
+    reference_um: Option<&[f64]>,
+    coefficients: &DVector<f64>,
+    columns: usize,
+) -> Vec<f64> {
+    let mut sum = vec![0.0; trace.len()];
+    for_each_column(base, effects, trace, reference_um, |j, series| {
+        if j < columns && j < coefficients.len() {
+            let c = coefficients[j];
+            sum.iter_mut().zip(series).for_each(|(s, x)| *s += c * x);
+        }
+    });
+    sum
+}
+
+/// Largest rate of any drive, scaled units per second.
+pub(crate) fn peak_rate(traces: &[Trace]) -> f64 {
+    traces
+        .iter()
+        .flat_map(|t| t.drive.windows(2).map(move |v| (v[1] - v[0]).abs() / t.period_s))
+        .fold(0.0, f64::max)
+}
+
+/// Range of the measured positions.
+pub(crate) fn position_range(traces: &[Trace]) -> (f64, f64) {
+    range(traces.iter().flat_map(|t| &t.position_um))
+}
+
+/// Which coefficients physics does not let be negative.
+pub(crate) fn not_negative(base: &Base, effects: &[Effect]) -> Vec<bool> {
+    let mut signed = vec![false; base.columns()];
+    for effect in effects {
+        let of_effect = extra_columns(std::slice::from_ref(effect));
+        let positive = matches!(
+            effect,
+            Effect::Creep { .. } | Effect::LogGain | Effect::EndStop { .. } | Effect::Backlash { .. }
+        );
+        signed.extend(std::iter::repeat_n(positive, of_effect));
+    }
+    signed
+}

@@ -1,0 +1,256 @@
+//! Which physical effect a model lacks.
+//!
+//! Every candidate is fitted in its place, jointly with a hysteresis of free shape, and judged on records it was not fitted to.
+
+mod bench;
+mod candidates;
+mod chain;
+mod filters;
+mod hum;
+mod judge;
+mod next_record;
+mod regression;
+mod remains;
+mod ringing;
+mod shape;
+mod traces;
+
+use crate::diagnosis::{Before, Diagnosis, RankedEffect};
+use crate::noise;
+use bench::{Bench, Trial};
+use candidates::PHYSICAL;
+use chain::{Base, Effect, Shape};
+use hysteron_data::{Dataset, Role};
+use hysteron_identify::{Family, Model, Placement, placement};
+use judge::Judge;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use traces::Traces;
+
+/// Plays of the free shape: enough to bring a Preisach density down to a few hundredths of a percent.
+const PLAYS: usize = 18;
+
+/// Effects that are looked for one after another.
+const ROUNDS: usize = 2;
+
+/// Names the physical effect that a model lacks, from all records. `progress` gets the share done and what is tried now.
+///
+/// # Cost
+/// About 400 regressions of 75 columns on a few thousand rows: seconds; linear in the samples beyond that.
+pub fn diagnose(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64, &str) + Sync)) -> Diagnosis {
+    let floor = noise::noise_floor(dataset);
+    progress(0.0, "model");
+    let simulated = traces::initial_states(dataset, model);
+    let states: Vec<_> = simulated.iter().map(|s| s.0).collect();
+    let traces = Traces::new(dataset, &states, floor.rms_um);
+    let before = before(dataset, &simulated);
+    let reasons = judge::cannot_answer(dataset, &traces, floor.rms_um);
+    progress(0.02, "free shape");
+    let inputs: Vec<&[f64]> = traces
+        .each
+        .iter()
+        .filter(|t| t.role == Role::Identify)
+        .map(|t| t.drive.as_slice())
+        .collect();
+    let base = Base {
+        shape: Shape::Free,
+        thresholds: placement::thresholds(Placement::Data, PLAYS, &inputs),
+        ridge: 1e-7,
+    };
+    let (mut bench, mut start) = Bench::new(&traces, base, &[], floor.rms_um);
+    if matches!(model.family, Family::Mrpi | Family::Wrpi) {
+        // What the model has already is no missing effect: its rate dependence is fitted anew with everything.
+        let given = candidates::rate_of_model(&bench);
+        let with_rate = bench.fit(&given, Some(2));
+        if judge::total(&bench, &start, &with_rate) > 0.0 {
+            bench = bench.referring_to(&with_rate);
+            bench.weigh_by(&with_rate);
+            start = with_rate;
+        }
+    }
+    let start = bench.fit(&start.effects.clone(), Some(2));
+    let judge = Judge::new(&bench, &start);
+    let mut found: Vec<(&'static str, Trial)> = Vec::new();
+    let mut ranking = Vec::new();
+    let mut rivals: Vec<(&'static str, Trial)> = Vec::new();
+    for round in 0..ROUNDS {
+        let (current, share) = match found.last() {
+            Some((_, trial)) => (trial.clone(), 0.5),
+            None => (start.clone(), 0.0),
+        };
+        let here = bench.referring_to(&current);
+        let trials = try_all(&here, &current, &|done, name| {
+            progress(0.05 + share * 0.9 + 0.45 * done, name)
+        });
+        let mut ranked = judge.rank(&bench, &current, &trials);
+        if round == 0 {
+            ranking = ranked.clone();
+            rivals = ranked.iter().map(|r| trials[r.0].clone()).collect();
+        }
+        ranked.retain(|r| r.1.significant);
+        let Some((index, _)) = ranked.first() else { break };
+        let (name, trial) = &trials[*index];
+        found.push((name, trial.clone()));
+        if !judge.worth_going_on(found.last().map(|f| &f.1)) {
+            break;
+        }
+    }
+    conclude(
+        dataset, model, &bench, &judge, start, found, ranking, rivals, before, reasons, progress,
+    )
+}
+
+/// Every candidate's best forms, in parallel.
+fn try_all(bench: &Bench<'_>, current: &Trial, progress: &(dyn Fn(f64, &str) + Sync)) -> Vec<(&'static str, Trial)> {
+    let done = AtomicUsize::new(0);
+    PHYSICAL
+        .par_iter()
+        .with_max_len(1)
+        .flat_map_iter(|candidate| {
+            progress(
+                done.load(Ordering::Relaxed) as f64 / PHYSICAL.len() as f64,
+                candidate.name,
+            );
+            let forms = (candidate.search)(bench, &current.effects);
+            let fitted: Vec<_> = forms
+                .into_iter()
+                .map(|effects| (candidate.name, bench.fit_to_the_end(&effects)))
+                .collect();
+            done.fetch_add(1, Ordering::Relaxed);
+            fitted
+        })
+        .collect()
+}
+
+fn before(dataset: &Dataset, simulated: &[(hysteron_identify::InitialState, Vec<f64>)]) -> Before {
+    let percent = |role: Role| {
+        let squares: Vec<f64> = dataset
+            .records
+            .iter()
+            .zip(simulated)
+            .filter(|(r, _)| r.role == role)
+            .filter_map(|(r, (_, output))| {
+                let stroke = hysteron_identify::family::peak_to_peak(&r.position_um);
+                let moves = hysteron_identify::family::peak_to_peak(&r.voltage_v) > 0.0 && stroke > 0.0;
+                let square = r
+                    .position_um
+                    .iter()
+                    .zip(output)
+                    .map(|(y, m)| (y - m).powi(2))
+                    .sum::<f64>();
+                moves.then(|| 1e4 * square / r.len() as f64 / stroke.powi(2))
+            })
+            .collect();
+        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    };
+    Before {
+        identify_percent: percent(Role::Identify),
+        validate_percent: percent(Role::Validate),
+    }
+}
+
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the one place where everything that was found comes together"
+)]
+fn conclude(
+    dataset: &Dataset,
+    model: &Model,
+    bench: &Bench<'_>,
+    judge: &Judge,
+    start: Trial,
+    found: Vec<(&'static str, Trial)>,
+    ranking: Vec<(usize, RankedEffect)>,
+    rivals: Vec<(&'static str, Trial)>,
+    before: Before,
+    reasons: Vec<String>,
+    progress: &(dyn Fn(f64, &str) + Sync),
+) -> Diagnosis {
+    progress(0.95, "what remains");
+    let last = found.last().map_or(&start, |f| &f.1);
+    let residuals = bench.full_residuals(last);
+    let hum = hum::find(bench.traces, &residuals, bench.noise_um);
+    let remains = remains::remains(bench, last, &residuals, hum.as_ref());
+    let mut ranking: Vec<RankedEffect> = ranking.into_iter().map(|r| r.1).collect();
+    let mut names: Vec<String> = found.iter().map(|f| f.0.to_owned()).collect();
+    if let Some(hum) = &hum {
+        let effect = judge.hum(bench, last, hum);
+        if effect.significant {
+            // The larger of the two is the verdict.
+            let first = ranking.first().filter(|r| r.significant);
+            let larger = first.is_none_or(|r| effect.share > r.share);
+            names.insert(if larger { 0 } else { names.len() }, effect.effect.clone());
+            ranking.insert(if larger { 0 } else { ranking.len().min(1) }, effect);
+        } else {
+            ranking.push(effect);
+        }
+    }
+    if !names.iter().any(|n| n == "resonance")
+        && let Some(entry) = ringing::find(bench, last, &residuals)
+    {
+        ranking.retain(|r| r.effect != "resonance");
+        names.push("resonance".to_owned());
+        ranking.insert(names.len() - 1, entry);
+    }
+    let shape = shape::shape(dataset, model, bench, last);
+    let physical = names.first().cloned();
+    let enough = judge.explains_enough(last, hum.as_ref());
+    let verdict = if !reasons.is_empty() {
+        "unknown".to_owned()
+    } else if let Some(name) = physical {
+        // A ring after a step is seen as such, whatever else remains.
+        if enough || name == "resonance" && found.is_empty() {
+            name
+        } else {
+            "unknown".to_owned()
+        }
+    } else if remains.percent > judge::MATTERS_PERCENT.max(2.0 * remains.noise_percent) {
+        "unknown".to_owned()
+    } else if let Some(effect) = shape.ranking.first().filter(|r| r.significant) {
+        effect.effect.clone()
+    } else if shape.too_poor {
+        "hysteresis-shape".to_owned()
+    } else {
+        "none".to_owned()
+    };
+    let also_possible = Judge::also_possible(&verdict, &ranking);
+    ranking.extend(shape.ranking);
+    let mut unexplained = remains;
+    unexplained.locked_to.sort_by(|a, b| b.share.total_cmp(&a.share));
+    let next_record = next_record::choose(
+        bench,
+        &verdict,
+        &also_possible,
+        &rivals,
+        last,
+        unexplained.percent / 100.0 * bench.traces.stroke_um,
+    );
+    let further = names
+        .into_iter()
+        .filter(|n| *n != verdict && verdict != "unknown")
+        .collect();
+    progress(1.0, "done");
+    Diagnosis {
+        verdict,
+        also_possible,
+        further,
+        shape_too_poor: shape.too_poor,
+        cannot_answer: reasons,
+        noise_rms_um: bench.noise_um,
+        before,
+        free_shape: Before {
+            identify_percent: Some(start.identify_percent),
+            validate_percent: Some(start.validate_percent),
+        },
+        ranking,
+        next_record,
+        unexplained,
+    }
+}
+
+/// Parameters of the effects that a trial has beyond another one.
+fn is_given(effects: &[Effect], effect: &Effect) -> bool {
+    effects
+        .iter()
+        .any(|e| std::mem::discriminant(e) == std::mem::discriminant(effect))
+}

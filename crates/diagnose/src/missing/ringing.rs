@@ -1,0 +1,142 @@
+//! Ringing after a step of the drive: a decaying sine needs no hysteresis model to be seen.
+
+use crate::diagnosis::{EffectParameter, Level, RankedEffect};
+use crate::missing::bench::{Bench, Trial};
+use crate::missing::candidates::MOST_DAMPING;
+use nalgebra::{DMatrix, DVector};
+use std::f64::consts::TAU;
+
+/// A step is at least this share of the span in one sample.
+const STEP: f64 = 0.05;
+
+/// Samples after a step that are looked at.
+const WINDOW: usize = 300;
+
+/// The ring must be this many times the noise.
+const TIMES_NOISE: f64 = 5.0;
+
+/// The decaying sine must take this share of what else is in the window.
+const LEAST_SHARE: f64 = 0.5;
+
+struct Ring {
+    frequency_hz: f64,
+    zeta: f64,
+    amplitude_um: f64,
+    share: f64,
+    samples: usize,
+}
+
+/// The clearest ring after any step, as an entry of the ranking.
+pub(crate) fn find(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>]) -> Option<RankedEffect> {
+    let mut best: Option<Ring> = None;
+    for (trace, residual) in bench.traces.each.iter().zip(residuals) {
+        let steps = (trace.from + 1..trace.len()).filter(|&k| (trace.drive[k] - trace.drive[k - 1]).abs() > 2.0 * STEP);
+        for k in steps.take(8) {
+            // The first samples after a step are the stage's delay and the sensor's: the ring is in what follows.
+            let window = &residual[(k + 2).min(residual.len())..(k + WINDOW).min(residual.len())];
+            if window.len() < 40 {
+                continue;
+            }
+            if let Some(ring) = fit(window, trace.period_s, bench.noise_um)
+                && best.as_ref().is_none_or(|b| ring.share > b.share)
+            {
+                best = Some(ring);
+            }
+        }
+    }
+    let ring = best?;
+    let parameter = |name: &str, value: f64, unit: &str| EffectParameter {
+        name: name.to_owned(),
+        value,
+        unit: unit.to_owned(),
+    };
+    Some(RankedEffect {
+        effect: "resonance".to_owned(),
+        identify_percent: last.identify_percent,
+        validate_percent: last.validate_percent,
+        statistic: ring.amplitude_um / bench.noise_um,
+        threshold: TIMES_NOISE,
+        log_likelihood_gain: -0.5 * ring.samples as f64 * (1.0 - ring.share).ln(),
+        effective_samples: ring.samples as f64,
+        share: ring.share,
+        significant: true,
+        level: Level::Physical,
+        parameters: vec![
+            parameter("frequency", ring.frequency_hz, "Hz"),
+            parameter("damping_ratio", ring.zeta, ""),
+            parameter("amplitude_after_step", ring.amplitude_um, "um"),
+        ],
+    })
+}
+
+/// Least squares of a decaying sine on a line, over frequency and damping.
+fn fit(window: &[f64], period_s: f64, noise_um: f64) -> Option<Ring> {
+    let n = window.len();
+    let y = DVector::from_column_slice(window);
+    let line = squared_error(&y, period_s, None).0;
+    // Three periods in the window, four and a half samples a period.
+    let (low, high) = (3.0 / (n as f64 * period_s), 1.0 / (4.5 * period_s));
+    if high <= low {
+        return None;
+    }
+    let mut best = (f64::INFINITY, 0.0, 0.0);
+    let scan = |best: &mut (f64, f64, f64), f: f64, zeta: f64| {
+        let error = squared_error(&y, period_s, Some((f, zeta))).0;
+        if error < best.0 {
+            *best = (error, f, zeta);
+        }
+    };
+    let steps = 80;
+    for i in 0..=steps {
+        for zeta in [0.01, 0.03, 0.08] {
+            scan(
+                &mut best,
+                low * (high / low).powf(f64::from(i) / f64::from(steps)),
+                zeta,
+            );
+        }
+    }
+    let (centre, width) = (best.1, (high / low).powf(1.0 / f64::from(steps)).ln());
+    for i in -8..=8 {
+        for zeta in [0.005, 0.01, 0.02, 0.03, 0.045, 0.065, 0.09] {
+            scan(&mut best, centre * (width * f64::from(i) / 8.0).exp(), zeta);
+        }
+    }
+    let (error, frequency_hz, zeta) = best;
+    let amplitude_um = squared_error(&y, period_s, Some((frequency_hz, zeta))).1;
+    let noise = noise_um.powi(2) * n as f64;
+    let share = (line - error) / (line - noise).max(line * 0.1);
+    let cycles = n as f64 * period_s * frequency_hz;
+    (share > LEAST_SHARE && amplitude_um > TIMES_NOISE * noise_um && zeta < MOST_DAMPING && cycles > 3.0).then_some(
+        Ring {
+            frequency_hz,
+            zeta,
+            amplitude_um,
+            share: share.min(1.0),
+            samples: n,
+        },
+    )
+}
+
+/// Squared error about a line, with a decaying sine where one is given, and the sine's amplitude at the start.
+fn squared_error(y: &DVector<f64>, period_s: f64, ring: Option<(f64, f64)>) -> (f64, f64) {
+    let n = y.len();
+    let columns = DMatrix::from_fn(n, if ring.is_some() { 4 } else { 2 }, |k, c| {
+        let t = k as f64 * period_s;
+        let decay = ring.map_or(0.0, |(f, zeta)| (-zeta * TAU * f * t).exp());
+        let angle = ring.map_or(0.0, |(f, _)| TAU * f * t);
+        match c {
+            0 => 1.0,
+            1 => k as f64 / n as f64 - 0.5,
+            2 => decay * angle.cos(),
+            _ => decay * angle.sin(),
+        }
+    });
+    let gram = columns.tr_mul(&columns) + DMatrix::identity(columns.ncols(), columns.ncols()) * 1e-12;
+    let Some(factor) = gram.cholesky() else {
+        return (y.norm_squared(), 0.0);
+    };
+    let x = factor.solve(&columns.tr_mul(y));
+    let amplitude = if ring.is_some() { x[2].hypot(x[3]) } else { 0.0 };
+    ((y - &columns * x).norm_squared(), amplitude)
+}
