@@ -9,6 +9,7 @@ mod amplifier;
 mod asymmetry;
 pub mod calibration;
 mod chain;
+pub mod challenge;
 mod config;
 mod contact;
 mod converter;

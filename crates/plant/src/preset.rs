@@ -7,7 +7,9 @@
 use crate::amplifier::Amplifier;
 use crate::config::{Hold, StageConfig};
 use crate::converter::Converter;
-use crate::hysteresis::{DensityTerm, Family, Hysteresis, Initial, Preisach};
+use crate::creep::Creep;
+use crate::hysteresis::sigmoid_plays::SigmoidPlay;
+use crate::hysteresis::{DensityTerm, Family, Hysteresis, Initial, Preisach, SigmoidPlays};
 use crate::rate::RateDependence;
 use crate::sensor::Sensor;
 use crate::structure::Mode;
@@ -78,6 +80,72 @@ pub fn paper_delay_from([loop_opening, delay_s, filter_s]: [f64; 3]) -> StageCon
         },
         ..paper_bench(density.hysteresis(loop_opening))
     }
+}
+
+/// Loop openings of the slow 0 to 200 V cycle that give the stages below 16.44 % at 10 Hz with a sine of 0 to 26 V, as in the paper: found by
+/// [`crate::calibration::calibrate_one`] on [`tracking_from`].
+const TRACKING_8K: f64 = 0.15;
+const TRACKING_2K5: f64 = 0.15;
+const TRACKING_739: f64 = 0.15;
+
+/// A stage for tracking: first mode 8 kHz, amplifier lag 72 us, otherwise as [`tracking_from`].
+///
+/// Loop openings with a sine of 0 to 26 V.
+pub fn tracking_8k() -> StageConfig {
+    tracking_from(8000.0, 72e-6, false, TRACKING_8K)
+}
+
+/// A stage for tracking: first mode 2.5 kHz, a second one with 3 % at 7.75 kHz, amplifier lag 60 us, otherwise as [`tracking_from`].
+pub fn tracking_2k5() -> StageConfig {
+    tracking_from(2500.0, 60e-6, true, TRACKING_2K5)
+}
+
+/// A stage for tracking: first mode 739 Hz, a second one with 3 % at 2.29 kHz, amplifier lag 60 us, otherwise as [`tracking_from`].
+pub fn tracking_739() -> StageConfig {
+    tracking_from(739.0, 60e-6, true, TRACKING_739)
+}
+
+/// A stage to be tracked with: 20 um at 200 V, 120 plays with sigmoid outputs, creep of 1.5 % a decade from 0.2 ms to 1000 s, damping ratio 0.02, one sample of
+/// computing (30 us with the hold), converters of 3 mV and 0.76 nm, 1 nm of noise.
+pub fn tracking_from(mode_hz: f64, lag_s: f64, second_mode: bool, loop_opening: f64) -> StageConfig {
+    let mut modes = vec![Mode { frequency_hz: mode_hz, damping: 0.02, share: 1.0 }];
+    if second_mode {
+        modes[0].share = 0.97;
+        modes.push(Mode { frequency_hz: 3.1 * mode_hz, damping: 0.02, share: 0.03 });
+    }
+    let hysteresis = Hysteresis {
+        stroke_um: 20.0,
+        reference_v: 200.0,
+        initial: Initial::Conditioned,
+        family: Family::SigmoidPlays(SigmoidPlays { loop_opening, plays: tracking_plays() }),
+    };
+    StageConfig {
+        dac: Some(Converter::UNIPOLAR_16_BIT),
+        hold: Hold::Zero,
+        controller_delay_s: 20e-6,
+        amplifier: Amplifier { lag_s, ..Amplifier::default() },
+        creep: Some(Creep::Log { percent_per_decade: 1.5, from_s: 2e-4, to_s: 1000.0 }),
+        modes,
+        sensor: Sensor { noise_rms_um: 1e-3, ..Sensor::default() },
+        ..StageConfig::bare(hysteresis)
+    }
+}
+
+/// 120 plays for 0 to 200 V: thresholds log-spaced from 0.4 to 100 V with weights r^0.15, for which the static opening stays between 14 and 17 % for
+/// cycles of 5 to 200 V; the small ones work best at 60 V, the large ones at 140 V.
+fn tracking_plays() -> Vec<SigmoidPlay> {
+    (0..120)
+        .map(|i| {
+            let place = f64::from(i) / 119.0;
+            let threshold_v = 0.4 * 250_f64.powf(place);
+            SigmoidPlay {
+                threshold_v,
+                weight: threshold_v.powf(0.15),
+                centre_v: 60.0 + 80.0 * place,
+                width_v: 200.0,
+            }
+        })
+        .collect()
 }
 
 /// Controller, amplifier and sensor of the paper's section 4.1.

@@ -1,8 +1,19 @@
 //! Command voltages for experiments: units in the names, whole periods where periodic, seeded where random.
 
+mod multisine;
+mod noise;
 mod sine;
+mod spectrum;
+mod steps;
+mod sweep;
+mod triangle;
 
+pub use multisine::Multisine;
+pub use noise::BandNoise;
 pub use sine::{MultiHarmonic, Sine};
+pub use steps::Steps;
+pub use sweep::{Sweep, SweepLaw};
+pub use triangle::{DecayingTriangle, Triangle};
 
 use crate::error::{StageError, within};
 

@@ -2,6 +2,7 @@
 
 use rand::RngExt;
 
+use super::between;
 use crate::error::{StageError, within};
 
 /// A sum of elastoplastic elements: `y = sum_i k_i (v - z_i)`, each z_i following the voltage until it slips at +-r_i.
@@ -118,7 +119,7 @@ impl MaxwellSlipState {
         let mut force = 0.0;
         for element in &mut self.elements {
             let limit_v = element.slip_v * threshold_scale;
-            element.stretch_v = (element.stretch_v + moved_v).min(limit_v).max(-limit_v);
+            element.stretch_v = between(element.stretch_v + moved_v, -limit_v, limit_v);
             force += element.stiffness * element.stretch_v;
         }
         self.total * input_v - force

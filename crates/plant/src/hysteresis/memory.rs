@@ -2,16 +2,21 @@
 
 /// What a Preisach operator does on its branches, integrated from its density (Everett functions).
 pub(crate) trait Branches {
-    /// Rise of the output when the input goes from the turning point `low_v` monotonically up to `high_v`
-    /// (equally the fall from `high_v` down to `low_v`).
-    fn between(&self, low_v: f64, high_v: f64) -> f64;
+    /// An input with whatever the density can work out from it alone.
+    type Point: Copy + std::fmt::Debug + Default;
+    /// Works that out.
+    fn point(&self, input_v: f64) -> Self::Point;
+    /// Rise of the output when the input goes from the turning point `low` monotonically up to `high`
+    /// (equally the fall from `high` down to `low`).
+    fn between(&self, low: &Self::Point, high: &Self::Point) -> f64;
     /// Output on the virgin curve, all operators at rest at 0 V before.
-    fn virgin(&self, input_v: f64) -> f64;
+    fn virgin(&self, input: &Self::Point) -> f64;
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Turn {
+#[derive(Debug, Clone, Copy)]
+struct Turn<P> {
     input_v: f64,
+    point: P,
     output: f64,
 }
 
@@ -26,16 +31,17 @@ struct Turn {
 /// # Reference
 /// Mayergoyz, *Mathematical Models of Hysteresis* (1991), chapter 1: reduced memory sequences.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Memory {
-    turns: Vec<Turn>,
+pub(crate) struct Memory<P> {
+    turns: Vec<Turn<P>>,
     input_v: f64,
+    point: P,
     output: f64,
 }
 
-impl Memory {
+impl<P: Copy + std::fmt::Debug + Default> Memory<P> {
     /// Moves the input and gives the output.
     #[inline]
-    pub(crate) fn advance(&mut self, branches: &impl Branches, input_v: f64) -> f64 {
+    pub(crate) fn advance(&mut self, branches: &impl Branches<Point = P>, input_v: f64) -> f64 {
         if input_v == self.input_v {
             return self.output;
         }
@@ -46,16 +52,14 @@ impl Memory {
         };
         let at_start = self.turns.is_empty() && self.input_v == 0.0;
         if rising != branch_rises && !at_start {
-            self.turns.push(Turn {
-                input_v: self.input_v,
-                output: self.output,
-            });
+            self.turns.push(Turn { input_v: self.input_v, point: self.point, output: self.output });
         }
         self.wipe_out(input_v, rising);
+        self.point = branches.point(input_v);
         self.output = match self.turns.last() {
-            None => branches.virgin(input_v),
-            Some(turn) if rising => turn.output + branches.between(turn.input_v, input_v),
-            Some(turn) => turn.output - branches.between(input_v, turn.input_v),
+            None => branches.virgin(&self.point),
+            Some(turn) if rising => turn.output + branches.between(&turn.point, &self.point),
+            Some(turn) => turn.output - branches.between(&self.point, &turn.point),
         };
         self.input_v = input_v;
         self.output

@@ -157,6 +157,13 @@ impl Operator {
     }
 }
 
+/// x, moved to the nearer end where it lies outside: compare and select, which keeps loops in vector registers.
+#[inline]
+fn between(x: f64, low: f64, high: f64) -> f64 {
+    let x = if x < low { low } else { x };
+    if x > high { high } else { x }
+}
+
 /// The slow reference cycle of an operator, in the operator's own unit.
 struct ReferenceCycle {
     peak_to_peak: f64,

@@ -29,7 +29,7 @@ pub struct DensityTerm {
 /// Volts in; the output is scaled to the stroke by [`super::Hysteresis`].
 ///
 /// # Cost
-/// One Everett evaluation: 3 sine-cosine pairs and one exponential a term.
+/// One Everett evaluation: one sine-cosine pair and one exponential a part.
 ///
 /// # Reference
 /// Mayergoyz (1991) for the operator; Krejci (1996) for the form as an integral of functions of plays.
@@ -150,21 +150,46 @@ impl Density {
     }
 }
 
+/// An input and the half-angle factor `e^{i kappa v / 2}`: products of two give the factors at both ends of a branch and in its middle.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Phasor {
+    input_v: f64,
+    half: (f64, f64),
+}
+
+impl Default for Phasor {
+    fn default() -> Self {
+        Self { input_v: 0.0, half: (1.0, 0.0) }
+    }
+}
+
+#[inline]
+fn product(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+    (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0)
+}
+
 impl Branches for Density {
+    type Point = Phasor;
+
+    #[inline]
+    fn point(&self, input_v: f64) -> Phasor {
+        let (sin, cos) = (0.5 * self.per_volt_rad * input_v).sin_cos();
+        Phasor { input_v, half: (cos, sin) }
+    }
+
     /// `E(a, b) = int_0^R p(r) [S(a - r) - S(b + r)] dr`, R = (a - b) / 2: for each part, with `q = exp(-R / rho)`, `m = (a + b) / 2`,
     /// `2 c [R - rho (1 - q)] + c eps / kappa Im { e^{i phi} [ (e^{i kappa a} - q e^{i kappa m}) / (1 + i kappa rho)
     /// - (e^{i kappa b} - q e^{i kappa m}) / (1 - i kappa rho) ] }`.
     #[inline]
-    fn between(&self, low_v: f64, high_v: f64) -> f64 {
-        let radius_v = 0.5 * (high_v - low_v);
-        let (high_sin, high_cos) = (self.per_volt_rad * high_v).sin_cos();
-        let (low_sin, low_cos) = (self.per_volt_rad * low_v).sin_cos();
-        let (mid_sin, mid_cos) = (self.per_volt_rad * (low_v + radius_v)).sin_cos();
+    fn between(&self, low: &Phasor, high: &Phasor) -> f64 {
+        let radius_v = 0.5 * (high.input_v - low.input_v);
+        let (high_cos, high_sin) = product(high.half, high.half);
+        let (low_cos, low_sin) = product(low.half, low.half);
+        let (mid_cos, mid_sin) = product(low.half, high.half);
         let mut rise = 0.0;
         for part in &self.parts {
-            let fall = (-radius_v / part.threshold_v).exp_m1();
-            let left = 1.0 + fall;
-            rise += 2.0 * part.share * (radius_v + part.threshold_v * fall);
+            let left = (-radius_v / part.threshold_v).exp();
+            rise += 2.0 * part.share * (radius_v - part.threshold_v * (1.0 - left));
             let (high_re, high_im) = (high_cos - left * mid_cos, high_sin - left * mid_sin);
             let (low_re, low_im) = (low_cos - left * mid_cos, low_sin - left * mid_sin);
             let (re, im) = part.filter;
@@ -176,22 +201,17 @@ impl Branches for Density {
     }
 
     /// `int_0^|v| p(r) [S(v -+ r) - S(0)] dr`, the plays inside |v| having left their rest at 0.
-    fn virgin(&self, input_v: f64) -> f64 {
-        let radius_v = input_v.abs();
-        let (sin, cos) = (self.per_volt_rad * input_v).sin_cos();
+    fn virgin(&self, input: &Phasor) -> f64 {
+        let radius_v = input.input_v.abs();
+        let (cos, sin) = product(input.half, input.half);
         let mut output = 0.0;
         for part in &self.parts {
-            let fall = (-radius_v / part.threshold_v).exp_m1();
-            let left = 1.0 + fall;
-            output += part.share * (radius_v + part.threshold_v * fall) * input_v.signum();
-            let (re, mut im) = part.filter;
-            if input_v < 0.0 {
-                im = -im;
-            }
-            let (end_re, end_im) = (cos - left, sin);
-            let moved = part.phase.0 * (end_im * re + end_re * im) + part.phase.1 * (end_re * re - end_im * im);
-            // minus S(0) (1 - q)
-            output += part.swing * (moved + part.phase.1 * fall);
+            let left = (-radius_v / part.threshold_v).exp();
+            output += part.share * (radius_v - part.threshold_v * (1.0 - left)) * input.input_v.signum();
+            let (re, im) = if input.input_v < 0.0 { (part.filter.0, -part.filter.1) } else { part.filter };
+            let moved = product((cos - left, sin), (re, im));
+            // Im(e^{i phi} moved), minus S(0) (1 - q).
+            output += part.swing * (part.phase.0 * moved.1 + part.phase.1 * (moved.0 - (1.0 - left)));
         }
         output
     }
@@ -201,7 +221,7 @@ impl Branches for Density {
 #[derive(Debug, Clone)]
 pub(crate) struct PreisachState {
     density: Density,
-    memory: Memory,
+    memory: Memory<Phasor>,
 }
 
 impl PreisachState {

@@ -31,12 +31,18 @@ impl AmplitudeGain {
 struct Uniform;
 
 impl Branches for Uniform {
-    fn between(&self, low_v: f64, high_v: f64) -> f64 {
+    type Point = f64;
+
+    fn point(&self, input_v: f64) -> f64 {
+        input_v
+    }
+
+    fn between(&self, low_v: &f64, high_v: &f64) -> f64 {
         let cycle_v = high_v - low_v;
         0.25 * cycle_v * cycle_v
     }
 
-    fn virgin(&self, input_v: f64) -> f64 {
+    fn virgin(&self, input_v: &f64) -> f64 {
         0.5 * input_v * input_v.abs()
     }
 }
@@ -46,7 +52,7 @@ impl Branches for Uniform {
 pub(crate) struct AmplitudeGainState {
     um_per_v2: f64,
     rest: f64,
-    memory: Memory,
+    memory: Memory<f64>,
 }
 
 impl AmplitudeGainState {

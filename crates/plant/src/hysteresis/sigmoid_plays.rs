@@ -2,6 +2,7 @@
 
 use rand::RngExt;
 
+use super::between;
 use crate::error::{StageError, within};
 
 /// `y = sum_i w_i S_i(F_ri[v])`, `S_i(x) = b z / sqrt(1 + z^2)`, `z = (x - c_i) / b_i`.
@@ -9,7 +10,7 @@ use crate::error::{StageError, within};
 /// The sigmoid makes the gain of each play fall away from its own centre: loops are asymmetric and minor loops depend on the bias.
 ///
 /// # Cost
-/// Per operator two comparisons, a square root and a division.
+/// Two comparisons an operator; a square root and a division for those that move.
 ///
 /// # Reference
 /// Krejci, *Hysteresis, Convexity and Dissipation in Hyperbolic Equations* (1996), chapter II.3: Preisach operators as integrals of
@@ -96,44 +97,72 @@ impl SigmoidPlays {
     }
 }
 
-/// The plays in motion; columns, so that the loop can run in vector registers.
+/// Plays that are worked on together: one vector register or two.
+const LANES: usize = 4;
+
+/// A few plays in motion and the sum of their outputs.
+#[derive(Debug, Clone)]
+struct Group {
+    threshold_v: [f64; LANES],
+    play_v: [f64; LANES],
+    centre_v: [f64; LANES],
+    per_width: [f64; LANES],
+    scale: [f64; LANES],
+    sum: f64,
+}
+
+impl Group {
+    fn new(plays: &[SigmoidPlay]) -> Self {
+        // Missing lanes weigh nothing.
+        let column = |pick: fn(&SigmoidPlay) -> f64| std::array::from_fn(|i| plays.get(i).map_or(0.0, pick));
+        let mut group = Self {
+            threshold_v: column(|play| play.threshold_v),
+            play_v: [0.0; LANES],
+            centre_v: column(|play| play.centre_v),
+            per_width: column(|play| 1.0 / play.width_v),
+            scale: column(|play| play.weight * play.width_v),
+            sum: 0.0,
+        };
+        group.sum = group.output();
+        group
+    }
+
+    #[inline]
+    fn output(&self) -> f64 {
+        let sigmoid: [f64; LANES] = std::array::from_fn(|i| {
+            let z = (self.play_v[i] - self.centre_v[i]) * self.per_width[i];
+            self.scale[i] * z / (1.0 + z * z).sqrt()
+        });
+        sigmoid.iter().sum()
+    }
+
+    #[inline]
+    fn advance(&mut self, input_v: f64, threshold_scale: f64) -> f64 {
+        let moved: [f64; LANES] = std::array::from_fn(|i| {
+            let threshold_v = self.threshold_v[i] * threshold_scale;
+            between(self.play_v[i], input_v - threshold_v, input_v + threshold_v)
+        });
+        if moved != self.play_v {
+            self.play_v = moved;
+            self.sum = self.output();
+        }
+        self.sum
+    }
+}
+
+/// All plays in motion.
 #[derive(Debug, Clone)]
 pub(crate) struct SigmoidPlaysState {
-    threshold_v: Vec<f64>,
-    play_v: Vec<f64>,
-    centre_v: Vec<f64>,
-    per_width: Vec<f64>,
-    scale: Vec<f64>,
+    groups: Vec<Group>,
 }
 
 impl SigmoidPlaysState {
     pub(crate) fn new(config: &SigmoidPlays) -> Self {
-        let column = |pick: fn(&SigmoidPlay) -> f64| config.plays.iter().map(pick).collect::<Vec<f64>>();
-        Self {
-            threshold_v: column(|play| play.threshold_v),
-            play_v: column(|_| 0.0),
-            centre_v: column(|play| play.centre_v),
-            per_width: column(|play| 1.0 / play.width_v),
-            scale: column(|play| play.weight * play.width_v),
-        }
+        Self { groups: config.plays.chunks(LANES).map(Group::new).collect() }
     }
 
     #[inline]
     pub(crate) fn advance(&mut self, input_v: f64, threshold_scale: f64) -> f64 {
-        let columns = self
-            .play_v
-            .iter_mut()
-            .zip(&self.threshold_v)
-            .zip(&self.centre_v)
-            .zip(&self.per_width)
-            .zip(&self.scale);
-        let mut output = 0.0;
-        for ((((play_v, threshold_v), centre_v), per_width), scale) in columns {
-            let threshold_v = threshold_v * threshold_scale;
-            *play_v = play_v.min(input_v + threshold_v).max(input_v - threshold_v);
-            let z = (*play_v - centre_v) * per_width;
-            output += scale * z / (1.0 + z * z).sqrt();
-        }
-        output
+        self.groups.iter_mut().map(|group| group.advance(input_v, threshold_scale)).sum()
     }
 }
