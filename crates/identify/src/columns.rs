@@ -144,7 +144,7 @@ impl<'a> Stepper<'a> {
     }
 }
 
-fn fill(family: Family, input: f64, rate: f64, outputs: &[f64], row: &mut [f64]) {
+pub(crate) fn fill(family: Family, input: f64, rate: f64, outputs: &[f64], row: &mut [f64]) {
     let powers = family.input_powers();
     row[0] = 1.0;
     for (cell, &power) in row[1..].iter_mut().zip(powers) {
@@ -172,7 +172,7 @@ fn fill(family: Family, input: f64, rate: f64, outputs: &[f64], row: &mut [f64])
 
 /// The model's output, by the arithmetic of the core; the coefficients stand as [`fill`] lays the columns out.
 #[inline(always)]
-fn output(family: Family, coefficients: &[f64], input: f64, rate: f64, outputs: &[f64]) -> f64 {
+pub(crate) fn output(family: Family, coefficients: &[f64], input: f64, rate: f64, outputs: &[f64]) -> f64 {
     let powers = family.input_powers().len();
     let (offset, g) = (coefficients[0], &coefficients[1..=powers]);
     let of_plays = &coefficients[1 + powers..];

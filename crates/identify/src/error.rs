@@ -36,6 +36,22 @@ pub enum IdentifyError {
         /// The family.
         family: &'static str,
     },
+    /// An effect that is not in the catalogue.
+    #[error("there is no effect `{name}`; the catalogue has {known}")]
+    NoSuchEffect {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// An effect that these records or this model cannot have.
+    #[error("cannot add `{effect}`: {reason}")]
+    EffectRefused {
+        /// The effect.
+        effect: String,
+        /// Why, and what to do.
+        reason: String,
+    },
     /// A model with another number of plays than the table it is to fill.
     #[error("the model has {plays} plays, the control table has {wanted}; fit with --plays {wanted}")]
     CorePlays {

@@ -202,6 +202,8 @@ fn assemble(dataset: &Dataset, options: &FitOptions, runs: &[Run<'_>], solved: &
         standard_errors: errors.coefficients,
         input_min,
         input_max,
+        effects: Vec::new(),
+        history: Vec::new(),
         fitted_on: FittedOn {
             dataset: dataset.name.clone(),
             method: options.method,

@@ -68,11 +68,8 @@ pub(crate) fn skip_unsettled(design: &Design, run: &mut Run<'_>) {
 }
 
 /// Chooses the initial state under which a fitted model explains the record best, from its very first sample.
-///
-/// The guess stands unless a remanent start, found by a scan of its fraction and a golden-section search, explains the
-/// record clearly better. For a periodic guess the scan is coarse: what differs is one period.
 pub(crate) fn choose(design: &Design, coefficients: &[f64], run: &Run<'_>) -> InitialState {
-    let error = |initial| {
+    choose_by(run.initial, |initial| {
         design.squared_error(
             coefficients,
             &Run {
@@ -81,10 +78,17 @@ pub(crate) fn choose(design: &Design, coefficients: &[f64], run: &Run<'_>) -> In
                 ..*run
             },
         )
-    };
+    })
+}
+
+/// Chooses the initial state with the smallest squared error.
+///
+/// The guess stands unless a remanent start, found by a scan of its fraction and a golden-section search, explains the
+/// record clearly better. For a periodic guess the scan is coarse: what differs is one period.
+pub(crate) fn choose_by(guess: InitialState, error: impl Fn(InitialState) -> f64) -> InitialState {
     let remanent = |fraction| error(InitialState::Remanent { fraction });
-    let stands = error(run.initial);
-    let steps = if matches!(run.initial, InitialState::Periodic { .. }) {
+    let stands = error(guess);
+    let steps = if matches!(guess, InitialState::Periodic { .. }) {
         2
     } else {
         8
@@ -104,7 +108,7 @@ pub(crate) fn choose(design: &Design, coefficients: &[f64], run: &Run<'_>) -> In
     if least < (1.0 - BELIEVED) * stands {
         InitialState::Remanent { fraction: best }
     } else {
-        run.initial
+        guess
     }
 }
 

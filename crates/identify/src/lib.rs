@@ -4,8 +4,13 @@
 //! it freely on a record. The operators and the arithmetic are those of `hysteron_core` in `f64`.
 #![forbid(unsafe_code)]
 
+mod chain;
+pub mod chain_add;
+mod chain_fit;
+mod chain_trace;
 mod columns;
 pub mod core_model;
+pub mod effects;
 pub mod error;
 pub mod family;
 pub mod fit;
@@ -21,10 +26,11 @@ pub mod placement;
 mod separable;
 mod uncertainty;
 
+pub use chain_add::{Added, add_effect, record_errors};
 pub use core_model::CoreModel;
 pub use error::IdentifyError;
 pub use family::{Direction, Family};
 pub use fit::{FitOptions, FitReport, Method, fit};
 pub use initial::InitialState;
-pub use model::{Model, Parameter};
+pub use model::{FittedEffect, Model, Parameter, RecordError, Step};
 pub use placement::Placement;

@@ -1,13 +1,16 @@
 //! A fitted model: parameters with standard errors, what it was fitted on, free simulation.
 
+use crate::chain::{Chain, Link};
+use crate::chain_fit;
 use crate::columns::{Design, Run};
+use crate::effects;
 use crate::family::{Direction, Family};
 use crate::fit::Method;
 use crate::initial::{self, InitialState};
 use crate::objective::{Weighting, run_of};
 use crate::placement::Placement;
 use hysteron_core::envelope::Envelope;
-use hysteron_data::Record;
+use hysteron_data::{Record, Role};
 use serde::{Deserialize, Serialize};
 
 /// A fitted hysteresis model.
@@ -31,6 +34,10 @@ pub struct Model {
     pub input_min: f64,
     /// Largest input in the records it was fitted on.
     pub input_max: f64,
+    /// The effects around the hysteresis, in the order of the chain; none in a model of the hysteresis alone.
+    pub effects: Vec<FittedEffect>,
+    /// How the model came about, step by step; empty until an effect is added.
+    pub history: Vec<Step>,
     /// What it was fitted on, and how.
     pub fitted_on: FittedOn,
     /// What the user should know of the fit.
@@ -77,8 +84,55 @@ pub struct FittedRecord {
     pub weight: f64,
 }
 
+/// An effect of a model's chain, with its parameters.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FittedEffect {
+    /// Name in the catalogue.
+    pub name: String,
+    /// Its parameters, in the catalogue's order.
+    #[serde(rename = "parameter")]
+    pub parameters: Vec<Parameter>,
+}
+
+/// One step of a model's history: what was fitted or added, and the errors it left.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Step {
+    /// The effect that was added; the hysteresis family in the first step.
+    pub added: String,
+    /// Pooled error (eq. 19) on the records it was fitted to, percent of peak to peak.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub identify_percent: Option<f64>,
+    /// Pooled error on validation records, percent of peak to peak.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub validate_percent: Option<f64>,
+    /// Each record's error.
+    #[serde(rename = "record", default)]
+    pub records: Vec<RecordError>,
+}
+
+/// The error of a model on one record, free simulation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordError {
+    /// The record's file.
+    pub file: String,
+    /// Its role.
+    pub role: Role,
+    /// Error, rms, output unit.
+    pub rms: f64,
+    /// Error over peak to peak (eq. 19), percent; absent where the drive stands still.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub percent: Option<f64>,
+    /// Error over the output's own rms about its mean, percent; absent where the drive stands still.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub relative_percent: Option<f64>,
+}
+
 /// A named parameter with its unit.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Parameter {
     /// Name, with the play's number from 1 where it belongs to one: `weight[3]`.
     pub name: String,
@@ -87,6 +141,7 @@ pub struct Parameter {
     /// Value.
     pub value: f64,
     /// Standard error.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub standard_error: Option<f64>,
 }
 
@@ -106,13 +161,16 @@ impl Model {
     /// # Cost
     /// O(samples x plays); a record that does not start periodically costs about 25 runs more for its initial state.
     pub fn simulate(&self, record: &Record) -> Simulation {
+        if let Some(chain) = self.chain() {
+            return chain_fit::simulate(&chain, &self.coefficients, record);
+        }
         let mut run = run_of(record, self.direction, None);
         let design = self.design();
         run.initial = initial::choose(&design, &self.coefficients, &run);
         self.simulate_from(&design, &run)
     }
 
-    /// Runs the model over an input alone, from a given state.
+    /// Runs the hysteresis over an input alone, from a given state, without the effects around it.
     pub fn simulate_input(&self, input: &[f64], period_s: f64, initial: InitialState) -> Vec<f64> {
         let run = Run {
             input,
@@ -134,7 +192,26 @@ impl Model {
         }
     }
 
-    fn design(&self) -> Design {
+    /// The chain of a model that has effects.
+    pub(crate) fn chain(&self) -> Option<Chain> {
+        if self.effects.is_empty() {
+            return None;
+        }
+        Some(self.chain_with(Vec::new()))
+    }
+
+    /// The model's chain, with further links.
+    pub(crate) fn chain_with(&self, mut links: Vec<Link>) -> Chain {
+        links.extend(self.effects.iter().filter_map(|fitted| {
+            Some(Link {
+                effect: effects::find(&fitted.name)?,
+                values: fitted.parameters.iter().map(|parameter| parameter.value).collect(),
+            })
+        }));
+        Chain::new(self.design(), links, self.input_max - self.input_min)
+    }
+
+    pub(crate) fn design(&self) -> Design {
         Design {
             family: self.family,
             thresholds: self.thresholds.clone(),

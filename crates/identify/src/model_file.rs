@@ -1,8 +1,9 @@
 //! `model.toml`: readable, complete, and back bit for bit.
 
+use crate::effects;
 use crate::error::IdentifyError;
 use crate::family::{Direction, Family};
-use crate::model::{FittedOn, Model};
+use crate::model::{FittedEffect, FittedOn, Model, Parameter, Step};
 use hysteron_core::envelope::Envelope;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -20,7 +21,11 @@ struct File {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     notices: Vec<String>,
     hysteresis: Hysteresis,
+    #[serde(rename = "effect", default, skip_serializing_if = "Vec::is_empty")]
+    effects: Vec<FittedEffect>,
     fitted_on: FittedOn,
+    #[serde(rename = "step", default, skip_serializing_if = "Vec::is_empty")]
+    history: Vec<Step>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -70,7 +75,9 @@ impl Model {
                     })
                     .collect(),
             },
+            effects: self.effects.clone(),
             fitted_on: self.fitted_on.clone(),
+            history: self.history.clone(),
         };
         // Strings, numbers and lists of tables: nothing that TOML cannot hold.
         toml::to_string(&file).unwrap_or_default()
@@ -106,6 +113,7 @@ impl Model {
         }
         let h = file.hysteresis;
         check_thresholds(&h.thresholds).map_err(refuse)?;
+        check_effects(&file.effects, file.direction).map_err(refuse)?;
         let mut model = Self {
             family: h.family,
             direction: file.direction,
@@ -119,6 +127,8 @@ impl Model {
             standard_errors: Vec::new(),
             input_min: h.input_min,
             input_max: h.input_max,
+            effects: file.effects,
+            history: file.history,
             fitted_on: file.fitted_on,
             notices: file.notices,
         };
@@ -199,6 +209,41 @@ impl Model {
         std::fs::write(&beside, self.to_toml()).map_err(failed)?;
         std::fs::rename(&beside, path).map_err(failed)
     }
+}
+
+/// Effects must be those of the catalogue, each with its own parameters and physical values.
+fn check_effects(found: &[FittedEffect], direction: Direction) -> Result<(), String> {
+    if direction == Direction::Inverse && !found.is_empty() {
+        return Err("a model of direction inverse has no effects; they belong to forward models".to_owned());
+    }
+    for (i, fitted) in found.iter().enumerate() {
+        let name = &fitted.name;
+        let Some(effect) = effects::find(name) else {
+            return Err(format!(
+                "effect `{name}` is not in the catalogue: {}",
+                effects::names().join(", ")
+            ));
+        };
+        if found[..i].iter().any(|other| other.name == *name) {
+            return Err(format!("effect `{name}` stands twice; a chain has each effect once"));
+        }
+        let wanted = effect.description().parameters;
+        let named = |p: &Parameter, w: &effects::Named| p.name == w.name && p.unit == w.unit;
+        if fitted.parameters.len() != wanted.len() || !fitted.parameters.iter().zip(wanted).all(|(p, w)| named(p, w)) {
+            let list: Vec<String> = wanted.iter().map(|w| format!("{} ({})", w.name, w.unit)).collect();
+            return Err(format!(
+                "effect `{name}` needs the parameters {} in this order",
+                list.join(", ")
+            ));
+        }
+        if let Some(bad) = fitted.parameters.iter().find(|p| !p.value.is_finite()) {
+            return Err(format!(
+                "effect `{name}`: {} = {}; it must be finite",
+                bad.name, bad.value
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn check_thresholds(thresholds: &[f64]) -> Result<(), String> {

@@ -57,6 +57,11 @@ impl Normal {
         })
     }
 
+    /// The right side, `sum x y`.
+    pub(crate) fn right_side(&self) -> &[f64] {
+        &self.rhs
+    }
+
     /// Squared error of these coefficients on the rows seen: `sum y^2 - 2 b'x + x'Gx`, never below 0.
     pub(crate) fn squared_error(&self, coefficients: &[f64]) -> f64 {
         let x = DVector::from_column_slice(coefficients);

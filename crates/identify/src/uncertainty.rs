@@ -56,15 +56,20 @@ fn per_run_variance(solved: &Solved, runs: &[Run<'_>]) -> Vec<f64> {
             solved.design.simulate(&solved.coefficients, run, |k, modelled| {
                 residual.push(run.output[k] - modelled)
             });
-            let correlation = autocorrelation(&residual);
-            let Some(&power) = correlation.first().filter(|&&power| power > 0.0) else {
-                return 0.0;
-            };
-            // Sum up to the first lag that is not positive (initial positive sequence, Geyer 1992).
-            let positive: f64 = correlation[1..].iter().take_while(|&&c| c > 0.0).sum();
-            (power + 2.0 * positive) / residual.len() as f64
+            inflated_variance(&residual)
         })
         .collect()
+}
+
+/// Mean square of a residual times its integrated autocorrelation time, samples.
+pub(crate) fn inflated_variance(residual: &[f64]) -> f64 {
+    let correlation = autocorrelation(residual);
+    let Some(&power) = correlation.first().filter(|&&power| power > 0.0) else {
+        return 0.0;
+    };
+    // Sum up to the first lag that is not positive (initial positive sequence, Geyer 1992).
+    let positive: f64 = correlation[1..].iter().take_while(|&&c| c > 0.0).sum();
+    (power + 2.0 * positive) / residual.len() as f64
 }
 
 /// Normal matrices with two more columns: the derivatives of the output by alpha and by beta.

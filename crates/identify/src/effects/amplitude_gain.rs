@@ -1,0 +1,53 @@
+//! `amplitude-gain`
+
+use super::{Bounds, Description, Effect, Facts, Place, Shape};
+use crate::fit::MAX_PLAYS;
+
+pub(super) struct AmplitudeGain;
+
+static DESCRIPTION: Description = Description {
+    name: "amplitude-gain",
+    place: Place::Hysteresis,
+    summary: "Gain and loop opening grow from small to large strokes, below the model's smallest threshold.",
+    equation: "plays with logarithmically spaced thresholds from 0.1 % of the span up, beside the model's own",
+    source: "Rayleigh law, y = (d0 + a E0) E -+ a (E0^2 - E^2) / 2: a Prandtl-Ishlinskii model of even density",
+    parameters: &[],
+    shows: "Gain and opening over an amplitude ladder: 2 % opening at small signal, 10 to 15 % at full stroke, gain 20 to \
+            60 % higher. With thresholds at (i - 1)/N of the span the model is strictly linear below 10 %.",
+    mistaken_for: "backlash (an opening of constant width), thermal-drift of the gain",
+    separated_by: "An amplitude ladder of 1, 2, 5, 10, 25, 50, 100 %.",
+    compensated_by: "The same thresholds in the inverse; ten are enough.",
+};
+
+/// Smallest added threshold as a share of the span: below it loops of piezo ceramics close.
+const SMALLEST: f64 = 1e-3;
+
+/// Added thresholds, three a decade up to a tenth of the span.
+const ADDED: usize = 7;
+
+impl Effect for AmplitudeGain {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn bounds(&self, _: &Facts) -> Result<Vec<Bounds>, String> {
+        Ok(Vec::new())
+    }
+
+    fn reshape(&self, shape: &Shape, facts: &Facts) -> Option<Shape> {
+        let mut thresholds = shape.thresholds.clone();
+        for i in 0..ADDED {
+            let new = facts.span_v() * SMALLEST * 10f64.powf(i as f64 / 3.0);
+            // Closer than a quarter to one that is there, a play tells nothing new.
+            if !thresholds.iter().any(|r| (r / new).ln().abs() < 0.25) {
+                thresholds.push(new);
+            }
+        }
+        thresholds.sort_by(f64::total_cmp);
+        let added = thresholds.len() > shape.thresholds.len();
+        (added && thresholds.len() <= MAX_PLAYS).then_some(Shape {
+            family: shape.family,
+            thresholds,
+        })
+    }
+}

@@ -1,0 +1,78 @@
+//! `backlash`
+
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals, run};
+use hysteron_core::effects::Block;
+use hysteron_core::effects::backlash;
+
+pub(super) struct Backlash;
+
+static DESCRIPTION: Description = Description {
+    name: "backlash",
+    place: Place::Sensor,
+    summary: "Motion is lost at every reversal, in a contact or a worn joint.",
+    equation: "y' = max(y - b, min(y + b, y'))",
+    source: "a two-sided play of the position; flexures none, ball tips and screws 5 to 200 nm",
+    parameters: &[Named {
+        name: "width",
+        unit: "um",
+        what: "2 b, 0 to a tenth of the stroke",
+    }],
+    shows: "A dead band of the same width after every reversal at all amplitudes; small signals vanish; the opening over \
+            the amplitude does not go to zero.",
+    mistaken_for: "the hysteresis' own plays: it is one, with one large weight",
+    separated_by: "An amplitude ladder down to 1 %: the loop of the ceramics closes, that of lost motion becomes the whole signal.",
+    compensated_by: "A jump of the width at each reversal in the inverse, or repair.",
+};
+
+impl Effect for Backlash {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
+        let stroke = facts.stroke_um();
+        if stroke <= 0.0 {
+            return Err("the position stands still in every record".to_owned());
+        }
+        Ok(vec![Bounds::new(0.0, 0.1 * stroke, 1e-3 * stroke, 0.0)])
+    }
+
+    fn starts(&self, facts: &Facts, _: &[Bounds]) -> Vec<Vec<f64>> {
+        [0.001, 0.003, 0.006, 0.01, 0.02, 0.04, 0.08]
+            .iter()
+            .map(|&w| vec![w * facts.stroke_um()])
+            .collect()
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Nonlinearly
+    }
+
+    fn on_position(&self, values: &[f64], signals: &Signals<'_>, position_um: &mut [f64]) {
+        if let Ok(backlash) = backlash::Backlash::new(values[0]) {
+            run::block(&backlash, signals.run_in, position_um);
+        }
+    }
+
+    /// The output's change is that of the position at the time when it last moved the output.
+    fn on_change(&self, values: &[f64], signals: &Signals<'_>, position_um: &[f64], change: &mut [f64]) {
+        let (Ok(backlash), Some(&first)) = (backlash::Backlash::new(values[0]), position_um.first()) else {
+            return;
+        };
+        let mut state = backlash.rest_at(first);
+        let (mut last, mut held) = (first, change.first().copied().unwrap_or(0.0));
+        for k in 0..signals.run_in {
+            let now = backlash.step(&mut state, position_um[k]);
+            if now != last {
+                (last, held) = (now, change[k]);
+            }
+        }
+        for (change, &y) in change.iter_mut().zip(position_um) {
+            let now = backlash.step(&mut state, y);
+            if now != last {
+                (last, held) = (now, *change);
+            }
+            *change = held;
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! `creep`
+
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals, run};
+
+pub(super) struct Creep;
+
+static DESCRIPTION: Description = Description {
+    name: "creep",
+    place: Place::Creep,
+    summary: "The stack goes on moving after the voltage has come to rest, a percent or two in every decade of time.",
+    equation: "y' = y + sum c_i x_i, tau_i x_i' + x_i = y, tau_i = tau_1 10^(i-1), i = 1 to 4; equal c_i are the logarithmic law",
+    source: "Kelvin-Voigt chain (Croft, Shed, Devasia 2001); y = y0 (1 + gamma log10(t / t0)) (Jung, Gweon 2000)",
+    parameters: &[
+        Named {
+            name: "first_tau",
+            unit: "s",
+            what: "time constant of the first element, 10 ms to 1 s",
+        },
+        Named {
+            name: "share_1",
+            unit: "",
+            what: "what the first element adds, 0 to 0.2 of the displacement",
+        },
+        Named {
+            name: "share_2",
+            unit: "",
+            what: "one decade slower",
+        },
+        Named {
+            name: "share_3",
+            unit: "",
+            what: "two decades slower",
+        },
+        Named {
+            name: "share_4",
+            unit: "",
+            what: "three decades slower",
+        },
+    ],
+    shows: "After a step the error is a straight line over log t, with the sign of the step; periodic records show a mean \
+            that moves slowly and remembers the last step.",
+    mistaken_for: "thermal-drift and drift after power-on (both monotone, whatever the step), hysteresis (creep adds a \
+                   constant phase of 0.4 to 0.8 degrees at every frequency)",
+    separated_by: "A step held for 100 s or longer, up and down again: creep turns round with the step, heat does not; a \
+                   second level: creep scales with the step.",
+    compensated_by: "Three to five first-order states in the inverse; integral action for the rest.",
+};
+
+const ELEMENTS: usize = 4;
+
+impl Effect for Creep {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn bounds(&self, _: &Facts) -> Result<Vec<Bounds>, String> {
+        let mut bounds = vec![Bounds::new(0.01, 1.0, 0.05, 0.1)];
+        bounds.extend([Bounds::new(0.0, 0.2, 0.005, 0.0); ELEMENTS]);
+        Ok(bounds)
+    }
+
+    fn starts(&self, _: &Facts, _: &[Bounds]) -> Vec<Vec<f64>> {
+        [0.02, 0.05, 0.1, 0.2, 0.5]
+            .iter()
+            .map(|&tau| vec![tau, 1e-3, 1e-3, 1e-3, 1e-3])
+            .collect()
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Linearly
+    }
+
+    fn on_position(&self, values: &[f64], signals: &Signals<'_>, position_um: &mut [f64]) {
+        let now = position_um.to_vec();
+        let mut element = vec![0.0; now.len()];
+        for (i, &share) in values[1..].iter().enumerate() {
+            if share != 0.0 {
+                element.copy_from_slice(&now);
+                run::lag(
+                    values[0] * 10f64.powi(i as i32),
+                    signals.period_s,
+                    signals.run_in,
+                    &mut element,
+                );
+                position_um.iter_mut().zip(&element).for_each(|(y, x)| *y += share * x);
+            }
+        }
+    }
+}

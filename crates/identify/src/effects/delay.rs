@@ -1,0 +1,62 @@
+//! `delay`
+
+use super::{Bounds, Description, Effect, Facts, Named, Place, Signals, run};
+use hysteron_core::effects::delay;
+
+pub(super) struct Delay;
+
+static DESCRIPTION: Description = Description {
+    name: "delay",
+    place: Place::Delay,
+    summary: "Everything arrives late by the same time: sampling, computing, converters, the sensor's electronics.",
+    equation: "v'(t) = v(t - tau)",
+    source: "hold, computing and converters of a digital loop: 1.5 sample periods; digital sensor electronics up to about 100 us",
+    parameters: &[Named {
+        name: "delay",
+        unit: "s",
+        what: "tau, 0 to 5 ms; 30 us for one and a half samples at 50 kHz",
+    }],
+    shows: "The error is proportional to the rate of the position, at all amplitudes and biases alike; the phase falls in \
+            a straight line with frequency while the gain stays; after a step there is a dead time.",
+    mistaken_for: "first-order-lag (same phase, but its gain falls), resonance (same phase, but its gain rises), \
+                   rate-dependence (an envelope with alpha = beta = tau is v(t - tau) to first order)",
+    separated_by: "A small multisine at a bias, up to 1/(5 tau) or higher: gain and phase there belong to the linear path \
+                   alone. The edge of a step tells dead time from rounding.",
+    compensated_by: "Advance the reference by tau (preview) in the feedforward; in the loop less gain or a Smith predictor.",
+};
+
+/// No controller or sensor is slower, seconds.
+const LONGEST_S: f64 = 5e-3;
+
+/// The host's ring, samples: 80 ms at 50 kHz.
+const CAPACITY: usize = 4096;
+
+impl Effect for Delay {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
+        Ok(vec![Bounds::new(0.0, LONGEST_S, facts.finest_period_s, 0.0)])
+    }
+
+    fn starts(&self, _: &Facts, _: &[Bounds]) -> Vec<Vec<f64>> {
+        // From a fiftieth of a 50 kHz sample's order up, three a decade.
+        [1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3]
+            .iter()
+            .map(|&tau| vec![tau])
+            .collect()
+    }
+
+    fn on_voltage(&self, values: &[f64], signals: &Signals<'_>, voltage_v: &mut [f64]) {
+        let rate_hz = 1.0 / signals.period_s;
+        let longest_s = (CAPACITY - 4) as f64 * signals.period_s;
+        if let Ok(delay) = delay::Delay::<f64, CAPACITY>::new(values[0].clamp(0.0, longest_s), rate_hz) {
+            run::block(&delay, signals.run_in, voltage_v);
+        }
+    }
+
+    fn dynamic(&self) -> bool {
+        true
+    }
+}

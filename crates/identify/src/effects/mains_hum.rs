@@ -1,0 +1,135 @@
+//! `mains-hum`
+
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals};
+use hysteron_core::effects::hum::Hum;
+use std::f64::consts::TAU;
+
+pub(super) struct MainsHum;
+
+static DESCRIPTION: Description = Description {
+    name: "mains-hum",
+    place: Place::Coupling,
+    summary: "The mains and its harmonics in the position, through the amplifier's ripple or a ground loop.",
+    equation: "y' = y + sum A_k sin(2 pi k f t + phi_k), k = 1 to 5; phases belong to each record",
+    source: "ripple of 1 to 20 mV: 0.1 to 2 nm; ground loops 5 to 50 nm; the line keeps within 0.2 Hz of 50 or 60",
+    parameters: &[
+        Named {
+            name: "frequency",
+            unit: "Hz",
+            what: "f, fitted near 50 or 60",
+        },
+        Named {
+            name: "amplitude_1",
+            unit: "um",
+            what: "fundamental",
+        },
+        Named {
+            name: "amplitude_2",
+            unit: "um",
+            what: "second harmonic",
+        },
+        Named {
+            name: "amplitude_3",
+            unit: "um",
+            what: "third harmonic",
+        },
+        Named {
+            name: "amplitude_4",
+            unit: "um",
+            what: "fourth harmonic",
+        },
+        Named {
+            name: "amplitude_5",
+            unit: "um",
+            what: "fifth harmonic",
+        },
+    ],
+    shows: "Lines at 50 or 60 Hz and their multiples in the error's spectrum, as large at rest as in motion, with phases \
+            that differ from record to record.",
+    mistaken_for: "harmonics of the drive, where its frequency divides the line's (10 Hz!)",
+    separated_by: "A record at rest; drives at 11, 97, 503 Hz instead of 10, 100, 500.",
+    compensated_by: "A resonator at the line frequency in the loop; better, mend the ground loop.",
+};
+
+const HARMONICS: usize = 5;
+
+impl Effect for MainsHum {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
+        if facts.finest_period_s > 1.0 / 120.0 {
+            return Err("every record is sampled slower than twice the line frequency".to_owned());
+        }
+        let stroke = facts.stroke_um().max(1e-6);
+        // Both nets within half a hertz; a twentieth of a hertz is seen in a second.
+        let mut bounds = vec![Bounds::new(49.5, 60.5, 0.02, 50.0)];
+        bounds.extend([Bounds::new(0.0, stroke, 1e-3 * stroke, 0.0); HARMONICS]);
+        Ok(bounds)
+    }
+
+    fn starts(&self, _: &Facts, _: &[Bounds]) -> Vec<Vec<f64>> {
+        [
+            49.8, 49.9, 49.95, 50.0, 50.05, 50.1, 50.2, 59.8, 59.9, 59.95, 60.0, 60.05, 60.1, 60.2,
+        ]
+        .iter()
+        .map(|&f| vec![f, 0.0, 0.0, 0.0, 0.0, 0.0])
+        .collect()
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Adds
+    }
+
+    fn on_position(&self, values: &[f64], signals: &Signals<'_>, position_um: &mut [f64]) {
+        let n = position_um.len();
+        let mut amplitudes: [f64; HARMONICS] = std::array::from_fn(|k| values[1 + k].max(0.0));
+        let rate_hz = 1.0 / signals.period_s;
+        for (k, amplitude) in amplitudes.iter_mut().enumerate() {
+            // What a record is too slow to show would come back folded.
+            if (k + 1) as f64 * values[0] >= 0.5 * rate_hz {
+                *amplitude = 0.0;
+            }
+        }
+        // Phases belong to the record's middle, where frequency and phase are independent.
+        let middle_s = middle_s(signals, n);
+        let phases = std::array::from_fn(|k| {
+            let own = signals.own.get(k).copied().unwrap_or(0.0);
+            (own - TAU * (k + 1) as f64 * values[0] * middle_s).rem_euclid(TAU)
+        });
+        if let Ok(hum) = Hum::<f64, HARMONICS>::new(values[0], amplitudes, phases, rate_hz) {
+            let mut state = hum.start();
+            for y in position_um {
+                *y += hum.step(&mut state);
+            }
+        }
+    }
+
+    fn own_numbers(&self) -> usize {
+        HARMONICS
+    }
+
+    fn settle(&self, values: &[f64], signals: &Signals<'_>, unexplained: &[f64], every: usize) -> Vec<f64> {
+        let length = signals.run_in + unexplained.len().saturating_sub(1) * every + 1;
+        let middle_s = middle_s(signals, length);
+        let mean = unexplained.iter().sum::<f64>() / unexplained.len().max(1) as f64;
+        (1..=HARMONICS)
+            .map(|harmonic| {
+                let (mut sin, mut cos) = (0.0, 0.0);
+                for (k, &e) in unexplained.iter().enumerate() {
+                    let t = (signals.run_in + k * every) as f64 * signals.period_s - middle_s;
+                    let (s, c) = (TAU * harmonic as f64 * values[0] * t).sin_cos();
+                    sin += (e - mean) * s;
+                    cos += (e - mean) * c;
+                }
+                cos.atan2(sin)
+            })
+            .collect()
+    }
+}
+
+/// Time from the first sample of the signals to the middle of the record.
+fn middle_s(signals: &Signals<'_>, n: usize) -> f64 {
+    0.5 * (signals.run_in + n) as f64 * signals.period_s
+}

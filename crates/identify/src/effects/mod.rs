@@ -1,0 +1,316 @@
+//! The catalogue of physical effects: one file an effect, one line in [`catalogue`].
+//!
+//! An [`Effect`] says what it is (for people) and how it acts on the signals of a record (for fits). A model is a chain
+//! of them: voltage, delay, amplifier, hysteresis, creep, structure, coupling and heat, sensor.
+
+mod amplitude_gain;
+mod asymmetry;
+mod backlash;
+mod creep;
+mod cross_coupling;
+mod delay;
+mod first_order_lag;
+mod hysteresis_shape;
+mod mains_hum;
+pub(crate) mod rate_dependence;
+mod resonance;
+mod run;
+mod saturation;
+mod sensor_nonlinearity;
+mod slew_limit;
+mod thermal_drift;
+
+use crate::family::Family;
+use hysteron_core::envelope::Envelope;
+use std::sync::Arc;
+
+/// Where an effect stands between the commanded voltage and the recorded position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Place {
+    /// Between command and amplifier.
+    Delay,
+    /// The high-voltage amplifier with the stack as its load.
+    Amplifier,
+    /// The stack's hysteresis.
+    Hysteresis,
+    /// What the stack goes on doing at rest.
+    Creep,
+    /// The moving masses.
+    Structure,
+    /// Other axes and heat.
+    Coupling,
+    /// Contacts, stops and the sensor.
+    Sensor,
+}
+
+impl Place {
+    /// The chain in words, with this place in it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Delay => "delay",
+            Self::Amplifier => "amplifier",
+            Self::Hysteresis => "hysteresis",
+            Self::Creep => "creep",
+            Self::Structure => "structure",
+            Self::Coupling => "coupling and heat",
+            Self::Sensor => "sensor",
+        }
+    }
+}
+
+/// A parameter of an effect, for people.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Named {
+    /// Name as in `model.toml`.
+    pub name: &'static str,
+    /// Unit; empty for a pure number.
+    pub unit: &'static str,
+    /// What it is, and what is physical.
+    pub what: &'static str,
+}
+
+/// An effect in words.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Description {
+    /// Name on the command line and in files.
+    pub name: &'static str,
+    /// Where it stands in the chain.
+    pub place: Place,
+    /// What it is, one sentence.
+    pub summary: &'static str,
+    /// Its equation.
+    pub equation: &'static str,
+    /// Where the equation comes from.
+    pub source: &'static str,
+    /// Its parameters, in the order of the file.
+    pub parameters: &'static [Named],
+    /// How it shows in records.
+    pub shows: &'static str,
+    /// What it is mistaken for.
+    pub mistaken_for: &'static str,
+    /// Which record separates it from those.
+    pub separated_by: &'static str,
+    /// How it is compensated.
+    pub compensated_by: &'static str,
+}
+
+/// What a search may do with one parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// Smallest physical value.
+    pub min: f64,
+    /// Largest physical value.
+    pub max: f64,
+    /// A change that matters: the unit of the search.
+    pub scale: f64,
+    /// The value at which the effect does nothing, or where a search begins.
+    pub neutral: f64,
+    /// Whether it is fitted; a fixed one stays at `neutral`.
+    pub fitted: bool,
+}
+
+impl Bounds {
+    /// A fitted parameter.
+    pub(crate) fn new(min: f64, max: f64, scale: f64, neutral: f64) -> Self {
+        Self {
+            min,
+            max,
+            scale,
+            neutral,
+            fitted: true,
+        }
+    }
+
+    /// A parameter that is set once.
+    pub(crate) fn fixed(value: f64) -> Self {
+        Self {
+            min: value,
+            max: value,
+            scale: 1.0,
+            neutral: value,
+            fitted: false,
+        }
+    }
+}
+
+/// What an effect may know of the records before it is fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Facts {
+    /// Lowest and highest voltage, volts.
+    pub voltage_v: [f64; 2],
+    /// Lowest and highest position, micrometres.
+    pub position_um: [f64; 2],
+    /// Shortest sample period, seconds.
+    pub finest_period_s: f64,
+    /// Longest record, seconds.
+    pub longest_s: f64,
+    /// Largest rate of the command, volts per second.
+    pub peak_rate_v_per_s: f64,
+    /// Lowest, mean and highest temperature, where every record has one.
+    pub temperature_c: Option<[f64; 3]>,
+    /// Lowest and highest voltage of the other axis, where any record has one that moves.
+    pub voltage2_v: Option<[f64; 2]>,
+    /// The hysteresis model it is added to.
+    pub family: Family,
+}
+
+impl Facts {
+    pub(crate) fn span_v(&self) -> f64 {
+        self.voltage_v[1] - self.voltage_v[0]
+    }
+
+    pub(crate) fn stroke_um(&self) -> f64 {
+        self.position_um[1] - self.position_um[0]
+    }
+}
+
+/// One record as effects see it. All series have the length of the command; where the record is periodic, one period of
+/// run-in stands before it.
+#[derive(Debug, Clone, Copy)]
+pub struct Signals<'a> {
+    /// Sample period, seconds.
+    pub period_s: f64,
+    /// Samples of run-in, one period of the record; 0 where it does not start periodically (it then starts at rest).
+    pub run_in: usize,
+    /// Voltage at the stack, volts: after all effects that act on the command.
+    pub at_stack_v: &'a [f64],
+    /// Stage temperature, degrees Celsius.
+    pub temperature_c: Option<&'a [f64]>,
+    /// Voltage commanded on the other axis, volts.
+    pub voltage2_v: Option<&'a [f64]>,
+    /// Numbers of this record alone, from [`Effect::settle`].
+    pub own: &'a [f64],
+}
+
+/// How an effect acts on the position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Acts {
+    /// Not at all: it acts on the command or inside the hysteresis.
+    Not,
+    /// Adds something that does not depend on the position.
+    Adds,
+    /// A linear operation, the same for every part of the position.
+    Linearly,
+    /// Any other; it comes after the linear ones.
+    Nonlinearly,
+}
+
+/// A change of the hysteresis family that an effect stands for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shape {
+    /// The family.
+    pub family: Family,
+    /// Thresholds, ascending, volts.
+    pub thresholds: Vec<f64>,
+}
+
+/// A physical effect: what it is, what may be fitted, what it does to the signals.
+///
+/// The parameters of [`Description::parameters`], [`Effect::bounds`] and every `values` are the same list in the same order.
+pub trait Effect: Send + Sync {
+    /// The effect in words.
+    fn description(&self) -> &'static Description;
+
+    /// Bounds of the parameters on these records.
+    ///
+    /// # Errors
+    /// In words, why these records or this model cannot have the effect.
+    fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String>;
+
+    /// Where searches start: more than one where the error has several valleys.
+    fn starts(&self, facts: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
+        let _ = facts;
+        vec![bounds.iter().map(|b| b.neutral).collect()]
+    }
+
+    /// Frees bounds that [`Effect::bounds`] keeps fixed, where `values` make use of them.
+    fn free(&self, values: &[f64], bounds: &mut [Bounds]) {
+        let _ = (values, bounds);
+    }
+
+    /// Where searches start when the effect is added once more, such as a second mode; `None` where it cannot be.
+    fn once_more(&self, values: &[f64], bounds: &[Bounds]) -> Option<Vec<Vec<f64>>> {
+        let _ = (values, bounds);
+        None
+    }
+
+    /// What it does to the command, in place.
+    fn on_voltage(&self, values: &[f64], signals: &Signals<'_>, voltage_v: &mut [f64]) {
+        let _ = (values, signals, voltage_v);
+    }
+
+    /// The dynamic envelope it gives the wider plays.
+    fn envelope(&self, values: &[f64]) -> Option<Envelope<f64>> {
+        let _ = values;
+        None
+    }
+
+    /// How it acts on the position.
+    fn acts(&self) -> Acts {
+        Acts::Not
+    }
+
+    /// What it does to the position, in place.
+    fn on_position(&self, values: &[f64], signals: &Signals<'_>, position_um: &mut [f64]) {
+        let _ = (values, signals, position_um);
+    }
+
+    /// What a small change of the position before a nonlinear effect is behind it, in place.
+    fn on_change(&self, values: &[f64], signals: &Signals<'_>, position_um: &[f64], change: &mut [f64]) {
+        let _ = (values, signals, position_um, change);
+    }
+
+    /// How many numbers belong to one record alone.
+    fn own_numbers(&self) -> usize {
+        0
+    }
+
+    /// Numbers that belong to one record alone (phases of the mains), from what the rest leaves unexplained of it.
+    /// `unexplained` has one value a recorded sample, which are `every` samples of the signals apart.
+    fn settle(&self, values: &[f64], signals: &Signals<'_>, unexplained: &[f64], every: usize) -> Vec<f64> {
+        let _ = (values, signals, unexplained, every);
+        Vec::new()
+    }
+
+    /// Whether it moves signals in time, so that the shape between the samples matters.
+    fn dynamic(&self) -> bool {
+        false
+    }
+
+    /// The hysteresis family it stands for, where it is a matter of the family.
+    fn reshape(&self, shape: &Shape, facts: &Facts) -> Option<Shape> {
+        let _ = (shape, facts);
+        None
+    }
+}
+
+/// All effects, in the order of the chain.
+pub fn catalogue() -> [Arc<dyn Effect>; 15] {
+    [
+        Arc::new(delay::Delay),
+        Arc::new(first_order_lag::FirstOrderLag),
+        Arc::new(slew_limit::SlewLimit),
+        Arc::new(saturation::Saturation),
+        Arc::new(rate_dependence::RateDependence),
+        Arc::new(asymmetry::Asymmetry),
+        Arc::new(amplitude_gain::AmplitudeGain),
+        Arc::new(hysteresis_shape::HysteresisShape),
+        Arc::new(creep::Creep),
+        Arc::new(resonance::Resonance),
+        Arc::new(cross_coupling::CrossCoupling),
+        Arc::new(thermal_drift::ThermalDrift),
+        Arc::new(mains_hum::MainsHum),
+        Arc::new(backlash::Backlash),
+        Arc::new(sensor_nonlinearity::SensorNonlinearity),
+    ]
+}
+
+/// The effect of this name.
+pub fn find(name: &str) -> Option<Arc<dyn Effect>> {
+    catalogue().into_iter().find(|effect| effect.description().name == name)
+}
+
+/// Names of all effects, for messages.
+pub fn names() -> Vec<&'static str> {
+    catalogue().iter().map(|effect| effect.description().name).collect()
+}

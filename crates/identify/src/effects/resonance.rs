@@ -1,0 +1,133 @@
+//! `resonance`
+
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals, run};
+use hysteron_core::effects::resonance::Mode;
+
+pub(super) struct Resonance;
+
+static DESCRIPTION: Description = Description {
+    name: "resonance",
+    place: Place::Structure,
+    summary: "The moving mass on its flexures rings: one mode, or two driven by the same force.",
+    equation: "y' = (1 - s) M1 y + s M2 y, M_i: q'' + 2 zeta_i w_i q' + w_i^2 q = w_i^2 y",
+    source: "flexure stages: 200 to 2500 Hz, zeta 0.005 to 0.03; stiff parallel stages above 10 kHz",
+    parameters: &[
+        Named {
+            name: "frequency",
+            unit: "Hz",
+            what: "first mode, undamped",
+        },
+        Named {
+            name: "damping",
+            unit: "",
+            what: "zeta of the first mode, 0.001 to 0.1",
+        },
+        Named {
+            name: "frequency_2",
+            unit: "Hz",
+            what: "second mode",
+        },
+        Named {
+            name: "damping_2",
+            unit: "",
+            what: "zeta of the second mode, 0.001 to 0.1",
+        },
+        Named {
+            name: "share_2",
+            unit: "",
+            what: "the second mode's part of the static displacement, -1 to 1; 0: one mode",
+        },
+    ],
+    shows: "Ringing at one frequency after steps and turning points, whatever the drive; a peak in the frequency response; \
+            well below it the gain rises with (f / f1)^2, 4.2 % at 500 Hz for 2.5 kHz, while the phase falls in a straight line.",
+    mistaken_for: "delay (the same phase, but a delay never raises the gain), cross-coupling (the other axis' mode appears)",
+    separated_by: "A small multisine or a step at a rate that shows the ringing; the sign of the gain's change at high frequency.",
+    compensated_by: "Notch filters (one a mode), damping by feedback, input shaping, or feedforward y + 2 zeta/w y' + y''/w^2.",
+};
+
+/// Above this a structure with its payload is a delay to any controller here, hertz.
+const HIGHEST_HZ: f64 = 2e4;
+
+impl Effect for Resonance {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
+        // A slow record tells of a mode above its own Nyquist frequency by the gain's rise, up to some ten times it.
+        let highest = (5.0 / facts.finest_period_s).min(HIGHEST_HZ);
+        let lowest = 20.0_f64.min(0.1 * highest);
+        let frequency = |neutral: f64| Bounds::new(lowest, highest, 0.02 * highest, neutral);
+        // More damping than 0.1 imitates lag and delay.
+        let damping = Bounds::new(1e-3, 0.1, 0.01, 0.02);
+        // The second mode waits until the effect is added once more.
+        let later = |bounds: Bounds| Bounds {
+            fitted: false,
+            ..bounds
+        };
+        Ok(vec![
+            frequency(highest),
+            damping,
+            later(frequency(highest)),
+            later(damping),
+            later(Bounds::new(-1.0, 1.0, 0.05, 0.0)),
+        ])
+    }
+
+    fn free(&self, values: &[f64], bounds: &mut [Bounds]) {
+        if values[4] != 0.0 {
+            bounds.iter_mut().for_each(|b| b.fitted = true);
+        }
+    }
+
+    fn once_more(&self, values: &[f64], bounds: &[Bounds]) -> Option<Vec<Vec<f64>>> {
+        let (lowest, highest) = (bounds[2].min, bounds[2].max);
+        let second = |i: u32| lowest * (highest / lowest).powf(f64::from(i) / 48.0);
+        (values[4] == 0.0).then(|| {
+            (0..=48)
+                .map(|i| vec![values[0], values[1], second(i), 0.03, 0.01])
+                .collect()
+        })
+    }
+
+    fn starts(&self, _: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
+        let (lowest, highest) = (bounds[0].min, bounds[0].max);
+        let one = |f: f64, zeta: f64| vec![f, zeta, highest, 0.02, 0.0];
+        // A light mode's valley is as narrow as its peak is seen: a record of 0.1 s resolves 10 Hz.
+        let steps = 48;
+        (0..=steps)
+            .map(|i| lowest * (highest / lowest).powf(f64::from(i) / f64::from(steps)))
+            .map(|f| one(f, 0.03))
+            .collect()
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Linearly
+    }
+
+    fn on_position(&self, values: &[f64], signals: &Signals<'_>, position_um: &mut [f64]) {
+        let rate_hz = 1.0 / signals.period_s;
+        let (Ok(first), Ok(second)) = (
+            Mode::<f64>::new(values[0], values[1], rate_hz),
+            Mode::<f64>::new(values[2], values[3], rate_hz),
+        ) else {
+            return;
+        };
+        let share = values[4];
+        if share == 0.0 {
+            run::mode(&first, signals.run_in, position_um);
+            return;
+        }
+        let mut other = position_um.to_vec();
+        run::mode(&first, signals.run_in, position_um);
+        run::mode(&second, signals.run_in, &mut other);
+        position_um
+            .iter_mut()
+            .zip(&other)
+            .for_each(|(y, other)| *y += share * (other - *y));
+    }
+
+    fn dynamic(&self) -> bool {
+        true
+    }
+}

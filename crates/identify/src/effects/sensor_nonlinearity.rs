@@ -1,0 +1,78 @@
+//! `sensor-nonlinearity`
+
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals};
+use hysteron_core::effects::sensor::SensorCurve;
+
+pub(super) struct SensorNonlinearity;
+
+static DESCRIPTION: Description = Description {
+    name: "sensor-nonlinearity",
+    place: Place::Sensor,
+    summary: "The sensor's reading bends over its range.",
+    equation: "y_m = y + c2 y^2 + c3 y^3, y against the middle of the records' positions",
+    source: "capacitive sensors 0.01 to 0.1 % of the range, strain gauges 0.1 to 0.5 %",
+    parameters: &[
+        Named {
+            name: "middle",
+            unit: "um",
+            what: "middle of the records' positions; not fitted",
+        },
+        Named {
+            name: "quadratic",
+            unit: "1/um",
+            what: "c2",
+        },
+        Named {
+            name: "cubic",
+            unit: "1/um^2",
+            what: "c3",
+        },
+    ],
+    shows: "The error is a function of the position alone, at every frequency and on both branches. In closed loop it is \
+            invisible: the loop follows the wrong sensor.",
+    mistaken_for: "asymmetry (a function of the voltage instead): the same thing in slow records of one amplitude",
+    separated_by: "Records fast enough for position and voltage to part, or a second sensor (interferometer).",
+    compensated_by: "The inverse polynomial on the reading.",
+};
+
+impl Effect for SensorNonlinearity {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
+        let half = 0.5 * facts.stroke_um();
+        if half <= 0.0 {
+            return Err("the position stands still in every record".to_owned());
+        }
+        // A reading must grow with the position: slopes down to a half at the ends.
+        let (c2, c3) = (0.25 / half, 0.16 / (half * half));
+        let middle = 0.5 * (facts.position_um[0] + facts.position_um[1]);
+        Ok(vec![
+            Bounds::fixed(middle),
+            Bounds::new(-c2, c2, 0.02 * c2, 0.0),
+            Bounds::new(-c3, c3, 0.02 * c3, 0.0),
+        ])
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Nonlinearly
+    }
+
+    fn on_position(&self, values: &[f64], _: &Signals<'_>, position_um: &mut [f64]) {
+        if let Ok(curve) = SensorCurve::new(values[1], values[2]) {
+            position_um
+                .iter_mut()
+                .for_each(|y| *y = values[0] + curve.reading(*y - values[0]));
+        }
+    }
+
+    fn on_change(&self, values: &[f64], _: &Signals<'_>, position_um: &[f64], change: &mut [f64]) {
+        if let Ok(curve) = SensorCurve::new(values[1], values[2]) {
+            change
+                .iter_mut()
+                .zip(position_um)
+                .for_each(|(change, y)| *change *= curve.slope(*y - values[0]));
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! `slew-limit`
+
+use super::{Bounds, Description, Effect, Facts, Named, Place, Signals, run};
+use hysteron_core::effects::slew;
+
+pub(super) struct SlewLimit;
+
+static DESCRIPTION: Description = Description {
+    name: "slew-limit",
+    place: Place::Amplifier,
+    summary: "The amplifier's current is limited, and with it the rate at which it charges the stack.",
+    equation: "|v'| <= I_max / C",
+    source: "0.1 A into 1.8 uF: 56 kV/s, a full 200 Vpp sine only to 88 Hz",
+    parameters: &[Named {
+        name: "slew",
+        unit: "V/s",
+        what: "largest rate, above 0; reached by at least one record",
+    }],
+    shows: "The velocity is clipped: above a threshold in amplitude times frequency sines turn into triangles, with a third \
+            harmonic of up to a ninth; below it nothing is seen.",
+    mistaken_for: "saturation (a threshold in amplitude alone), first-order-lag (no threshold)",
+    separated_by: "The same amplitude at two frequencies, and the same product of both at another amplitude.",
+    compensated_by: "Limit the rate of the reference when planning; anti-windup with the limiter's model.",
+};
+
+impl Effect for SlewLimit {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
+        let peak = facts.peak_rate_v_per_s;
+        if peak <= 0.0 {
+            return Err("the voltage stands still in every record; a slew limit shows only in motion".to_owned());
+        }
+        // Above the records' own peak it does nothing; below a hundredth of it nothing would be left of fast records.
+        Ok(vec![Bounds::new(0.01 * peak, 2.0 * peak, 0.1 * peak, 2.0 * peak)])
+    }
+
+    fn starts(&self, facts: &Facts, _: &[Bounds]) -> Vec<Vec<f64>> {
+        // Six a factor of two: a limit bites only between the peak rates of two records.
+        (1..30)
+            .map(|i| vec![facts.peak_rate_v_per_s * 0.5_f64.powf(f64::from(i) / 6.0)])
+            .collect()
+    }
+
+    fn on_voltage(&self, values: &[f64], signals: &Signals<'_>, voltage_v: &mut [f64]) {
+        if let Ok(slew) = slew::SlewLimit::<f64>::new(values[0], 1.0 / signals.period_s) {
+            run::block(&slew, signals.run_in, voltage_v);
+        }
+    }
+
+    fn dynamic(&self) -> bool {
+        true
+    }
+}
