@@ -1,1 +1,3 @@
 //! Helpers shared by the tests across crates.
+
+pub mod hidden;

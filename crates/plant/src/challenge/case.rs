@@ -8,7 +8,7 @@ use rand_pcg::Pcg64;
 use super::contribution;
 use super::effect::{Asked, Effect, Strength};
 use super::forms::Form;
-use super::laboratory::{Laboratory, StageFamily};
+use super::laboratory::{Laboratory, StageFamily, log_uniform};
 use super::programme::{self, Planned};
 use super::readout::{self, Motion, Setup};
 use crate::error::StageError;
@@ -27,7 +27,10 @@ pub struct Spec {
 impl Spec {
     /// A case with one effect.
     pub fn one(effect: Effect, strength: Strength) -> Self {
-        Self { hidden: vec![Asked { effect, strength }], ..Self::default() }
+        Self {
+            hidden: vec![Asked { effect, strength }],
+            ..Self::default()
+        }
     }
 }
 
@@ -96,7 +99,11 @@ pub struct Parameter {
 
 impl Parameter {
     pub(super) fn new(name: &str, value: f64, unit: &'static str) -> Self {
-        Self { name: name.to_owned(), value, unit }
+        Self {
+            name: name.to_owned(),
+            value,
+            unit,
+        }
     }
 }
 
@@ -139,7 +146,11 @@ impl Truth {
         }
         let mut names = Vec::new();
         for hidden in &self.hidden {
-            let name = if hidden.effect.is_outside() { "unknown" } else { hidden.effect.name() };
+            let name = if hidden.effect.is_outside() {
+                "unknown"
+            } else {
+                hidden.effect.name()
+            };
             if !names.contains(&name) {
                 names.push(name);
             }
@@ -185,26 +196,63 @@ pub fn generate(seed: u64, spec: &Spec) -> Result<(Case, Truth), StageError> {
     laboratory.has_other_axis |= spec.hidden.iter().any(|asked| asked.effect == Effect::CrossCoupling);
     let programme = programme::plan(&laboratory, &mut rng(2))?;
     let stage_seed: u64 = rng(3).random();
-    let stage = Setup { config: laboratory.config.clone(), curve: None, outside: Vec::new() };
+    let stage = Setup {
+        config: laboratory.config.clone(),
+        curve: None,
+        outside: Vec::new(),
+    };
     let motion = readout::play(&stage.config, &programme, stage_seed)?;
     let reading_um = stage.read(&motion, &programme);
-    let bare = Bare { laboratory, programme, stage_seed, stage, motion, reading_um };
+    let bare = Bare {
+        laboratory,
+        programme,
+        stage_seed,
+        stage,
+        motion,
+        reading_um,
+    };
     let mut setup = bare.stage.clone();
     let mut hidden = Vec::with_capacity(spec.hidden.len());
     for (place, asked) in spec.hidden.iter().enumerate() {
         let (form, size, contribution_percent) = bare.fit(*asked, &mut rng(10 + place as u64))?;
         form.apply(size, &bare.laboratory, &mut setup);
         let parameters = form.parameters(size, &bare.laboratory);
-        hidden.push(Hidden { effect: asked.effect, strength: asked.strength, contribution_percent, parameters });
+        hidden.push(Hidden {
+            effect: asked.effect,
+            strength: asked.strength,
+            contribution_percent,
+            parameters,
+        });
     }
     let motion = bare.moved(&setup)?;
     let mut positions_um = setup.read(&motion, &bare.programme);
     let noise_seed = rng(4).random::<u64>().wrapping_add(spec.noise_seed);
-    let Laboratory { noise_rms_um, step_um, full_v, stroke_um, family, .. } = bare.laboratory;
+    let Laboratory {
+        noise_rms_um,
+        step_um,
+        full_v,
+        stroke_um,
+        family,
+        ..
+    } = bare.laboratory;
     readout::record(&mut positions_um, noise_rms_um, step_um, noise_seed);
     let start = start(spec, &mut rng(5));
-    let case = Case { records: bare.records(motion.into_owned(), positions_um), full_v, start };
-    Ok((case, Truth { hidden, family, stroke_um, full_v, noise_rms_um, seed }))
+    let case = Case {
+        records: bare.records(motion.into_owned(), positions_um),
+        full_v,
+        start,
+    };
+    Ok((
+        case,
+        Truth {
+            hidden,
+            family,
+            stroke_um,
+            full_v,
+            noise_rms_um,
+            seed,
+        },
+    ))
 }
 
 /// The model to start from: one in four PI, one in four MPI, else MRPI, as far as it lacks what is hidden.
@@ -252,8 +300,10 @@ impl Bare {
                 let reading_um = setup.read(&self.moved(&setup)?, &self.programme);
                 Ok(contribution::percent(&self.reading_um, &reading_um))
             };
-            let range = (form.start, form.most);
-            if let Some((size, percent)) = contribution::size_for(asked.strength, target_percent, range, contribution)? {
+            // The search ends wherever it first meets the band: started from one place, it would always find the same size.
+            let range = (form.start * log_uniform(rng, 0.4, 2.5), form.most);
+            if let Some((size, percent)) = contribution::size_for(asked.strength, target_percent, range, contribution)?
+            {
                 return Ok((form, size, percent));
             }
         }
@@ -278,6 +328,10 @@ impl Bare {
             temperature_c: self.laboratory.records_temperature.then_some(motion.temperature_c),
             voltage2_v: planned.voltage2_v.clone(),
         };
-        self.programme.iter().zip(motion.into_iter().zip(positions_um)).map(take).collect()
+        self.programme
+            .iter()
+            .zip(motion.into_iter().zip(positions_um))
+            .map(take)
+            .collect()
     }
 }

@@ -34,13 +34,19 @@ pub(super) fn percent(without: &[Vec<f64>], with: &[Vec<f64>]) -> f64 {
     let gain = (n * xy - x * y) / determinant;
     let offset = (y - gain * x) / n;
     let squares = moving.iter().map(|(x, y, weight)| {
-        weight * x.iter().zip(*y).map(|(x, y)| (y - gain * x - offset).powi(2)).sum::<f64>()
+        weight
+            * x.iter()
+                .zip(*y)
+                .map(|(x, y)| (y - gain * x - offset).powi(2))
+                .sum::<f64>()
     });
     100.0 * (squares.sum::<f64>() / moving.len() as f64).sqrt()
 }
 
 fn peak_to_peak(values: &[f64]) -> f64 {
-    let (low, high) = values.iter().fold((f64::MAX, f64::MIN), |(low, high), &y| (low.min(y), high.max(y)));
+    let (low, high) = values
+        .iter()
+        .fold((f64::MAX, f64::MIN), |(low, high), &y| (low.min(y), high.max(y)));
     (high - low).max(0.0)
 }
 
@@ -82,7 +88,11 @@ pub(super) fn size_for(
         let factor = (target_percent / percent.max(1e-9)).powf(1.0 / power).clamp(0.1, 10.0);
         size = (size * factor).min(most);
         if size <= too_small || size >= too_large {
-            size = if too_large.is_finite() { (too_small.max(1e-3 * too_large) * too_large).sqrt() } else { most };
+            size = if too_large.is_finite() {
+                (too_small.max(1e-3 * too_large) * too_large).sqrt()
+            } else {
+                most
+            };
         }
     }
     Ok(None)
@@ -96,7 +106,9 @@ mod tests {
     /// A gain and an offset are no error. A sine of amplitude a on a ramp of 0..1, orthogonal to it, is a / sqrt 2 of its peak to peak.
     #[test]
     fn val_gain_and_offset_do_not_count() {
-        let x: Vec<f64> = (0..1000).map(|n| (f64::from(n) * 0.02 * std::f64::consts::PI).cos()).collect();
+        let x: Vec<f64> = (0..1000)
+            .map(|n| (f64::from(n) * 0.02 * std::f64::consts::PI).cos())
+            .collect();
         let line: Vec<f64> = x.iter().map(|x| 3.0 * x + 0.7).collect();
         assert!(percent(std::slice::from_ref(&x), &[line]) < 1e-9);
         let odd: Vec<f64> = (0..1000)
@@ -108,11 +120,18 @@ mod tests {
 
     #[test]
     fn val_size_is_found_for_laws_with_and_without_a_threshold() {
-        let linear = size_for(Strength::Weak, 0.45, (1.0, 1e6), |size| Ok(1e-3 * size)).unwrap().unwrap();
+        let linear = size_for(Strength::Weak, 0.45, (1.0, 1e6), |size| Ok(1e-3 * size))
+            .unwrap()
+            .unwrap();
         assert!((300.0..=600.0).contains(&linear.0));
         let threshold = |size: f64| Ok(if size < 5.0 { 0.0 } else { (size - 5.0).powi(2) });
-        let (size, found) = size_for(Strength::Medium, 1.5, (1.1, 100.0), threshold).unwrap().unwrap();
+        let (size, found) = size_for(Strength::Medium, 1.5, (1.1, 100.0), threshold)
+            .unwrap()
+            .unwrap();
         assert!((6.0..=6.415).contains(&size) && (1.0..=2.0).contains(&found));
-        assert_eq!(size_for(Strength::Strong, 4.0, (1.0, 10.0), |size| Ok(0.1 * size)).unwrap(), None);
+        assert_eq!(
+            size_for(Strength::Strong, 4.0, (1.0, 10.0), |size| Ok(0.1 * size)).unwrap(),
+            None
+        );
     }
 }

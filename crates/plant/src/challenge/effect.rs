@@ -114,7 +114,10 @@ impl Effect {
 
     /// The effect of a name.
     pub fn from_name(name: &str) -> Option<Self> {
-        CATALOGUE.into_iter().chain(OUTSIDE).find(|effect| effect.name() == name)
+        CATALOGUE
+            .into_iter()
+            .chain(OUTSIDE)
+            .find(|effect| effect.name() == name)
     }
 
     /// Whether no effect of the catalogue explains it.
@@ -124,7 +127,10 @@ impl Effect {
 
     /// Whether a hysteresis of free shape explains it as well: it changes the static loops and nothing else.
     pub fn is_shape(self) -> bool {
-        matches!(self, Self::Asymmetry | Self::SensorNonlinearity | Self::Backlash | Self::AmplitudeGain)
+        matches!(
+            self,
+            Self::Asymmetry | Self::SensorNonlinearity | Self::Backlash | Self::AmplitudeGain
+        )
     }
 }
 

@@ -46,7 +46,11 @@ enum Kind {
     /// Size: what the elements add after a long time, a fraction.
     KelvinVoigt { shares: [f64; 3], times_s: [f64; 3] },
     /// Size: (1 kHz / first frequency)^2, the compliance of the first mode.
-    Modes { damping: [f64; 2], ratio: f64, second_share: f64 },
+    Modes {
+        damping: [f64; 2],
+        ratio: f64,
+        second_share: f64,
+    },
     /// Size: seconds.
     AmplifierLag,
     /// Size: seconds.
@@ -94,14 +98,24 @@ impl Form {
                 let kind = Kind::Modes {
                     damping: [log_uniform(rng, 0.005, 0.05), log_uniform(rng, 0.005, 0.03)],
                     ratio: rng.random_range(1.3..3.0),
-                    second_share: if second { sign(rng) * rng.random_range(0.03..0.30) } else { 0.0 },
+                    second_share: if second {
+                        sign(rng) * rng.random_range(0.03..0.30)
+                    } else {
+                        0.0
+                    },
                 };
                 // 300 Hz, a heavily loaded flexure, is the lowest.
                 (kind, 0.1, 11.0)
             }
             Effect::FirstOrderLag if rng.random_bool(0.5) => (Kind::AmplifierLag, 30e-6, 5e-3),
             Effect::FirstOrderLag => (Kind::SensorLag, 30e-6, 5e-3),
-            Effect::SlewLimit => (Kind::Slew { peak_v_per_s: peak_rate(programme) }, 1.3, 40.0),
+            Effect::SlewLimit => (
+                Kind::Slew {
+                    peak_v_per_s: peak_rate(programme),
+                },
+                1.3,
+                40.0,
+            ),
             Effect::Delay => (Kind::Delay, 30e-6, 5e-3),
             Effect::ThermalDrift => thermal(rng),
             Effect::SensorNonlinearity => {
@@ -136,7 +150,10 @@ impl Form {
         let config = &mut setup.config;
         match &self.kind {
             Kind::Bend { quadratic, cubic } => {
-                config.asymmetry = Some(Asymmetry { quadratic: size * quadratic, cubic: size * cubic });
+                config.asymmetry = Some(Asymmetry {
+                    quadratic: size * quadratic,
+                    cubic: size * cubic,
+                });
             }
             Kind::Envelope { beta_over_alpha } => {
                 let (alpha_s, beta_s) = (size, size * beta_over_alpha);
@@ -160,21 +177,30 @@ impl Form {
                 });
             }
             Kind::LogCreep { from_s, to_s } => {
-                config.creep = Some(Creep::Log { percent_per_decade: size, from_s: *from_s, to_s: *to_s });
+                config.creep = Some(Creep::Log {
+                    percent_per_decade: size,
+                    from_s: *from_s,
+                    to_s: *to_s,
+                });
             }
             Kind::KelvinVoigt { shares, times_s } => {
                 let element = |(share, time_constant_s): (&f64, &f64)| KelvinVoigtElement {
                     share: size * share,
                     time_constant_s: *time_constant_s,
                 };
-                config.creep = Some(Creep::KelvinVoigt { elements: shares.iter().zip(times_s).map(element).collect() });
+                config.creep = Some(Creep::KelvinVoigt {
+                    elements: shares.iter().zip(times_s).map(element).collect(),
+                });
             }
             Kind::Modes { .. } => config.modes = self.modes(size),
             Kind::AmplifierLag => config.amplifier.lag_s = size,
             Kind::SensorLag => config.sensor.bandwidth_hz = Some(1.0 / (std::f64::consts::TAU * size)),
             Kind::Slew { peak_v_per_s } => {
                 let current_a = peak_v_per_s / size * 1e-6 * CAPACITANCE_UF;
-                config.amplifier.current_limit = Some(CurrentLimit { current_a, capacitance_uf: CAPACITANCE_UF });
+                config.amplifier.current_limit = Some(CurrentLimit {
+                    current_a,
+                    capacitance_uf: CAPACITANCE_UF,
+                });
             }
             Kind::Delay => config.delay_s = size,
             Kind::Thermal { position, gain, lag_s } => {
@@ -193,7 +219,10 @@ impl Form {
             }
             Kind::Hum { line_hz, harmonics } => {
                 let amplitudes_um = harmonics.iter().map(|share| share * size * stroke_um).collect();
-                config.mains_hum = Some(MainsHum { frequency_hz: *line_hz, amplitudes_um });
+                config.mains_hum = Some(MainsHum {
+                    frequency_hz: *line_hz,
+                    amplitudes_um,
+                });
             }
             Kind::Coupling { sign, mode } => {
                 config.cross_coupling = Some(CrossCoupling {
@@ -204,9 +233,22 @@ impl Form {
                 });
             }
             Kind::Rail => config.amplifier.max_v = (1.0 - size) * full_v,
-            Kind::Stop => config.end_stop = Some(EndStop { min_um: -stroke_um, max_um: (1.0 - size) * stroke_um }),
-            Kind::LostMotion => config.backlash = Some(Backlash { width_um: size * stroke_um }),
-            Kind::Rayleigh => config.amplitude_gain = Some(AmplitudeGain { gain_at_full_cycle: size }),
+            Kind::Stop => {
+                config.end_stop = Some(EndStop {
+                    min_um: -stroke_um,
+                    max_um: (1.0 - size) * stroke_um,
+                })
+            }
+            Kind::LostMotion => {
+                config.backlash = Some(Backlash {
+                    width_um: size * stroke_um,
+                })
+            }
+            Kind::Rayleigh => {
+                config.amplitude_gain = Some(AmplitudeGain {
+                    gain_at_full_cycle: size,
+                })
+            }
             Kind::Outside(outside) => setup.outside.push((outside.clone(), size)),
         }
     }
@@ -221,7 +263,10 @@ impl Form {
                 Parameter::new("cubic", size * cubic, "of the stroke"),
             ],
             Kind::Envelope { beta_over_alpha } => {
-                vec![Parameter::new("alpha", size, "s"), Parameter::new("beta", size * beta_over_alpha, "s")]
+                vec![
+                    Parameter::new("alpha", size, "s"),
+                    Parameter::new("beta", size * beta_over_alpha, "s"),
+                ]
             }
             Kind::VelocityPower { exponent } => vec![
                 Parameter::new("shift_at_full_100_hz", size * full_v, "V"),
@@ -265,11 +310,13 @@ impl Form {
                 Parameter::new("gain", 100.0 * size * gain, "%/K"),
                 Parameter::new("lag", *lag_s, "s"),
             ],
-            Kind::Hum { line_hz, harmonics } => std::iter::once(Parameter::new("line", *line_hz, "Hz"))
-                .chain(harmonics.iter().enumerate().map(|(k, share)| {
-                    Parameter::new(&format!("amplitude_{}", k + 1), share * size * stroke_um, "um")
-                }))
-                .collect(),
+            Kind::Hum { line_hz, harmonics } => {
+                std::iter::once(Parameter::new("line", *line_hz, "Hz"))
+                    .chain(harmonics.iter().enumerate().map(|(k, share)| {
+                        Parameter::new(&format!("amplitude_{}", k + 1), share * size * stroke_um, "um")
+                    }))
+                    .collect()
+            }
             Kind::Coupling { sign, .. } => one("ratio", sign * size, "of the other axis' motion"),
             Kind::Rail => one("rail", (1.0 - size) * full_v, "V"),
             Kind::Stop => one("end_stop", (1.0 - size) * stroke_um, "um"),
@@ -280,11 +327,26 @@ impl Form {
     }
 
     fn modes(&self, size: f64) -> Vec<Mode> {
-        let Kind::Modes { damping, ratio, second_share } = &self.kind else { return Vec::new() };
+        let Kind::Modes {
+            damping,
+            ratio,
+            second_share,
+        } = &self.kind
+        else {
+            return Vec::new();
+        };
         let first_hz = 1000.0 / size.sqrt();
-        let mut modes = vec![Mode { frequency_hz: first_hz, damping: damping[0], share: 1.0 - second_share }];
+        let mut modes = vec![Mode {
+            frequency_hz: first_hz,
+            damping: damping[0],
+            share: 1.0 - second_share,
+        }];
         if *second_share != 0.0 {
-            modes.push(Mode { frequency_hz: ratio * first_hz, damping: damping[1], share: *second_share });
+            modes.push(Mode {
+                frequency_hz: ratio * first_hz,
+                damping: damping[1],
+                share: *second_share,
+            });
         }
         modes
     }
@@ -297,8 +359,12 @@ fn bend(rng: &mut Pcg64) -> (f64, f64) {
 }
 
 fn rate(laboratory: &Laboratory, rng: &mut Pcg64) -> (Kind, f64, f64) {
-    let envelope = Kind::Envelope { beta_over_alpha: rng.random_range(0.6..1.6) };
-    let power = Kind::VelocityPower { exponent: rng.random_range(0.6..1.0) };
+    let envelope = Kind::Envelope {
+        beta_over_alpha: rng.random_range(0.6..1.6),
+    };
+    let power = Kind::VelocityPower {
+        exponent: rng.random_range(0.6..1.0),
+    };
     let draw: f64 = rng.random();
     match laboratory.config.hysteresis.family {
         Family::SigmoidPlays(_) | Family::MaxwellSlip(_) if draw < 0.3 => (Kind::LogThreshold, 0.1, 2.0),
@@ -310,35 +376,79 @@ fn rate(laboratory: &Laboratory, rng: &mut Pcg64) -> (Kind, f64, f64) {
 
 fn creep(rng: &mut Pcg64) -> (Kind, f64, f64) {
     if rng.random_bool(0.5) {
-        let kind = Kind::LogCreep { from_s: log_uniform(rng, 2e-3, 0.1), to_s: log_uniform(rng, 100.0, 1000.0) };
+        let kind = Kind::LogCreep {
+            from_s: log_uniform(rng, 2e-3, 0.1),
+            to_s: log_uniform(rng, 100.0, 1000.0),
+        };
         return (kind, 2.0, 20.0);
     }
-    let shares = [rng.random_range(0.2..0.5), rng.random_range(0.2..0.5), rng.random_range(0.2..0.5)];
-    let times_s = [log_uniform(rng, 0.2, 1.0), log_uniform(rng, 1.0, 5.0), log_uniform(rng, 5.0, 30.0)];
+    let shares = [
+        rng.random_range(0.2..0.5),
+        rng.random_range(0.2..0.5),
+        rng.random_range(0.2..0.5),
+    ];
+    let times_s = [
+        log_uniform(rng, 0.2, 1.0),
+        log_uniform(rng, 1.0, 5.0),
+        log_uniform(rng, 5.0, 30.0),
+    ];
     (Kind::KelvinVoigt { shares, times_s }, 0.05, 0.8)
 }
 
 fn thermal(rng: &mut Pcg64) -> (Kind, f64, f64) {
-    let lag_s = if rng.random_bool(0.5) { 0.0 } else { log_uniform(rng, 30.0, 600.0) };
+    let lag_s = if rng.random_bool(0.5) {
+        0.0
+    } else {
+        log_uniform(rng, 30.0, 600.0)
+    };
     let direction = sign(rng);
-    match rng.random_range(0..3) {
-        // A gain of 20 %/K is the most that a stage is built with.
-        0 => (Kind::Thermal { position: 0.0, gain: direction, lag_s }, 0.02, 0.2),
-        1 => (Kind::Thermal { position: direction, gain: 0.3 * sign(rng), lag_s }, 0.02, 0.6),
-        _ => (Kind::Thermal { position: direction, gain: 0.0, lag_s }, 0.02, 5.0),
+    // Position in three of four cases. 1 um/K is much for a stroke of 20 um, and so are 5 %/K for a gain: small excursions of the temperature need that much.
+    match rng.random_range(0..4) {
+        0 => (
+            Kind::Thermal {
+                position: 0.0,
+                gain: direction,
+                lag_s,
+            },
+            0.02,
+            0.05,
+        ),
+        1 => (
+            Kind::Thermal {
+                position: direction,
+                gain: 0.3 * sign(rng),
+                lag_s,
+            },
+            0.02,
+            0.15,
+        ),
+        _ => (
+            Kind::Thermal {
+                position: direction,
+                gain: 0.0,
+                lag_s,
+            },
+            0.02,
+            1.0,
+        ),
     }
 }
 
 fn hum(rng: &mut Pcg64) -> Kind {
     let line_hz = if rng.random_bool(0.5) { 50.0 } else { 60.0 } + rng.random_range(-0.1..0.1);
-    let harmonics = std::iter::once(1.0).chain((0..4).map(|_| rng.random_range(0.0..0.4))).collect();
+    let harmonics = std::iter::once(1.0)
+        .chain((0..4).map(|_| rng.random_range(0.0..0.4)))
+        .collect();
     Kind::Hum { line_hz, harmonics }
 }
 
 /// Largest rate of the commands, volts per second.
 fn peak_rate(programme: &[Planned]) -> f64 {
     let rates = programme.iter().flat_map(|record| {
-        record.voltage_v.windows(2).map(move |pair| (pair[1] - pair[0]).abs() / record.period_s)
+        record
+            .voltage_v
+            .windows(2)
+            .map(move |pair| (pair[1] - pair[0]).abs() / record.period_s)
     });
     rates.fold(0.0, f64::max)
 }

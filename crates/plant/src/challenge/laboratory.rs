@@ -5,7 +5,9 @@ use rand_pcg::Pcg64;
 
 use crate::config::StageConfig;
 use crate::error::StageError;
-use crate::hysteresis::{BoucWen, Family, Hysteresis, HysteresisState, Initial, MaxwellSlip, Mrpi, Preisach, SigmoidPlays};
+use crate::hysteresis::{
+    BoucWen, Family, Hysteresis, HysteresisState, Initial, MaxwellSlip, Mrpi, Preisach, SigmoidPlays,
+};
 use crate::sensor::Sensor;
 use crate::thermal::Temperature;
 
@@ -26,7 +28,13 @@ pub enum StageFamily {
 
 impl StageFamily {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Preisach, Self::SigmoidPlays, Self::MaxwellSlip, Self::Mrpi, Self::BoucWen];
+    pub const ALL: [Self; 5] = [
+        Self::Preisach,
+        Self::SigmoidPlays,
+        Self::MaxwellSlip,
+        Self::Mrpi,
+        Self::BoucWen,
+    ];
 
     /// Its name.
     pub fn name(self) -> &'static str {
@@ -68,10 +76,19 @@ impl StageFamily {
             Self::SigmoidPlays => Family::SigmoidPlays(SigmoidPlays::random(rng, full_v)),
             Self::MaxwellSlip => Family::MaxwellSlip(MaxwellSlip::random(rng, full_v)),
             // Its rate dependence is an effect like the others and not there unless it is hidden.
-            Self::Mrpi => Family::Mrpi(Mrpi { alpha_s: 0.0, beta_s: 0.0, ..Mrpi::random(rng) }),
+            Self::Mrpi => Family::Mrpi(Mrpi {
+                alpha_s: 0.0,
+                beta_s: 0.0,
+                ..Mrpi::random(rng)
+            }),
             Self::BoucWen => Family::BoucWen(BoucWen::random(rng, full_v)),
         };
-        Hysteresis { stroke_um, reference_v: full_v, initial: Initial::Conditioned, family }
+        Hysteresis {
+            stroke_um,
+            reference_v: full_v,
+            initial: Initial::Conditioned,
+            family,
+        }
     }
 }
 
@@ -101,10 +118,10 @@ impl Laboratory {
         let range_um = if rng.random_bool(0.5) { 50.0 } else { 2.5 * stroke_um };
         let temperature = Temperature {
             start_c: rng.random_range(20.0..24.0),
-            drift_k_per_h: rng.random_range(-0.5..0.5),
-            warm_up_k: rng.random_range(0.0..0.8),
+            drift_k_per_h: rng.random_range(-1.0..1.0),
+            warm_up_k: rng.random_range(0.0..2.0),
             warm_up_s: log_uniform(rng, 300.0, 1800.0),
-            swing_k: log_uniform(rng, 0.05, 0.5),
+            swing_k: log_uniform(rng, 0.05, 1.0),
             swing_period_s: log_uniform(rng, 200.0, 1200.0),
             noise_rms_k: 0.002,
             resolution_k: 0.001,
@@ -117,7 +134,12 @@ impl Laboratory {
         let config = StageConfig {
             temperature: Some(temperature),
             // Noise, characteristic and converter are the readout's, which also has the effects outside of the catalogue.
-            sensor: Sensor { um_per_v: 1.0, noise_rms_um: 0.0, adc: None, ..Sensor::default() },
+            sensor: Sensor {
+                um_per_v: 1.0,
+                noise_rms_um: 0.0,
+                adc: None,
+                ..Sensor::default()
+            },
             ..StageConfig::bare(hysteresis)
         };
         Ok(Self {

@@ -59,17 +59,35 @@ impl Outside {
             Effect::ClockJitter => (Kind::ClockJitter, 10e-6, 2e-3),
             Effect::Ageing => (Kind::Ageing, 0.02, 0.8),
             Effect::DropOut => {
-                let kind = Kind::DropOut { every: rng.random_range(150..500), samples: rng.random_range(2..=8) };
+                let kind = Kind::DropOut {
+                    every: rng.random_range(150..500),
+                    samples: rng.random_range(2..=8),
+                };
                 (kind, 0.1, 2.0)
             }
             Effect::ScaleRipple => {
                 let pitch_um = laboratory.stroke_um / rng.random_range(6.0..12.0);
-                let kind = Kind::ScaleRipple { pitch_um, phase_rad: rng.random_range(0.0..std::f64::consts::TAU) };
+                let kind = Kind::ScaleRipple {
+                    pitch_um,
+                    phase_rad: rng.random_range(0.0..std::f64::consts::TAU),
+                };
                 (kind, 0.005, 0.3)
             }
             Effect::BiasLag => (Kind::BiasLag, 50e-6, 2e-3),
-            Effect::MemoryLeak => (Kind::MemoryLeak { time_s: log_uniform(rng, 0.02, 1.0) }, 0.1, 10.0),
-            Effect::Fatigue => (Kind::Fatigue { cycles: rng.random_range(3.0..10.0) }, 0.05, 0.9),
+            Effect::MemoryLeak => (
+                Kind::MemoryLeak {
+                    time_s: log_uniform(rng, 0.02, 1.0),
+                },
+                0.1,
+                10.0,
+            ),
+            Effect::Fatigue => (
+                Kind::Fatigue {
+                    cycles: rng.random_range(3.0..10.0),
+                },
+                0.05,
+                0.9,
+            ),
             Effect::Vibration => {
                 let kind = Kind::Vibration {
                     frequency_hz: off_the_line_hz(rng),
@@ -78,10 +96,25 @@ impl Outside {
                 (kind, 0.01, 1.0)
             }
             // Telegraph, and nothing else: effects of the catalogue have forms of their own.
-            _ => (Kind::Telegraph { per_s: log_uniform(rng, 0.5, 3.0) }, 0.005, 1.0),
+            _ => (
+                Kind::Telegraph {
+                    per_s: log_uniform(rng, 0.5, 3.0),
+                },
+                0.005,
+                1.0,
+            ),
         };
         let (stroke_um, full_v) = (laboratory.stroke_um, laboratory.full_v);
-        (Self { kind, stroke_um, full_v, seed: rng.random() }, start, most)
+        (
+            Self {
+                kind,
+                stroke_um,
+                full_v,
+                seed: rng.random(),
+            },
+            start,
+            most,
+        )
     }
 
     /// Changes one record's reading.
@@ -94,12 +127,16 @@ impl Outside {
         let changed: Vec<f64> = match self.kind {
             Kind::Telegraph { per_s } => {
                 let mut level = Telegraph::new(per_s, self.seed);
-                samples.map(|n| clean[n] + size * stroke_um * level.at(time_s(n))).collect()
+                samples
+                    .map(|n| clean[n] + size * stroke_um * level.at(time_s(n)))
+                    .collect()
             }
             Kind::ClockJitter => {
                 let mut rng = Pcg64::seed_from_u64(self.seed.wrapping_add(reading.place.0 as u64));
                 let mut late = || -> f64 { StandardNormal.sample(&mut rng) };
-                samples.map(|n| waves::at(clean, n as f64 + size * late() / period_s)).collect()
+                samples
+                    .map(|n| waves::at(clean, n as f64 + size * late() / period_s))
+                    .collect()
             }
             Kind::Ageing => {
                 let lost = size * reading.place.0 as f64 / (reading.place.1.max(2) - 1) as f64;
@@ -109,7 +146,9 @@ impl Outside {
                 // The counter runs on from record to record.
                 let first = (self.seed % every as u64) as usize + 37 * reading.place.0;
                 let lost = |n: usize| (n + first) % every < length;
-                samples.map(|n| clean[n] - if lost(n) { size * stroke_um } else { 0.0 }).collect()
+                samples
+                    .map(|n| clean[n] - if lost(n) { size * stroke_um } else { 0.0 })
+                    .collect()
             }
             Kind::ScaleRipple { pitch_um, phase_rad } => {
                 let ripple = |y: &f64| (std::f64::consts::TAU * y / pitch_um + phase_rad).sin();
@@ -120,7 +159,11 @@ impl Outside {
                 .collect(),
             Kind::MemoryLeak { time_s } => {
                 let lost = forgotten_v(reading.voltage_v, self.full_v, period_s / time_s);
-                clean.iter().zip(lost).map(|(y, lost)| y + size * stroke_um / self.full_v * lost).collect()
+                clean
+                    .iter()
+                    .zip(lost)
+                    .map(|(y, lost)| y + size * stroke_um / self.full_v * lost)
+                    .collect()
             }
             Kind::Fatigue { cycles } => {
                 let mut travel = 0.0;
@@ -132,7 +175,10 @@ impl Outside {
                 };
                 clean.iter().zip(reading.voltage_v).map(tired).collect()
             }
-            Kind::Vibration { frequency_hz, phase_rad } => {
+            Kind::Vibration {
+                frequency_hz,
+                phase_rad,
+            } => {
                 let shake = |n: usize| (std::f64::consts::TAU * frequency_hz * time_s(n) + phase_rad).sin();
                 samples.map(|n| clean[n] + size * stroke_um * shake(n)).collect()
             }
@@ -158,7 +204,10 @@ impl Outside {
                 Parameter::new("time_to_forget", time_s, "s"),
             ],
             Kind::Fatigue { cycles } => {
-                vec![Parameter::new("loss", size, "of the gain"), Parameter::new("cycles", cycles, "full cycles")]
+                vec![
+                    Parameter::new("loss", size, "of the gain"),
+                    Parameter::new("cycles", cycles, "full cycles"),
+                ]
             }
             Kind::Vibration { frequency_hz, .. } => {
                 vec![amplitude("amplitude"), Parameter::new("frequency", frequency_hz, "Hz")]
@@ -179,7 +228,12 @@ impl Telegraph {
     fn new(per_s: f64, seed: u64) -> Self {
         let mut rng = Pcg64::seed_from_u64(seed);
         let level = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
-        Self { rng, per_s, level, until_s: 0.0 }
+        Self {
+            rng,
+            per_s,
+            level,
+            until_s: 0.0,
+        }
     }
 
     /// The level at a time that never goes back.

@@ -23,9 +23,16 @@ pub(super) struct Planned {
 
 /// Frequencies, amplitudes, lengths: drawn from the seed, within what the trade does.
 pub(super) fn plan(laboratory: &Laboratory, rng: &mut Pcg64) -> Result<Vec<Planned>, StageError> {
-    let mut plan = Plan { full_v: laboratory.full_v, records: Vec::with_capacity(15) };
+    let mut plan = Plan {
+        full_v: laboratory.full_v,
+        records: Vec::with_capacity(15),
+    };
     // Round frequencies, or ones that keep clear of the line's harmonics.
-    let hz = if rng.random_bool(0.5) { [10.0, 50.0, 100.0, 200.0, 500.0] } else { [11.0, 47.0, 97.0, 193.0, 503.0] };
+    let hz = if rng.random_bool(0.5) {
+        [10.0, 50.0, 100.0, 200.0, 500.0]
+    } else {
+        [11.0, 47.0, 97.0, 193.0, 503.0]
+    };
     plan.sine(Use::Identify, 1.0, 1.0, 4, 1e-3)?;
     plan.sine(Use::Identify, hz[0], 1.0, 6, 2e-4)?;
     plan.sine(Use::Identify, hz[0], rng.random_range(0.30..0.50), 5, 2e-4)?;
@@ -59,20 +66,47 @@ struct Plan {
 impl Plan {
     fn add(&mut self, name: &str, role: Use, excitation: String, period_s: f64, voltage_v: Vec<f64>) {
         let name = name.to_owned();
-        self.records.push(Planned { name, role, excitation, period_s, voltage_v, voltage2_v: None, rest_s: 0.0 });
+        self.records.push(Planned {
+            name,
+            role,
+            excitation,
+            period_s,
+            voltage_v,
+            voltage2_v: None,
+            rest_s: 0.0,
+        });
     }
 
     fn sine(&mut self, role: Use, hz: f64, share: f64, periods: u32, period_s: f64) -> Result<(), StageError> {
-        let sine = Sine { frequency_hz: hz, low_v: 0.0, high_v: share * self.full_v, periods: f64::from(periods) };
+        let sine = Sine {
+            frequency_hz: hz,
+            low_v: 0.0,
+            high_v: share * self.full_v,
+            periods: f64::from(periods),
+        };
         let percent = (100.0 * share).round();
-        let suffix = if share < 1.0 { format!("-a{percent}") } else { String::new() };
+        let suffix = if share < 1.0 {
+            format!("-a{percent}")
+        } else {
+            String::new()
+        };
         let words = format!("sine {hz} Hz, 0 to {percent} % of full voltage, {periods} periods");
-        self.add(&format!("sine-{hz:03}hz{suffix}"), role, words, period_s, sine.samples(period_s)?);
+        self.add(
+            &format!("sine-{hz:03}hz{suffix}"),
+            role,
+            words,
+            period_s,
+            sine.samples(period_s)?,
+        );
         Ok(())
     }
 
     fn multi_harmonic(&mut self, frequency_hz: f64) -> Result<(), StageError> {
-        let harmonic = MultiHarmonic { frequency_hz, full_v: self.full_v, periods: (frequency_hz / 2.0).round() };
+        let harmonic = MultiHarmonic {
+            frequency_hz,
+            full_v: self.full_v,
+            periods: (frequency_hz / 2.0).round(),
+        };
         let words = format!("0.25 sin x + 0.3 sin 3x + 0.5, {frequency_hz} Hz, after a 20 ms rise");
         let voltage_v = with_rise(&harmonic.samples(1e-4)?, 0.02, 1e-4)?;
         self.add("multiharmonic", Use::Validate, words, 1e-4, voltage_v);
@@ -80,9 +114,13 @@ impl Plan {
     }
 
     fn triangle(&mut self, rng: &mut Pcg64) -> Result<(), StageError> {
-        let (centre, decay, turns) = (rng.random_range(0.40..0.60), rng.random_range(0.84..0.92), 24);
+        let (decay, turns): (f64, i32) = (rng.random_range(0.84..0.92), 24);
+        // At decay / (1 + decay) the second turning point is at 0 V; below it would be negative.
+        let centre = rng.random_range(decay / (1.0 + decay)..0.60);
         // Full voltage first, then legs of d (1 + q), d (1 + q) q, ...: three seconds in all.
-        let legs: f64 = (0..turns - 1).map(|k| (1.0 - centre) * (1.0 + decay) * f64::powi(decay, k)).sum();
+        let legs: f64 = (0..turns - 1)
+            .map(|k| (1.0 - centre) * (1.0 + decay) * decay.powi(k))
+            .sum();
         let triangle = DecayingTriangle {
             high_v: self.full_v,
             centre_v: centre * self.full_v,
@@ -97,7 +135,11 @@ impl Plan {
 
     fn holds(&mut self, rng: &mut Pcg64) {
         let (hold_s, hold2_s) = (rng.random_range(10.0..16.0), rng.random_range(18.0..28.0));
-        let levels = [rng.random_range(0.45..0.75), rng.random_range(0.80..1.0), rng.random_range(0.20..0.40)];
+        let levels = [
+            rng.random_range(0.45..0.75),
+            rng.random_range(0.80..1.0),
+            rng.random_range(0.20..0.40),
+        ];
         let words = format!("steps of 30 ms and holds of {hold_s:.1} s");
         let voltage_v = held(self.full_v, &levels, hold_s);
         self.add("step-hold", Use::Identify, words, HOLD_PERIOD_S, voltage_v);
@@ -118,7 +160,13 @@ impl Plan {
             seed: rng.random(),
         };
         let words = format!("multisine 20 Hz to {high_hz} Hz, period 50 ms, after a 30 ms rise");
-        self.add("multisine", Use::Identify, words, 5e-5, with_rise(&multisine.samples(5e-5)?, 0.03, 5e-5)?);
+        self.add(
+            "multisine",
+            Use::Identify,
+            words,
+            5e-5,
+            with_rise(&multisine.samples(5e-5)?, 0.03, 5e-5)?,
+        );
         Ok(())
     }
 
@@ -132,7 +180,13 @@ impl Plan {
             seed: rng.random(),
         };
         let words = "band-limited random to 400 Hz, not periodic in the record, after a 30 ms rise".to_owned();
-        self.add("noise-400hz", Use::Validate, words, 1e-4, with_rise(&noise.samples(1e-4)?, 0.03, 1e-4)?);
+        self.add(
+            "noise-400hz",
+            Use::Validate,
+            words,
+            1e-4,
+            with_rise(&noise.samples(1e-4)?, 0.03, 1e-4)?,
+        );
         Ok(())
     }
 }
@@ -157,7 +211,11 @@ fn held(full_v: f64, levels: &[f64], hold_s: f64) -> Vec<f64> {
 /// What the other axis does meanwhile: whole cycles of its own, from rest to rest, in no simple ratio to the record.
 fn other_axis(record: &Planned, full_v: f64, rng: &mut Pcg64) -> Vec<f64> {
     let samples = record.voltage_v.len();
-    let share = if rng.random_bool(0.15) { 0.0 } else { rng.random_range(0.3..1.0) };
+    let share = if rng.random_bool(0.15) {
+        0.0
+    } else {
+        rng.random_range(0.3..1.0)
+    };
     // Odd primes share no factor with the 4 to 25 periods of the sines but 5, which is left out.
     let cycles = [7.0, 11.0, 13.0, 17.0, 19.0, 23.0][rng.random_range(0..6_usize)];
     let (slower, depth) = ([2.0, 3.0][rng.random_range(0..2_usize)], rng.random_range(0.2..0.5));

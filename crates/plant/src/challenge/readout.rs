@@ -41,7 +41,11 @@ pub(super) fn play(config: &StageConfig, programme: &[Planned], seed: u64) -> Re
             Some(other_v) => stage.run_two_axes(&record.voltage_v, other_v, record.period_s)?,
         };
         let temperature_c = run.temperature_c.unwrap_or_default();
-        Ok(Motion { start_s, position_um: run.position_um, temperature_c })
+        Ok(Motion {
+            start_s,
+            position_um: run.position_um,
+            temperature_c,
+        })
     };
     programme.iter().map(take).collect()
 }
@@ -78,7 +82,9 @@ pub(super) fn record(positions_um: &mut [Vec<f64>], noise_rms_um: f64, step_um: 
     let mut rng = Pcg64::seed_from_u64(seed);
     for y in positions_um.iter_mut().flatten() {
         let normal: f64 = StandardNormal.sample(&mut rng);
-        let code = ((*y + noise_rms_um * normal) / step_um).round().clamp(-32_768.0, 32_767.0);
+        let code = ((*y + noise_rms_um * normal) / step_um)
+            .round()
+            .clamp(-32_768.0, 32_767.0);
         *y = (code * step_um * 1e5).round() / 1e5;
     }
 }

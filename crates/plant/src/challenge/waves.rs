@@ -13,7 +13,9 @@ pub(super) fn at(samples: &[f64], place: f64) -> f64 {
     let slope_here = 0.5 * (next - before);
     let slope_next = 0.5 * (after - here);
     let change = next - here;
-    here + part * (slope_here + part * (3.0 * change - 2.0 * slope_here - slope_next + part * (slope_here + slope_next - 2.0 * change)))
+    here + part
+        * (slope_here
+            + part * (3.0 * change - 2.0 * slope_here - slope_next + part * (slope_here + slope_next - 2.0 * change)))
 }
 
 #[cfg(test)]

@@ -1,0 +1,37 @@
+//! Verdicts on hundreds of stages with hidden effects: the confusion matrix of the README.
+//!
+//! `cargo run --release -p host-tests --example calibrate -- [EACH] [FIRST_SEED] [WORD]`: EACH seeds for every effect and strength (default 4);
+//! with WORD only cases whose hidden effect has it in its name. One line a case goes to standard error as they come, the tables to standard output.
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "an example of the command line"
+)]
+
+use host_tests::hidden::score::{calibration, line, markdown, score, tool};
+use std::time::Instant;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let mut words = std::env::args().skip(1);
+    let each = words.next().map_or(Ok(4), |word| word.parse::<u64>())?;
+    let first_seed = words.next().map_or(Ok(1_000), |word| word.parse::<u64>())?;
+    let mut cases = calibration(first_seed, each);
+    if let Some(word) = words.next() {
+        cases.retain(|(_, spec)| match spec.hidden.as_slice() {
+            [] => word == "nothing",
+            hidden => hidden.iter().any(|asked| asked.effect.name().contains(&word)),
+        });
+    }
+    let started = Instant::now();
+    let outcomes = score(&cases, tool, |outcome| eprintln!("{}", line(outcome)));
+    println!("{}", markdown(&outcomes));
+    println!(
+        "{} cases of seeds {first_seed} to {}, {:.1} s each on {} threads; {} could not be made.",
+        outcomes.len(),
+        first_seed + cases.len() as u64,
+        started.elapsed().as_secs_f64() / outcomes.len().max(1) as f64,
+        std::thread::available_parallelism()?,
+        cases.len() - outcomes.len(),
+    );
+    Ok(())
+}

@@ -1,0 +1,51 @@
+//! Writes a dataset with a hidden effect, and the truth beside it.
+//!
+//! `cargo run --release -p host-tests --example generate -- --seed 7 --effect delay --strength medium -o DIR`
+#![expect(clippy::print_stdout, reason = "an example of the command line")]
+
+use host_tests::hidden;
+use hysteron_data::{Overwrite, write_dataset};
+use hysteron_plant::challenge::{Asked, Effect, Spec, StageFamily, Strength};
+use std::error::Error;
+use std::path::PathBuf;
+
+const HELP: &str = "\
+generate --seed N [--effect NAME]... [--strength weak|medium|strong] [--family NAME] -o DIR
+
+  several --effect make a pair; none makes a control with nothing hidden
+";
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut words = std::env::args().skip(1);
+    let (mut seed, mut effects, mut strength, mut family, mut folder) =
+        (0_u64, Vec::new(), Strength::Medium, None, None::<PathBuf>);
+    while let Some(word) = words.next() {
+        let value = words.next().ok_or(HELP)?;
+        let unknown = || format!("{word} {value} is not known\n{HELP}");
+        match word.as_str() {
+            "--seed" => seed = value.parse()?,
+            "--effect" => effects.push(Effect::from_name(&value).ok_or_else(unknown)?),
+            "--strength" => strength = Strength::from_name(&value).ok_or_else(unknown)?,
+            "--family" => family = Some(StageFamily::from_name(&value).ok_or_else(unknown)?),
+            "-o" => folder = Some(value.into()),
+            _ => return Err(unknown().into()),
+        }
+    }
+    let folder = folder.ok_or(HELP)?;
+    let hidden = effects.into_iter().map(|effect| Asked { effect, strength }).collect();
+    let example = hidden::generate(
+        seed,
+        &Spec {
+            hidden,
+            family,
+            noise_seed: 0,
+        },
+    )?;
+    write_dataset(&example.dataset, &folder, Overwrite::Refuse)?;
+    let mut truth = hidden::truth_json(&example.truth);
+    truth["start"] = example.start.name().into();
+    let text = serde_json::to_string_pretty(&truth)?;
+    std::fs::write(folder.join("truth.json"), format!("{text}\n"))?;
+    println!("{text}");
+    Ok(())
+}

@@ -1,0 +1,390 @@
+//! Verdicts against truths: who was right, by effect, strength and family.
+
+use super::{Example, generate};
+use hysteron_diagnose::diagnosis::Diagnosis;
+use hysteron_identify::{FitOptions, fit};
+use hysteron_plant::challenge::{Asked, CATALOGUE, Effect, OUTSIDE, Spec, StageFamily, Strength, Truth};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// What was said of a dataset.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Answer {
+    /// The verdict.
+    pub verdict: String,
+    /// What these records cannot tell from it.
+    pub also_possible: Vec<String>,
+    /// Further effects that were found.
+    pub further: Vec<String>,
+}
+
+impl From<Diagnosis> for Answer {
+    fn from(diagnosis: Diagnosis) -> Self {
+        Self {
+            verdict: diagnosis.verdict,
+            also_possible: diagnosis.also_possible,
+            further: diagnosis.further,
+        }
+    }
+}
+
+/// How good an answer is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Grade {
+    /// The verdict is what is hidden.
+    Right,
+    /// The verdict is another name, what is hidden stands beside it as not to be told apart.
+    InSet,
+    /// No name, or `none` where something is hidden.
+    Missed,
+    /// A name of something that is not there.
+    Wrong,
+}
+
+/// Verdicts that name no effect.
+const NO_NAME: [&str; 3] = ["none", "unknown", "hysteresis-shape"];
+
+/// Grades an answer.
+pub fn grade(truth: &Truth, answer: &Answer) -> Grade {
+    let accepted = truth.accepted_verdicts();
+    let verdict = answer.verdict.as_str();
+    if accepted.contains(&verdict) {
+        Grade::Right
+    } else if answer
+        .also_possible
+        .iter()
+        .any(|name| accepted.contains(&name.as_str()))
+    {
+        Grade::InSet
+    } else if NO_NAME.contains(&verdict) {
+        Grade::Missed
+    } else {
+        Grade::Wrong
+    }
+}
+
+/// A case, the answer to it, and its grade.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// The seed.
+    pub seed: u64,
+    /// What is hidden.
+    pub truth: Truth,
+    /// The model that it started from.
+    pub start: &'static str,
+    /// What was said.
+    pub answer: Answer,
+    /// How good that is.
+    pub grade: Grade,
+}
+
+/// The answer of the tool: a fit of the start model, then the diagnosis.
+///
+/// # Panics
+/// Where the fit of the start model fails, which no case of the generator should bring about.
+pub fn tool(example: &Example) -> Answer {
+    match fit(&example.dataset, &FitOptions::new(example.start), &|_| {}) {
+        Ok(report) => hysteron_diagnose::diagnose(&example.dataset, &report.model, &|_, _| {}).into(),
+        Err(error) => panic!("seed {}: {error}", example.truth.seed),
+    }
+}
+
+/// Makes the cases, asks for answers on all cores, and grades them. A case that no stage of its seed can show is left out.
+pub fn score(
+    cases: &[(u64, Spec)],
+    answer: impl Fn(&Example) -> Answer + Sync,
+    done: impl Fn(&Outcome) + Sync,
+) -> Vec<Outcome> {
+    cases
+        .par_iter()
+        .with_max_len(1)
+        .filter_map(|(seed, spec)| {
+            let example = generate(*seed, spec).ok()?;
+            let answer = answer(&example);
+            let grade = grade(&example.truth, &answer);
+            let outcome = Outcome {
+                seed: *seed,
+                start: example.start.name(),
+                truth: example.truth,
+                answer,
+                grade,
+            };
+            done(&outcome);
+            Some(outcome)
+        })
+        .collect()
+}
+
+/// The cases of a calibration: `each` seeds for every effect and strength, three times as many controls as an effect has, half of them
+/// as often outside of the catalogue, and as many pairs as an effect has cases.
+pub fn calibration(first_seed: u64, each: u64) -> Vec<(u64, Spec)> {
+    let mut specs = Vec::new();
+    for round in 0..each {
+        for strength in Strength::ALL {
+            specs.extend(CATALOGUE.map(|effect| Spec::one(effect, strength)));
+            if round % 2 == 0 {
+                specs.extend(OUTSIDE.map(|effect| Spec::one(effect, strength)));
+            }
+            specs.extend(std::iter::repeat_n(Spec::default(), 3));
+            specs.push(Spec {
+                hidden: pair(first_seed.wrapping_add(specs.len() as u64)),
+                ..Spec::default()
+            });
+        }
+    }
+    specs
+        .into_iter()
+        .enumerate()
+        .map(|(n, spec)| (first_seed + n as u64, spec))
+        .collect()
+}
+
+/// Two effects that change more than the static loops and are not delay and lag, which stand for each other; medium or strong.
+fn pair(seed: u64) -> Vec<Asked> {
+    use rand::{RngExt, SeedableRng};
+    let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
+    let physical: Vec<Effect> = CATALOGUE.into_iter().filter(|effect| !effect.is_shape()).collect();
+    let rival = |effect| matches!(effect, Effect::Delay | Effect::FirstOrderLag);
+    loop {
+        let mut draw = || Asked {
+            effect: physical[rng.random_range(0..physical.len())],
+            strength: [Strength::Medium, Strength::Strong][rng.random_range(0..2_usize)],
+        };
+        let (a, b) = (draw(), draw());
+        if a.effect != b.effect && !(rival(a.effect) && rival(b.effect)) {
+            return vec![a, b];
+        }
+    }
+}
+
+/// Right, in the set, missed, wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Tally {
+    /// Verdict right.
+    pub right: usize,
+    /// Right name beside the verdict.
+    pub in_set: usize,
+    /// No name.
+    pub missed: usize,
+    /// A wrong name.
+    pub wrong: usize,
+}
+
+impl Tally {
+    /// Counts outcomes.
+    pub fn of<'a>(outcomes: impl IntoIterator<Item = &'a Outcome>) -> Self {
+        outcomes.into_iter().fold(Self::default(), |mut tally, outcome| {
+            match outcome.grade {
+                Grade::Right => tally.right += 1,
+                Grade::InSet => tally.in_set += 1,
+                Grade::Missed => tally.missed += 1,
+                Grade::Wrong => tally.wrong += 1,
+            }
+            tally
+        })
+    }
+
+    /// How many.
+    pub fn all(&self) -> usize {
+        self.right + self.in_set + self.missed + self.wrong
+    }
+
+    fn cell(&self) -> String {
+        if self.all() == 0 {
+            return "-".to_owned();
+        }
+        let mut text = format!("{}/{}", self.right, self.all());
+        if self.in_set > 0 {
+            let _ = write!(text, " +{}", self.in_set);
+        }
+        if self.wrong > 0 {
+            let _ = write!(text, ", {} wrong", self.wrong);
+        }
+        text
+    }
+
+    fn percent(count: usize, of: usize) -> String {
+        if of == 0 {
+            "-".to_owned()
+        } else {
+            format!("{:.0} % of {of}", 100.0 * count as f64 / of as f64)
+        }
+    }
+}
+
+/// What is hidden, as one word.
+fn label(truth: &Truth) -> String {
+    let names: Vec<&str> = truth.hidden.iter().map(|hidden| hidden.effect.name()).collect();
+    if names.is_empty() {
+        "nothing".to_owned()
+    } else {
+        names.join(" and ")
+    }
+}
+
+fn single(outcome: &Outcome) -> Option<(Effect, Strength)> {
+    match outcome.truth.hidden.as_slice() {
+        [hidden] => Some((hidden.effect, hidden.strength)),
+        _ => None,
+    }
+}
+
+/// Whether every hidden effect is named, as verdict or further.
+pub fn all_found(outcome: &Outcome) -> bool {
+    let said = |name: &str| outcome.answer.verdict == name || outcome.answer.further.iter().any(|f| f == name);
+    outcome.truth.hidden.iter().all(|hidden| said(hidden.effect.name()))
+}
+
+/// The outcomes as Markdown: the summary, the confusion matrix by effect and strength, and the same by family.
+pub fn markdown(outcomes: &[Outcome]) -> String {
+    let mut text = String::new();
+    summary(&mut text, outcomes);
+    matrix(&mut text, outcomes);
+    by_family(&mut text, outcomes);
+    text
+}
+
+fn summary(text: &mut String, outcomes: &[Outcome]) {
+    let play_class = |o: &&Outcome| o.truth.family.is_play_class();
+    let _ = writeln!(
+        text,
+        "| | right | right or in the set | wrong name |\n|---|---|---|---|"
+    );
+    let mut row = |name: &str, tally: Tally| {
+        let of = |count| Tally::percent(count, tally.all());
+        let _ = writeln!(
+            text,
+            "| {name} | {} | {} | {} |",
+            of(tally.right),
+            of(tally.right + tally.in_set),
+            of(tally.wrong)
+        );
+    };
+    let in_catalogue = |effect: Effect, shape: bool| !effect.is_outside() && effect.is_shape() == shape;
+    for (shape, kind) in [(false, "physical"), (true, "told by the loops alone")] {
+        for strength in Strength::ALL.into_iter().rev() {
+            let chosen = outcomes.iter().filter(play_class).filter(
+                |o| matches!(single(o), Some((effect, found)) if found == strength && in_catalogue(effect, shape)),
+            );
+            row(&format!("{kind}, {}, play class", strength.name()), Tally::of(chosen));
+        }
+    }
+    let outside = |o: &&Outcome| matches!(single(o), Some((effect, _)) if effect.is_outside());
+    row(
+        "outside of the catalogue, play class",
+        Tally::of(outcomes.iter().filter(play_class).filter(outside)),
+    );
+    let nothing = |o: &&Outcome| o.truth.hidden.is_empty();
+    row(
+        "nothing hidden, play class",
+        Tally::of(outcomes.iter().filter(play_class).filter(nothing)),
+    );
+    row("Bouc-Wen, all", Tally::of(outcomes.iter().filter(|o| !play_class(o))));
+    let pairs: Vec<&Outcome> = outcomes
+        .iter()
+        .filter(play_class)
+        .filter(|o| o.truth.hidden.len() > 1)
+        .collect();
+    row(
+        "two hidden: one of the two, play class",
+        Tally::of(pairs.iter().copied()),
+    );
+    let both = pairs.iter().filter(|o| all_found(o)).count();
+    let _ = writeln!(
+        text,
+        "\nTwo hidden: both found in {}.",
+        Tally::percent(both, pairs.len())
+    );
+}
+
+fn matrix(text: &mut String, outcomes: &[Outcome]) {
+    let _ = writeln!(
+        text,
+        "\n| hidden | weak | medium | strong | verdicts |\n|---|---|---|---|---|"
+    );
+    let mut rows: BTreeMap<(usize, String), Vec<&Outcome>> = BTreeMap::new();
+    for outcome in outcomes {
+        let group = match outcome.truth.hidden.as_slice() {
+            [] => 0,
+            [hidden] if hidden.effect.is_outside() => 2,
+            [_] => 1,
+            _ => 3,
+        };
+        let name = if group == 3 {
+            "two".to_owned()
+        } else {
+            label(&outcome.truth)
+        };
+        rows.entry((group, name)).or_default().push(outcome);
+    }
+    for ((group, name), members) in rows {
+        let mut cells = Vec::new();
+        if group == 0 || group == 3 {
+            cells.push(Tally::of(members.iter().copied()).cell());
+            cells.extend(["".to_owned(), "".to_owned()]);
+        } else {
+            for strength in Strength::ALL {
+                let chosen = members
+                    .iter()
+                    .copied()
+                    .filter(|o| matches!(single(o), Some((_, s)) if s == strength));
+                cells.push(Tally::of(chosen).cell());
+            }
+        }
+        let mut said: BTreeMap<&str, usize> = BTreeMap::new();
+        members
+            .iter()
+            .for_each(|o| *said.entry(o.answer.verdict.as_str()).or_default() += 1);
+        let mut said: Vec<_> = said.into_iter().collect();
+        said.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        let verdicts: Vec<String> = said
+            .iter()
+            .map(|(verdict, count)| format!("{verdict} {count}"))
+            .collect();
+        let _ = writeln!(text, "| {name} | {} | {} |", cells.join(" | "), verdicts.join(", "));
+    }
+}
+
+fn by_family(text: &mut String, outcomes: &[Outcome]) {
+    let _ = writeln!(
+        text,
+        "\n| family | one of the catalogue | outside | nothing | two |\n|---|---|---|---|---|"
+    );
+    for family in StageFamily::ALL {
+        let of = |wanted: fn(&Outcome) -> bool| {
+            Tally::of(outcomes.iter().filter(|o| o.truth.family == family && wanted(o))).cell()
+        };
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {} | {} |",
+            family.name(),
+            of(|o| matches!(single(o), Some((effect, _)) if !effect.is_outside())),
+            of(|o| matches!(single(o), Some((effect, _)) if effect.is_outside())),
+            of(|o| o.truth.hidden.is_empty()),
+            of(|o| o.truth.hidden.len() > 1),
+        );
+    }
+}
+
+/// One line about an outcome: seed, truth, answer.
+pub fn line(outcome: &Outcome) -> String {
+    let truth = &outcome.truth;
+    let contributions: Vec<String> = truth
+        .hidden
+        .iter()
+        .map(|hidden| format!("{:.2} %", hidden.contribution_percent))
+        .collect();
+    format!(
+        "{:?}\tseed {}\t{} ({})\t{}\tfrom {}\t-> {} also [{}] further [{}]",
+        outcome.grade,
+        outcome.seed,
+        label(truth),
+        contributions.join(", "),
+        truth.family.name(),
+        outcome.start,
+        outcome.answer.verdict,
+        outcome.answer.also_possible.join(", "),
+        outcome.answer.further.join(", "),
+    )
+}
