@@ -1,6 +1,9 @@
 //! The commands; each has its arguments and its help in its own file.
 
-use crate::commands::{compare::CompareArgs, fit::FitArgs, import::ImportArgs};
+use crate::commands::{
+    compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs, fit::FitArgs, import::ImportArgs, paper::PaperArgs,
+    simulate::SimulateArgs,
+};
 use clap::{Parser, Subcommand};
 
 /// Model a piezo stage's hysteresis, compare it with measurements, see where it fails.
@@ -19,8 +22,16 @@ pub(crate) struct Args {
 pub(crate) enum Command {
     /// Turn recordings (CSV of any dialect, MATLAB .mat, PI GCS arrays) into a dataset
     Import(ImportArgs),
+    /// Record the built-in simulated stage as a dataset
+    Simulate(SimulateArgs),
     /// Identify a model from the records with role `identify`
     Fit(FitArgs),
     /// Compare a model with every record: how far off, and where
     Compare(CompareArgs),
+    /// Name the physical effect that a model lacks, and the record that would tell more
+    Diagnose(DiagnoseArgs),
+    /// Redo the paper on the simulated stages, its figures beside ours
+    Paper(PaperArgs),
+    /// Run the main job on the simulated stage and leave a page with pictures
+    Demo(DemoArgs),
 }

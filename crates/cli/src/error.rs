@@ -13,6 +13,12 @@ pub(crate) enum CliError {
     /// A model that cannot be fitted, read or written.
     #[error(transparent)]
     Identify(#[from] IdentifyError),
+    /// A simulated stage or an excitation that is refused.
+    #[error(transparent)]
+    Plant(#[from] hysteron_plant::StageError),
+    /// A tracking run that cannot be made.
+    #[error(transparent)]
+    Tracking(#[from] hysteron_tracking::TrackingError),
     /// A file of ours that cannot be written.
     #[error("{}: {source}", path.display())]
     #[diagnostic(help("choose another place with -o, or make the folder writable"))]

@@ -21,8 +21,12 @@ fn main() -> ExitCode {
     };
     let done = match args.command {
         Command::Import(args) => commands::import::run(&args),
+        Command::Simulate(args) => commands::simulate::run(&args),
         Command::Fit(args) => commands::fit::run(&args),
         Command::Compare(args) => commands::compare::run(&args),
+        Command::Diagnose(args) => commands::diagnose::run(&args),
+        Command::Paper(args) => commands::paper::run(&args),
+        Command::Demo(args) => commands::demo::run(&args),
     };
     exit::code(done)
 }

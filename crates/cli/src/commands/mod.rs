@@ -1,6 +1,12 @@
 //! One file a command.
 
+pub(crate) mod campaign;
 pub(crate) mod compare;
+pub(crate) mod demo;
+pub(crate) mod diagnose;
+pub(crate) mod excitation;
 pub(crate) mod fit;
 pub(crate) mod import;
 pub(crate) mod load;
+pub(crate) mod paper;
+pub(crate) mod simulate;
