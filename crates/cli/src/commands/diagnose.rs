@@ -70,7 +70,11 @@ fn text(d: &Diagnosis) -> String {
         let _ = writeln!(text, "  - {}", reason_in_words(reason));
     }
     if !d.also_possible.is_empty() {
-        let _ = writeln!(text, "these records cannot tell it from: {}", d.also_possible.join(", "));
+        let _ = writeln!(
+            text,
+            "these records cannot tell it from: {}",
+            d.also_possible.join(", ")
+        );
     }
     if !d.further.is_empty() {
         let _ = writeln!(text, "with it in the model, there is still: {}", d.further.join(", "));
@@ -89,8 +93,15 @@ fn text(d: &Diagnosis) -> String {
 fn is_anything_missing(text: &mut String, d: &Diagnosis) {
     let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.3} %"));
     let _ = writeln!(text, "noise floor {:.3e} um rms", d.noise_rms_um);
-    let _ = writeln!(text, "{:<38} {:>10} {:>10}", "error, % of peak to peak", "identify", "validate");
-    for (name, error) in [("the model", d.before), ("a hysteresis of free shape instead", d.free_shape)] {
+    let _ = writeln!(
+        text,
+        "{:<38} {:>10} {:>10}",
+        "error, % of peak to peak", "identify", "validate"
+    );
+    for (name, error) in [
+        ("the model", d.before),
+        ("a hysteresis of free shape instead", d.free_shape),
+    ] {
         let (identify, validate) = (percent(error.identify_percent), percent(error.validate_percent));
         let _ = writeln!(text, "{name:<38} {identify:>10} {validate:>10}");
     }
@@ -113,10 +124,14 @@ fn verdict(d: &Diagnosis) -> String {
 fn reason_in_words(reason: &str) -> &str {
     match reason {
         "nothing-moves" => "the voltage stands still in every record",
-        "no-validation" => "no record that moves has role `validate`: an effect could be judged only where it was fitted",
+        "no-validation" => {
+            "no record that moves has role `validate`: an effect could be judged only where it was fitted"
+        }
         "no-identification" => "no record that moves has role `identify`",
         "all-noise" => "the stroke is less than 30 times the noise: a medium effect drowns in it",
-        "clipped" => "the position stands on its largest or smallest value in over 5 % of the samples while the voltage moves",
+        "clipped" => {
+            "the position stands on its largest or smallest value in over 5 % of the samples while the voltage moves"
+        }
         "one-excitation" => "only one sine was played: at one frequency and amplitude all effects look alike",
         "too-short" => "the records that move last too short a time",
         other => other,
@@ -146,8 +161,11 @@ fn ranking(text: &mut String, ranking: &[RankedEffect]) {
             100.0 * effect.share
         );
         if effect.significant && !effect.parameters.is_empty() {
-            let parameters: Vec<String> =
-                effect.parameters.iter().map(|p| format!("{} {:.4e} {}", p.name, p.value, p.unit)).collect();
+            let parameters: Vec<String> = effect
+                .parameters
+                .iter()
+                .map(|p| format!("{} {:.4e} {}", p.name, p.value, p.unit))
+                .collect();
             let _ = writeln!(text, "      {}", parameters.join(", "));
         }
     }
@@ -161,8 +179,12 @@ fn remains(text: &mut String, d: &Diagnosis) {
         "\nleft unexplained: {:.3} % of peak to peak, of which noise {:.3} %",
         left.percent, left.noise_percent
     );
-    let locked: Vec<String> =
-        left.locked_to.iter().filter(|l| l.share > 0.1).map(|l| format!("{} {:.0} %", l.to, 100.0 * l.share)).collect();
+    let locked: Vec<String> = left
+        .locked_to
+        .iter()
+        .filter(|l| l.share > 0.1)
+        .map(|l| format!("{} {:.0} %", l.to, 100.0 * l.share))
+        .collect();
     if !locked.is_empty() {
         let _ = writeln!(text, "it goes with: {}", locked.join(", "));
     }

@@ -117,15 +117,15 @@ fn one(
     }
     let chain = |share: f64, x: f64| with(&slower(given, share), form(x));
     let mut best = (f64::INFINITY, low, 1.0);
-    for share in [1.0, 0.6, 0.25] {
+    for share in [1.0, 0.4] {
         let (x, value) = least(low, high, scan, 0, |x| bench.objective(&chain(share, x)));
         if value < best.0 {
             best = (value, x, share);
         }
     }
     let mut step: f64 = (high / low).powf(1.0 / (scan - 1) as f64);
-    for _ in 0..3 {
-        let (share, value) = least(best.2 / 1.6, best.2 * 1.6, 3, 3, |share| {
+    for _ in 0..2 {
+        let (share, value) = least(best.2 / 1.6, best.2 * 1.6, 3, 2, |share| {
             bench.objective(&chain(share, best.1))
         });
         if value < best.0 {
@@ -196,9 +196,9 @@ fn resonance(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
     // A tenth of a cycle in the longest record is no vibration; a mode far above the last sampled frequency shows only as inertia.
     let low = (5.0 / duration(bench.traces)).max(20.0).min(nyquist / 2.0);
     let mode = |frequency_hz: f64, zeta: f64| with(given, Effect::Mode { frequency_hz, zeta });
-    let (mut f, mut value) = least(low, nyquist, 28, 0, |f| bench.objective(&mode(f, 0.03)));
+    let (mut f, mut value) = least(low, nyquist, 24, 0, |f| bench.objective(&mode(f, 0.03)));
     let mut zeta = 0.03;
-    let mut span: f64 = (nyquist / low).powf(1.0 / 27.0);
+    let mut span: f64 = (nyquist / low).powf(1.0 / 23.0);
     for _ in 0..2 {
         let (best, at) = least(f / span, f * span, 3, 7, |f| bench.objective(&mode(f, zeta)));
         if at < value {
@@ -260,9 +260,9 @@ fn rate_shift(bench: &Bench<'_>, given: &[Effect], (low, high): (f64, f64), expo
 }
 
 /// The rate dependence of a model that has one, fitted anew on a base.
-pub(crate) fn rate_of_model(bench: &Bench<'_>) -> Vec<Effect> {
+pub(crate) fn rate_of_model(bench: &Bench<'_>, given: &[Effect]) -> Vec<Effect> {
     let peak = chain::peak_rate(&bench.traces.each).max(f64::MIN_POSITIVE);
-    rate_shift(bench, &[], (2e-3 / peak, 1.0 / peak), 1.0, chain::NARROW)
+    rate_shift(bench, given, (2e-3 / peak, 1.0 / peak), 1.0, chain::NARROW)
 }
 
 fn slew(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
@@ -313,16 +313,20 @@ fn creep(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
     if given.iter().any(|e| matches!(e, Effect::Creep { .. })) {
         return Vec::new();
     }
-    // Two a decade from 50 ms, where creep ends and structural dynamics begin, to three times the longest record.
-    let longest = 3.0 * duration(bench.traces);
-    let taus_s: Vec<f64> = (0..12)
-        .map(|k| 0.05 * 10f64.powf(0.5 * f64::from(k)))
-        .take_while(|&t| t < longest)
-        .collect();
+    let taus_s = creep_taus(bench.traces);
     if taus_s.is_empty() {
         return Vec::new();
     }
     vec![with(given, Effect::Creep { taus_s })]
+}
+
+/// Time constants of creep: two a decade from 50 ms, where structural dynamics end, to three times the longest record.
+pub(crate) fn creep_taus(traces: &Traces) -> Vec<f64> {
+    let longest = 3.0 * duration(traces);
+    (0..12)
+        .map(|k| 0.05 * 10f64.powf(0.5 * f64::from(k)))
+        .take_while(|&t| t < longest)
+        .collect()
 }
 
 fn thermal(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
@@ -337,7 +341,6 @@ fn thermal(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
         forms.push(with(given, Effect::Temperature));
         forms.push(with(given, Effect::TemperatureGain));
         forms.push(with(&with(given, Effect::Temperature), Effect::TemperatureGain));
-        forms.push(with(&with(given, Effect::Temperature), Effect::StartOffset));
     }
     if bench.traces.each.iter().any(|t| t.start_offset_um != 0.0) {
         forms.push(with(given, Effect::StartOffset));

@@ -26,12 +26,14 @@ const LEAST_SHARE: f64 = 0.6;
 const TAKEN_PERCENT: f64 = 0.1;
 
 /// Errors below this share of peak to peak, percent, are not looked into.
-pub(crate) const MATTERS_PERCENT: f64 = 0.25;
+pub(crate) const MATTERS_PERCENT: f64 = 0.3;
 
 /// What all comparisons start from.
 pub(crate) struct Judge {
     floor_um2: f64,
     start: Vec<f64>,
+    /// Effects in the chain before anything was found.
+    given: usize,
     moves: Vec<bool>,
     stroke_um2: Vec<f64>,
 }
@@ -55,6 +57,7 @@ impl Judge {
         Self {
             floor_um2: floor_um2(bench),
             start: start.held_out.clone(),
+            given: start.effects.len(),
             moves: bench.traces.each.iter().map(|t| t.stroke_um > 0.0).collect(),
             stroke_um2: bench.traces.each.iter().map(|t| t.stroke_um.powi(2)).collect(),
         }
@@ -82,7 +85,7 @@ impl Judge {
         for (index, (name, trial)) in trials.iter().enumerate() {
             let entry = self.entry(bench, current, name, trial);
             match ranked.iter_mut().find(|r| r.1.effect == *name) {
-                Some(old) if old.1.statistic >= entry.statistic => {}
+                Some(old) if (old.1.significant, old.1.statistic) >= (entry.significant, entry.statistic) => {}
                 Some(old) => *old = (index, entry),
                 None => ranked.push((index, entry)),
             }
@@ -96,6 +99,7 @@ impl Judge {
     }
 
     fn entry(&self, bench: &Bench<'_>, current: &Trial, name: &str, trial: &Trial) -> RankedEffect {
+        let first = current.effects.len() == self.given;
         let pairs = || current.held_out.iter().zip(&trial.held_out);
         let statistic = pairs()
             .map(|(a, b)| ((self.floor_um2 + a) / (self.floor_um2 + b)).ln())
@@ -108,6 +112,9 @@ impl Judge {
         let share = if was > 0.0 { 1.0 - is / was } else { 0.0 };
         let moving = self.moves.iter().filter(|m| **m).count().max(1) as f64;
         let taken_percent = 100.0 * ((was - is).max(0.0) / moving).sqrt();
+        // The fit to all identification records, and its forecast of the others, must gain as well.
+        let pooled = |t: &Trial| (t.identify_percent.powi(2) + t.validate_percent.powi(2)) / 2.0;
+        let fallen_percent = (pooled(current) - pooled(trial)).max(0.0).sqrt();
         let added: Vec<&Effect> = trial
             .effects
             .iter()
@@ -124,8 +131,9 @@ impl Judge {
             share,
             significant: statistic > THRESHOLD
                 && gain > LEAST_GAIN
-                && share > 0.1
-                && taken_percent > TAKEN_PERCENT
+                // A first effect may be one of several; what comes on top of another must be a good part of what is left.
+                && share > if first { 0.1 } else { 0.3 }
+                && taken_percent.min(fallen_percent) > TAKEN_PERCENT
                 && added.iter().all(|e| plausible(bench, e, trial)),
             level: Level::Physical,
             parameters: bench.parameters(trial, &added),

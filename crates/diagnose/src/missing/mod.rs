@@ -57,10 +57,12 @@ pub fn diagnose(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64, &str) 
         thresholds: placement::thresholds(Placement::Data, PLAYS, &inputs),
         ridge: 1e-7,
     };
-    let (mut bench, mut start) = Bench::new(&traces, base, &[], floor.rms_um);
-    if matches!(model.family, Family::Mrpi | Family::Wrpi) {
+    let (mut bench, mut start) = Bench::new(&traces, base, &given(model, &traces), floor.rms_um);
+    if matches!(model.family, Family::Mrpi | Family::Wrpi)
+        && !start.effects.iter().any(|e| matches!(e, Effect::RateShift { .. }))
+    {
         // What the model has already is no missing effect: its rate dependence is fitted anew with everything.
-        let given = candidates::rate_of_model(&bench);
+        let given = candidates::rate_of_model(&bench, &start.effects);
         let with_rate = bench.fit(&given, Some(2));
         if judge::total(&bench, &start, &with_rate) > 0.0 {
             bench = bench.referring_to(&with_rate);
@@ -98,6 +100,58 @@ pub fn diagnose(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64, &str) 
     conclude(
         dataset, model, &bench, &judge, start, found, ranking, rivals, before, reasons, progress,
     )
+}
+
+/// The effects that the model has already, as the search writes them; parameters that are linear here are fitted anew.
+fn given(model: &Model, traces: &Traces) -> Vec<Effect> {
+    let mut given = Vec::new();
+    for effect in &model.effects {
+        let value = |name: &str| {
+            effect
+                .parameters
+                .iter()
+                .find(|p| p.name == name)
+                .map_or(0.0, |p| p.value)
+        };
+        match effect.name.as_str() {
+            "delay" => given.push(Effect::Delay {
+                delay_s: value("delay"),
+            }),
+            "first-order-lag" => {
+                for (name, form) in [
+                    (
+                        "amplifier_tau",
+                        (|tau_s| Effect::LagBefore { tau_s }) as fn(f64) -> Effect,
+                    ),
+                    ("sensor_tau", |tau_s| Effect::LagAfter { tau_s }),
+                ] {
+                    if value(name) > 0.0 {
+                        given.push(form(value(name)));
+                    }
+                }
+            }
+            "resonance" => given.push(Effect::Mode {
+                frequency_hz: value("frequency"),
+                zeta: value("damping"),
+            }),
+            "slew-limit" if value("slew") > 0.0 => given.push(Effect::Slew {
+                per_s: value("slew") / traces.unit_v,
+            }),
+            "rate-dependence" => given.push(Effect::RateShift {
+                up: value("alpha"),
+                down: value("beta"),
+                exponent: 1.0,
+                narrow: chain::NARROW,
+            }),
+            "creep" => given.push(Effect::Creep {
+                taus_s: candidates::creep_taus(traces),
+            }),
+            "thermal-drift" => given.extend([Effect::Temperature, Effect::TemperatureGain]),
+            "cross-coupling" => given.push(Effect::Cross),
+            _ => {}
+        }
+    }
+    given
 }
 
 /// Every candidate's best forms, in parallel.

@@ -197,7 +197,6 @@ fn nominal(bench: &Bench<'_>, last: &Trial) -> Vec<Rival> {
 fn simulate(bench: &Bench<'_>, rival: &Rival, proposal: &Proposal) -> Vec<f64> {
     let n = proposal.drive.len();
     let trace = Trace {
-        file: String::new(),
         role: Role::Identify,
         period_s: proposal.period_s,
         drive: proposal.drive.clone(),

@@ -12,7 +12,6 @@ const ROWS: usize = 1200;
 /// One record.
 #[derive(Debug, Clone)]
 pub(crate) struct Trace {
-    pub file: String,
     pub role: Role,
     pub period_s: f64,
     /// Drive scaled to -1 .. 1 over all records; a periodic record has one period of run-in before it.
@@ -119,7 +118,6 @@ impl Trace {
         let first = run_in + if fraction > 0.0 { settled(&drive) } else { 0 };
         let stride = (drive.len() - first).div_ceil(ROWS).max(1);
         Self {
-            file: record.file.clone(),
             role: record.role,
             period_s: record.period_s,
             position_um: extend(&record.position_um).into_iter().map(|y| y - middle_um).collect(),

@@ -1,0 +1,152 @@
+//! Verdicts on small simulated datasets: a stack of another family, six records, one effect.
+#![expect(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
+
+use hysteron_data::{Dataset, Record, Role};
+use hysteron_diagnose::diagnose;
+use hysteron_identify::{Family, FitOptions, Model, fit};
+use hysteron_plant::hysteresis::{DensityTerm, Hysteresis, Initial, Preisach};
+use hysteron_plant::{Stage, StageConfig};
+use std::f64::consts::TAU;
+
+const PERIOD_S: f64 = 5e-5;
+
+fn stage() -> StageConfig {
+    let term = |threshold_v: f64, depth: f64, phase_rad: f64| DensityTerm {
+        share: 1.0,
+        threshold_v,
+        depth,
+        phase_rad,
+    };
+    let preisach = Preisach {
+        loop_opening: 0.15,
+        modulation_period_v: 150.0,
+        terms: vec![term(5.0, 0.3, 1.0), term(25.0, 0.2, 1.5)],
+    };
+    let mut config = StageConfig::bare(Hysteresis {
+        stroke_um: 10.0,
+        reference_v: 100.0,
+        initial: Initial::Conditioned,
+        family: hysteron_plant::Family::Preisach(preisach),
+    });
+    // 0.02 % of the stroke, a good capacitive sensor.
+    config.sensor.noise_rms_um = 0.002;
+    config
+}
+
+/// Records from 0 V: sines of two amplitudes, sums of harmonics; two for validation.
+fn dataset(config: &StageConfig, seed: u64) -> Dataset {
+    let sine = |f: f64, size: f64, t: f64| size * 50.0 * (1.0 - (TAU * f * t).cos());
+    let mixed = |f: f64, t: f64| {
+        let rise = 25.0 * (1.0 - (TAU * f * t / 2.0).min(TAU / 2.0).cos());
+        rise + 12.0 * ((TAU * f * t).sin() + (3.0 * TAU * f * t).sin() + 0.6 * (11.0 * TAU * f * t).sin())
+    };
+    let drive = |i: usize, t: f64| match i {
+        0 => sine(10.0, 1.0, t),
+        1 => sine(10.0, 0.4, t),
+        2 => sine(200.0, 1.0, t),
+        3 => mixed(40.0, t),
+        4 => sine(100.0, 0.8, t),
+        _ => mixed(30.0, t),
+    };
+    let records = (0..6).map(|i| {
+        let voltage_v: Vec<f64> = (0..4000).map(|k| drive(i, f64::from(k) * PERIOD_S)).collect();
+        let run = Stage::new(config, seed + i as u64)
+            .unwrap()
+            .run(&voltage_v, PERIOD_S)
+            .unwrap();
+        Record {
+            file: format!("{i}.csv"),
+            role: if i < 4 { Role::Identify } else { Role::Validate },
+            excitation: String::new(),
+            start_s: 0.0,
+            period_s: PERIOD_S,
+            voltage_v,
+            position_um: run.position_um,
+            reference_um: None,
+            temperature_c: None,
+            voltage2_v: None,
+        }
+    });
+    Dataset {
+        name: "small".into(),
+        records: records.collect(),
+        ..Dataset::default()
+    }
+}
+
+fn delayed(seed: u64) -> Dataset {
+    dataset(
+        &StageConfig {
+            delay_s: 80e-6,
+            ..stage()
+        },
+        seed,
+    )
+}
+
+fn model(dataset: &Dataset) -> Model {
+    fit(dataset, &FitOptions::new(Family::Mpi), &|_| {}).unwrap().model
+}
+
+#[test]
+fn val_a_delay_is_named_with_its_size() {
+    let dataset = delayed(1);
+    let found = diagnose(&dataset, &model(&dataset), &|_, _| {});
+    assert_eq!(found.verdict, "delay", "{:#?}", found.ranking);
+    let delay_s = found.ranking[0].parameters[0].value;
+    // At 200 Hz the position moves by up to 6 um/ms: 0.1 % of the stroke, the coarseness of the free shape, is 1.6 us.
+    assert!((delay_s - 80e-6).abs() < 1.6e-6, "{delay_s}");
+    let before = found.before.validate_percent.unwrap();
+    assert!(
+        found.ranking[0].validate_percent < 0.2 * before,
+        "{before} {:?}",
+        found.ranking[0]
+    );
+}
+
+#[test]
+fn val_nothing_physical_is_named_where_nothing_is_missing() {
+    let dataset = dataset(&stage(), 2);
+    let found = diagnose(&dataset, &model(&dataset), &|_, _| {});
+    assert!(
+        matches!(found.verdict.as_str(), "none" | "hysteresis-shape"),
+        "{} {:#?}",
+        found.verdict,
+        found.ranking
+    );
+}
+
+#[test]
+fn prop_order_names_and_offset_change_no_verdict() {
+    let first = delayed(3);
+    let mut second = first.clone();
+    second.records.reverse();
+    for (i, record) in second.records.iter_mut().enumerate() {
+        record.file = format!("other-{i}.csv");
+        record.position_um.iter_mut().for_each(|y| *y += 12.5);
+    }
+    let verdict = |d: &Dataset| diagnose(d, &model(d), &|_, _| {}).verdict;
+    assert_eq!(verdict(&first), verdict(&second));
+}
+
+#[test]
+fn refuse_to_name_anything_without_validation_or_from_one_sine() {
+    let whole = delayed(4);
+    let mut unjudged = whole.clone();
+    unjudged.records.iter_mut().for_each(|r| r.role = Role::Identify);
+    let found = diagnose(&unjudged, &model(&unjudged), &|_, _| {});
+    assert_eq!(found.verdict, "unknown");
+    assert_eq!(found.cannot_answer, ["no-validation"]);
+
+    let mut one = whole;
+    one.records.truncate(1);
+    let again = Record {
+        role: Role::Validate,
+        ..one.records[0].clone()
+    };
+    one.records.push(again);
+    let found = diagnose(&one, &model(&one), &|_, _| {});
+    assert_eq!(found.verdict, "unknown");
+    assert_eq!(found.cannot_answer, ["one-excitation"]);
+    assert!(found.next_record.is_some_and(|next| !next.voltage_v.is_empty()));
+}
