@@ -44,8 +44,24 @@ fn main() -> ExitCode {
 fn test() -> Result<(), String> {
     install_target()?;
     cargo(&["fmt", "--all", "--check"])?;
-    cargo(&["clippy", "--workspace", "--all-targets", "--locked", "--", "--deny", "warnings"])?;
-    cargo(&["build", "--package", "hysteron-core", "--target", CHIP, "--release", "--locked"])?;
+    cargo(&[
+        "clippy",
+        "--workspace",
+        "--all-targets",
+        "--locked",
+        "--",
+        "--deny",
+        "warnings",
+    ])?;
+    cargo(&[
+        "build",
+        "--package",
+        "hysteron-core",
+        "--target",
+        CHIP,
+        "--release",
+        "--locked",
+    ])?;
     count_tests(&["test", "--workspace", "--locked", "--no-fail-fast"])
 }
 
@@ -74,7 +90,11 @@ fn count_tests(arguments: &[&str]) -> Result<(), String> {
             if let Some(counts) = line.strip_prefix("test result: ") {
                 let count = |name: &str| -> u64 {
                     let before = counts.split(name).next().unwrap_or_default();
-                    before.split_whitespace().next_back().and_then(|word| word.parse().ok()).unwrap_or(0)
+                    before
+                        .split_whitespace()
+                        .next_back()
+                        .and_then(|word| word.parse().ok())
+                        .unwrap_or(0)
                 };
                 passed += count(" passed");
                 failed += count(" failed");
@@ -87,18 +107,37 @@ fn count_tests(arguments: &[&str]) -> Result<(), String> {
     if !status.success() || failed > 0 {
         return Err(format!("tests failed ({status})"));
     }
-    if passed == 0 { Err("no test ran".to_owned()) } else { Ok(()) }
+    if passed == 0 {
+        Err("no test ran".to_owned())
+    } else {
+        Ok(())
+    }
 }
 
 fn fuzz(seconds: &str) -> Result<(), String> {
-    seconds.parse::<u32>().map_err(|_| format!("fuzz: `{seconds}` is no number of seconds"))?;
+    seconds
+        .parse::<u32>()
+        .map_err(|_| format!("fuzz: `{seconds}` is no number of seconds"))?;
     if output("cargo", &["+nightly", "fuzz", "--version"]).is_err() {
         run("cargo", &["install", "--locked", "cargo-fuzz"])?;
     }
     let targets = output("cargo", &["+nightly", "fuzz", "list", "--fuzz-dir", "fuzz"])?;
     for target in targets.lines() {
         let limit = format!("-max_total_time={seconds}");
-        run("cargo", &["+nightly", "fuzz", "run", "--fuzz-dir", "fuzz", target, "--", &limit, "-rss_limit_mb=1024"])?;
+        run(
+            "cargo",
+            &[
+                "+nightly",
+                "fuzz",
+                "run",
+                "--fuzz-dir",
+                "fuzz",
+                target,
+                "--",
+                &limit,
+                "-rss_limit_mb=1024",
+            ],
+        )?;
     }
     Ok(())
 }
@@ -109,14 +148,22 @@ fn cargo(arguments: &[&str]) -> Result<(), String> {
 
 fn run(program: &str, arguments: &[&str]) -> Result<(), String> {
     println!("> {program} {}", arguments.join(" "));
-    let status =
-        Command::new(program).args(arguments).status().map_err(|error| format!("cannot start {program}: {error}"))?;
-    if status.success() { Ok(()) } else { Err(format!("{program} {}: {status}", arguments.join(" "))) }
+    let status = Command::new(program)
+        .args(arguments)
+        .status()
+        .map_err(|error| format!("cannot start {program}: {error}"))?;
+    if status.success() {
+        Ok(())
+    } else {
+        Err(format!("{program} {}: {status}", arguments.join(" ")))
+    }
 }
 
 fn output(program: &str, arguments: &[&str]) -> Result<String, String> {
-    let output =
-        Command::new(program).args(arguments).output().map_err(|error| format!("cannot start {program}: {error}"))?;
+    let output = Command::new(program)
+        .args(arguments)
+        .output()
+        .map_err(|error| format!("cannot start {program}: {error}"))?;
     if output.status.success() {
         Ok(String::from_utf8_lossy(&output.stdout).into_owned())
     } else {

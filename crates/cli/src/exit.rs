@@ -34,5 +34,9 @@ pub(crate) fn code(result: Result<Done, CliError>) -> ExitCode {
 /// Help and version are answers; everything else clap refuses is bad input.
 pub(crate) fn usage(refusal: &clap::Error) -> ExitCode {
     let _ = refusal.print();
-    if refusal.use_stderr() { ExitCode::from(2) } else { ExitCode::SUCCESS }
+    if refusal.use_stderr() {
+        ExitCode::from(2)
+    } else {
+        ExitCode::SUCCESS
+    }
 }

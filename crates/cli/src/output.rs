@@ -19,7 +19,10 @@ pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), CliError> 
 
 /// Writes a file as a whole: first beside its place, then into it.
 pub(crate) fn write_file(path: &Path, text: &str) -> Result<(), CliError> {
-    let failed = |source| CliError::Write { path: path.to_owned(), source };
+    let failed = |source| CliError::Write {
+        path: path.to_owned(),
+        source,
+    };
     if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(failed)?;
     }

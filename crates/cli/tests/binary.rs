@@ -13,7 +13,12 @@ fn hysteron() -> Command {
 
 /// A small dataset of the simulated stage: two sines to identify, one to validate.
 fn stage_dataset(folder: &Path) {
-    let records = [(100.0, Role::Identify), (200.0, Role::Identify), (125.0, Role::Validate)].map(|(f, role)| {
+    let records = [
+        (100.0, Role::Identify),
+        (200.0, Role::Identify),
+        (125.0, Role::Validate),
+    ]
+    .map(|(f, role)| {
         let period_s = 2e-5;
         let a_period = (1.0 / f / period_s) as usize;
         let drive = |k: usize| 13.0 - 13.0 * (std::f64::consts::TAU * k as f64 / a_period as f64).cos();
@@ -33,7 +38,11 @@ fn stage_dataset(folder: &Path) {
             voltage2_v: None,
         }
     });
-    let dataset = Dataset { name: "stage".into(), records: records.to_vec(), ..Dataset::default() };
+    let dataset = Dataset {
+        name: "stage".into(),
+        records: records.to_vec(),
+        ..Dataset::default()
+    };
     write_dataset(&dataset, folder, Overwrite::Refuse).unwrap();
 }
 
@@ -41,12 +50,22 @@ fn stage_dataset(folder: &Path) {
 fn fitted() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     stage_dataset(&folder.path().join("stage"));
-    hysteron().current_dir(&folder).args(["fit", "stage", "--model", "mrpi", "-o", "model.toml"]).assert().success();
+    hysteron()
+        .current_dir(&folder)
+        .args(["fit", "stage", "--model", "mrpi", "-o", "model.toml"])
+        .assert()
+        .success();
     folder
 }
 
 fn stderr_of(folder: &Path, arguments: &[&str], code: i32) -> String {
-    let output = hysteron().current_dir(folder).args(arguments).assert().code(code).get_output().clone();
+    let output = hysteron()
+        .current_dir(folder)
+        .args(arguments)
+        .assert()
+        .code(code)
+        .get_output()
+        .clone();
     let text = String::from_utf8(output.stderr).unwrap();
     assert!(!text.contains("panicked"), "{arguments:?}: {text}");
     // miette folds long lines.
@@ -57,22 +76,42 @@ fn stderr_of(folder: &Path, arguments: &[&str], code: i32) -> String {
 fn val_help_of_every_command_has_an_example() {
     let help = hysteron().arg("--help").assert().success().get_output().stdout.clone();
     let help = String::from_utf8(help).unwrap();
-    let listed = help.lines().skip_while(|line| !line.starts_with("Commands:")).skip(1).take_while(|l| !l.is_empty());
-    let commands: Vec<&str> = listed.filter_map(|line| line.split_whitespace().next()).filter(|c| *c != "help").collect();
+    let listed = help
+        .lines()
+        .skip_while(|line| !line.starts_with("Commands:"))
+        .skip(1)
+        .take_while(|l| !l.is_empty());
+    let commands: Vec<&str> = listed
+        .filter_map(|line| line.split_whitespace().next())
+        .filter(|c| *c != "help")
+        .collect();
     for needed in ["import", "simulate", "fit", "compare", "paper", "demo"] {
         assert!(commands.contains(&needed), "{needed} is not in {commands:?}");
     }
     for command in commands {
-        let text = hysteron().args([command, "--help"]).assert().success().get_output().stdout.clone();
+        let text = hysteron()
+            .args([command, "--help"])
+            .assert()
+            .success()
+            .get_output()
+            .stdout
+            .clone();
         let text = String::from_utf8(text).unwrap();
-        assert!(text.contains("Example") && text.contains(&format!("hysteron {command}")), "{command}: {text}");
+        assert!(
+            text.contains("Example") && text.contains(&format!("hysteron {command}")),
+            "{command}: {text}"
+        );
     }
 }
 
 #[test]
 fn val_compare_json_has_what_programs_rely_on() {
     let folder = fitted();
-    let output = hysteron().current_dir(&folder).args(["compare", "stage", "model.toml", "--json"]).assert().success();
+    let output = hysteron()
+        .current_dir(&folder)
+        .args(["compare", "stage", "model.toml", "--json"])
+        .assert()
+        .success();
     let answer: Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
     assert!(answer["noise_rms_um"].as_f64().unwrap() > 0.0);
     assert!(answer["noise_source"].is_string());
@@ -83,12 +122,23 @@ fn val_compare_json_has_what_programs_rely_on() {
     }
     let records = answer["records"].as_array().unwrap();
     assert_eq!(records.len(), 3);
-    for key in ["file", "role", "nrmse_percent", "fit_percent", "rms_um", "max_um", "samples"] {
+    for key in [
+        "file",
+        "role",
+        "nrmse_percent",
+        "fit_percent",
+        "rms_um",
+        "max_um",
+        "samples",
+    ] {
         assert!(!records[0][key].is_null(), "{key}");
     }
     assert!(!answer["where"].as_array().unwrap().is_empty());
     // Pooled is the root mean square over records, here two.
-    let percent: Vec<f64> = records[..2].iter().map(|r| r["nrmse_percent"].as_f64().unwrap()).collect();
+    let percent: Vec<f64> = records[..2]
+        .iter()
+        .map(|r| r["nrmse_percent"].as_f64().unwrap())
+        .collect();
     let pooled = ((percent[0].powi(2) + percent[1].powi(2)) / 2.0).sqrt();
     assert!((answer["identify"]["nrmse_percent"].as_f64().unwrap() - pooled).abs() < 1e-9);
 }
@@ -112,7 +162,11 @@ fn val_exit_codes() {
 fn val_pages_are_the_same_bytes_and_name_no_host() {
     let folder = fitted();
     let page = |name: &str| {
-        hysteron().current_dir(&folder).args(["compare", "stage", "model.toml", "-o", "page.html"]).assert().success();
+        hysteron()
+            .current_dir(&folder)
+            .args(["compare", "stage", "model.toml", "-o", "page.html"])
+            .assert()
+            .success();
         std::fs::rename(folder.path().join("page.html"), folder.path().join(name)).unwrap();
         std::fs::read_to_string(folder.path().join(name)).unwrap()
     };
@@ -126,11 +180,25 @@ fn val_every_model_runs_both_ways() {
     let folder = fitted();
     for model in ["pi", "mpi", "wrpi", "mrpi", "play-polynomial"] {
         for direction in ["forward", "inverse"] {
-            let arguments = ["fit", "stage", "--model", model, "--direction", direction, "-o", "m.toml", "--json"];
+            let arguments = [
+                "fit",
+                "stage",
+                "--model",
+                model,
+                "--direction",
+                direction,
+                "-o",
+                "m.toml",
+                "--json",
+            ];
             let output = hysteron().current_dir(&folder).args(arguments).assert().success();
             let answer: Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
             assert_eq!(answer["model"], model);
-            hysteron().current_dir(&folder).args(["compare", "stage", "m.toml", "--fail-above", "6"]).assert().success();
+            hysteron()
+                .current_dir(&folder)
+                .args(["compare", "stage", "m.toml", "--fail-above", "6"])
+                .assert()
+                .success();
         }
     }
 }
@@ -148,7 +216,12 @@ fn val_a_reader_that_has_gone_is_no_error() {
         .unwrap();
     drop(child.stdout.take());
     let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(
+        output.status.code(),
+        Some(0),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }
 
 #[test]
@@ -168,7 +241,10 @@ fn val_import_fit_compare() {
     run(&["fit", "stage", "--model", "pi", "-o", "model.toml"]);
     run(&["compare", "stage", "model.toml"]);
     let refused = stderr_of(folder.path(), &["import", "rig.csv", "-o", "stage"], 2);
-    assert!(refused.contains("--overwrite") || refused.contains("already"), "{refused}");
+    assert!(
+        refused.contains("--overwrite") || refused.contains("already"),
+        "{refused}"
+    );
 }
 
 #[test]
@@ -185,12 +261,24 @@ fn refuse_bad_input_with_what_to_do() {
         }
     };
     check(&["fit", "nowhere", "--model", "pi"], &["nowhere"]);
-    check(&["fit", "broken.csv", "--model", "pi"], &["broken.csv", "line 3", "`x`"]);
-    check(&["fit", "short.csv", "--model", "pi"], &["2 samples cannot determine 12 parameters"]);
-    check(&["fit", "stage", "--model", "pi", "--plays", "65"], &["65 plays asked for; allowed are 1 to 64"]);
+    check(
+        &["fit", "broken.csv", "--model", "pi"],
+        &["broken.csv", "line 3", "`x`"],
+    );
+    check(
+        &["fit", "short.csv", "--model", "pi"],
+        &["2 samples cannot determine 12 parameters"],
+    );
+    check(
+        &["fit", "stage", "--model", "pi", "--plays", "65"],
+        &["65 plays asked for; allowed are 1 to 64"],
+    );
     check(&["fit", "stage", "--model", "xyz"], &["xyz", "play-polynomial"]);
     check(&["compare", "stage", "bad.toml"], &["bad.toml", "missing field"]);
     check(&["compare", "stage", "nowhere.toml"], &["nowhere.toml"]);
-    check(&["compare", "stage", "model.toml", "-o", "model.toml/page.html"], &["page.html"]);
+    check(
+        &["compare", "stage", "model.toml", "-o", "model.toml/page.html"],
+        &["page.html"],
+    );
     check(&["import", "short.csv", "-o", "x", "--rate", "-5"], &["--rate"]);
 }

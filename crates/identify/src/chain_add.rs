@@ -217,7 +217,7 @@ fn search(dataset: &Dataset, model: &Model, plan: &Plan, progress: &(dyn Fn(f64)
         let mut changed = false;
         for (trace, state) in traces.iter_mut().zip(chosen) {
             if state != trace.initial {
-                *trace = trace.from_state(state, fine);
+                *trace = trace.starting_at(state, fine);
                 changed = true;
             }
         }
@@ -253,7 +253,7 @@ fn settle(fitted: &Fitted, traces: &mut [Trace<'_>]) {
 fn choose(fitted: &Fitted, trace: &Trace<'_>) -> InitialState {
     let fine = fitted.chain.dynamic();
     initial::choose_by(trace.initial, |initial| {
-        let mut other = trace.from_state(initial, fine);
+        let mut other = trace.starting_at(initial, fine);
         other.fit_from = 0;
         fitted.chain.settle(&fitted.coefficients, &mut other);
         fitted.chain.squared_error(&fitted.coefficients, &other)

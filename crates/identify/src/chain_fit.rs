@@ -306,7 +306,7 @@ pub(crate) fn prepare<'a>(chain: &Chain, coefficients: &[f64], record: &'a Recor
     let fine = chain.dynamic();
     let trace = Trace::new(record, guess, fine);
     let from = |initial| {
-        let mut other = trace.from_state(initial, fine);
+        let mut other = trace.starting_at(initial, fine);
         chain.settle(coefficients, &mut other);
         other
     };

@@ -61,7 +61,7 @@ impl<'a> Trace<'a> {
     }
 
     /// The same record from another state.
-    pub(crate) fn from_state(&self, initial: InitialState, fine: bool) -> Self {
+    pub(crate) fn starting_at(&self, initial: InitialState, fine: bool) -> Self {
         let mut other = match (self.initial, initial) {
             // The series stay as they are.
             (InitialState::Remanent { .. }, InitialState::Remanent { .. }) => self.clone(),

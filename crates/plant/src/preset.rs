@@ -108,25 +108,46 @@ pub fn tracking_739() -> StageConfig {
 /// A stage to be tracked with: 20 um at 200 V, 120 plays with sigmoid outputs, creep of 1.5 % a decade from 0.2 ms to 1000 s, damping ratio 0.02, one sample of
 /// computing (30 us with the hold), converters of 3 mV and 0.76 nm, 1 nm of noise.
 pub fn tracking_from(mode_hz: f64, lag_s: f64, second_mode: bool, loop_opening: f64) -> StageConfig {
-    let mut modes = vec![Mode { frequency_hz: mode_hz, damping: 0.02, share: 1.0 }];
+    let mut modes = vec![Mode {
+        frequency_hz: mode_hz,
+        damping: 0.02,
+        share: 1.0,
+    }];
     if second_mode {
         modes[0].share = 0.97;
-        modes.push(Mode { frequency_hz: 3.1 * mode_hz, damping: 0.02, share: 0.03 });
+        modes.push(Mode {
+            frequency_hz: 3.1 * mode_hz,
+            damping: 0.02,
+            share: 0.03,
+        });
     }
     let hysteresis = Hysteresis {
         stroke_um: 20.0,
         reference_v: 200.0,
         initial: Initial::Conditioned,
-        family: Family::SigmoidPlays(SigmoidPlays { loop_opening, plays: tracking_plays() }),
+        family: Family::SigmoidPlays(SigmoidPlays {
+            loop_opening,
+            plays: tracking_plays(),
+        }),
     };
     StageConfig {
         dac: Some(Converter::UNIPOLAR_16_BIT),
         hold: Hold::Zero,
         controller_delay_s: 20e-6,
-        amplifier: Amplifier { lag_s, ..Amplifier::default() },
-        creep: Some(Creep::Log { percent_per_decade: 1.5, from_s: 2e-4, to_s: 1000.0 }),
+        amplifier: Amplifier {
+            lag_s,
+            ..Amplifier::default()
+        },
+        creep: Some(Creep::Log {
+            percent_per_decade: 1.5,
+            from_s: 2e-4,
+            to_s: 1000.0,
+        }),
         modes,
-        sensor: Sensor { noise_rms_um: 1e-3, ..Sensor::default() },
+        sensor: Sensor {
+            noise_rms_um: 1e-3,
+            ..Sensor::default()
+        },
         ..StageConfig::bare(hysteresis)
     }
 }

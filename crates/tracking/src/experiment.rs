@@ -70,7 +70,10 @@ pub fn sines(
 pub fn common_range_um(dataset: &Dataset) -> Option<[f64; 2]> {
     let ends = dataset.records.iter().map(|record| {
         let y = record.position_um.iter().copied();
-        [y.clone().fold(f64::INFINITY, f64::min), y.fold(f64::NEG_INFINITY, f64::max)]
+        [
+            y.clone().fold(f64::INFINITY, f64::min),
+            y.fold(f64::NEG_INFINITY, f64::max),
+        ]
     });
     let range = ends.reduce(|a, b| [a[0].max(b[0]), a[1].min(b[1])])?;
     (range[0] < range[1]).then_some(range)

@@ -88,7 +88,9 @@ mod tests {
         let at = |k: f64| 1.0 - (omega * k * 20e-6).cos();
         let run = |late: f64, gain: f64, offset: f64| {
             let reference_um: Vec<f64> = (0..1000).map(|k| at(f64::from(k))).collect();
-            let measured_um: Vec<f64> = (0..1000).map(|k| 1.0 + gain * (at(f64::from(k) - late) - 1.0) - offset).collect();
+            let measured_um: Vec<f64> = (0..1000)
+                .map(|k| 1.0 + gain * (at(f64::from(k) - late) - 1.0) - offset)
+                .collect();
             Tracked {
                 true_um: measured_um.clone(),
                 command_v: vec![0.0; 1000],
@@ -102,11 +104,20 @@ mod tests {
         assert!((late.measured_percent - expected).abs() < 1e-9, "{late:?}");
         assert!((lateness_us(expected, 500.0).unwrap() - 20.0).abs() < 1e-9);
         // A late sine is also short by 1 - cos(w tau) = 0.2 %; central differences are short by (w T)^2 / 6 = 7e-4.
-        assert!((late.late_us - 20.0).abs() < 0.05 && late.late_share_percent > 99.8, "{late:?}");
+        assert!(
+            (late.late_us - 20.0).abs() < 0.05 && late.late_share_percent > 99.8,
+            "{late:?}"
+        );
         let small = judge(&run(0.0, 0.99, 0.0), 20e-6).unwrap();
-        assert!((small.gain_percent - 1.0).abs() < 1e-9 && small.gain_share_percent > 99.999, "{small:?}");
+        assert!(
+            (small.gain_percent - 1.0).abs() < 1e-9 && small.gain_share_percent > 99.999,
+            "{small:?}"
+        );
         let low = judge(&run(0.0, 1.0, 0.01), 20e-6).unwrap();
-        assert!((low.measured_percent - 0.5).abs() < 1e-9 && low.offset_share_percent > 99.999, "{low:?}");
+        assert!(
+            (low.measured_percent - 0.5).abs() < 1e-9 && low.offset_share_percent > 99.999,
+            "{low:?}"
+        );
         assert!((low.largest_percent - 0.5).abs() < 1e-9);
         let mixed = judge(&run(1.0, 0.99, 0.01), 20e-6).unwrap();
         let shares = mixed.late_share_percent + mixed.gain_share_percent + mixed.offset_share_percent;

@@ -70,14 +70,18 @@ impl Loop {
     /// `integral y dv` around the loop, positive where the output lags: the sum of trapezoids, turned by its sign.
     pub fn area(&self) -> f64 {
         let trapezoids = self.input.windows(2).zip(self.output.windows(2));
-        -trapezoids.map(|(v, y)| 0.5 * (y[0] + y[1]) * (v[1] - v[0])).sum::<f64>()
+        -trapezoids
+            .map(|(v, y)| 0.5 * (y[0] + y[1]) * (v[1] - v[0]))
+            .sum::<f64>()
     }
 
     /// Smallest and largest output.
     pub fn range(&self) -> [f64; 2] {
         self.output
             .iter()
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &y| [low.min(y), high.max(y)])
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &y| {
+                [low.min(y), high.max(y)]
+            })
     }
 }
 
@@ -186,7 +190,10 @@ mod tests {
         let rows = [([0.0786, 0.8463], 0.1267), ([0.0980, 0.8342], 0.4050)];
         for (found, (range, area)) in figure_2().unwrap().iter().zip(rows) {
             let [low, high] = found.range();
-            assert!((low - range[0]).abs() < 1e-3 && (high - range[1]).abs() < 1e-3, "{low} {high}");
+            assert!(
+                (low - range[0]).abs() < 1e-3 && (high - range[1]).abs() < 1e-3,
+                "{low} {high}"
+            );
             assert!((found.area() - area).abs() < 1e-3, "{}", found.area());
         }
         let table = table_2().unwrap();

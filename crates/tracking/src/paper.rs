@@ -15,7 +15,10 @@ use hysteron_plant::{StageConfig, StageError};
 
 pub use feedback::{PUBLISHED_PI_HZ, PiReading, Reading, chosen_reading};
 pub use modelling::{ModellingError, SwarmRace};
-pub use tracking::{Bandwidth, COMPLEX_HARMONIC_HZ, ControllerName, History, NOISE_BAND_HZ, NOISE_SHARE, OTHER_NOISE_SHARES, TRACKED_HZ, TrackingFigure, find};
+pub use tracking::{
+    Bandwidth, COMPLEX_HARMONIC_HZ, ControllerName, History, NOISE_BAND_HZ, NOISE_SHARE, OTHER_NOISE_SHARES,
+    TRACKED_HZ, TrackingFigure, find,
+};
 
 /// Frequencies of identification, hertz (section 4.2).
 pub const IDENTIFIED_HZ: [f64; 3] = [10.0, 100.0, 500.0];
@@ -98,11 +101,7 @@ pub fn study(
     progress(0.03);
     let race = modelling::race(&records, &inverses[2], seed, &|share| progress(0.03 + 0.57 * share))?;
     let modelling = modelling::error(&records, &inverses[2].model);
-    let bench = tracking::Bench {
-        stage,
-        seed,
-        range_um,
-    };
+    let bench = tracking::Bench { stage, seed, range_um };
     let open_loop = bench.open_loop(&inverses)?;
     progress(0.68);
     let readings = feedback::readings(&bench)?;

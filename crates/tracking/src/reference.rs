@@ -137,7 +137,10 @@ mod tests {
             // A peak between two samples of a 300 Hz component lies at most (1 - cos(w T / 2)) = 2e-4 of it away.
             assert!((low - 0.2).abs() < 1e-3 && (high - 2.4).abs() < 1e-3, "{low} {high}");
             // Nothing jumps: the fastest slope is a few percent of the range a sample.
-            let jump = samples_um.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
+            let jump = samples_um
+                .windows(2)
+                .map(|pair| (pair[1] - pair[0]).abs())
+                .fold(0.0, f64::max);
             assert!(samples_um[0] == 0.0 && jump < 0.1, "{jump}");
         }
     }

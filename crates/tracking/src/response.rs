@@ -172,15 +172,27 @@ mod tests {
         for (k, &hz) in found.frequency_hz.iter().enumerate().filter(|(_, hz)| **hz > 20.0) {
             let h = exact(hz);
             // Leakage between lines 1.5 Hz apart and the cell's width bound the error; both are well below a percent.
-            assert!((found.gain[k] / h.norm() - 1.0).abs() < 0.01, "{hz} Hz: {}", found.gain[k]);
-            assert!((found.phase_deg[k] - h.arg().to_degrees()).abs() < 0.5, "{hz} Hz: {}", found.phase_deg[k]);
+            assert!(
+                (found.gain[k] / h.norm() - 1.0).abs() < 0.01,
+                "{hz} Hz: {}",
+                found.gain[k]
+            );
+            assert!(
+                (found.phase_deg[k] - h.arg().to_degrees()).abs() < 0.5,
+                "{hz} Hz: {}",
+                found.phase_deg[k]
+            );
             assert!(found.coherence[k] > 0.999, "{hz} Hz: {}", found.coherence[k]);
         }
         // atan(w tau) + 2 w T (+ half a sample of the recursion) = 30 degrees, by bisection of the exact response.
         let (mut low, mut high) = (10.0, 1000.0);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
-            if exact(middle).arg().to_degrees() < -30.0 { high = middle } else { low = middle }
+            if exact(middle).arg().to_degrees() < -30.0 {
+                high = middle
+            } else {
+                low = middle
+            }
         }
         let crossing = found.lag_30_deg().unwrap();
         assert!((crossing.frequency_hz / low - 1.0).abs() < 0.01, "{crossing:?} {low}");
@@ -197,7 +209,13 @@ mod tests {
         let (a, b) = (&a.samples_um[a.judged_from..], &b.samples_um[b.judged_from..]);
         let sum: Vec<f64> = a.iter().zip(b).map(|(a, b)| a + b).collect();
         let found = response(a, &sum, 20e-6, 4e3);
-        let upper: Vec<f64> = found.frequency_hz.iter().zip(&found.coherence).filter(|(f, _)| **f > 1e3).map(|(_, c)| *c).collect();
+        let upper: Vec<f64> = found
+            .frequency_hz
+            .iter()
+            .zip(&found.coherence)
+            .filter(|(f, _)| **f > 1e3)
+            .map(|(_, c)| *c)
+            .collect();
         let mean = upper.iter().sum::<f64>() / upper.len() as f64;
         // Cells above 1 kHz hold 16 lines and more of 11 segments: about 100 averages, 57 cells.
         assert!((mean - 0.5).abs() < 0.03, "{mean}");

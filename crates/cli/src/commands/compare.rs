@@ -54,7 +54,15 @@ fn page(args: &CompareArgs, dataset: &Dataset, model: &Model, comparison: &Compa
     let direction = model.direction.name();
     let facts = [
         ("data", format!("{} ({})", dataset.name, args.data.display())),
-        ("model", format!("{}, {} plays, {direction} ({})", model.family, model.thresholds.len(), args.model.display())),
+        (
+            "model",
+            format!(
+                "{}, {} plays, {direction} ({})",
+                model.family,
+                model.thresholds.len(),
+                args.model.display()
+            ),
+        ),
         ("fitted on", model.fitted_on.dataset.clone()),
     ];
     let command = format!(
@@ -63,8 +71,16 @@ fn page(args: &CompareArgs, dataset: &Dataset, model: &Model, comparison: &Compa
         args.model.display(),
         args.output.as_deref().unwrap_or(Path::new("page.html")).display()
     );
-    let context = Context { facts: &facts, command: &command, version: env!("CARGO_PKG_VERSION") };
-    comparison_page(&format!("{} against {}", model.family, dataset.name), comparison, &context)
+    let context = Context {
+        facts: &facts,
+        command: &command,
+        version: env!("CARGO_PKG_VERSION"),
+    };
+    comparison_page(
+        &format!("{} against {}", model.family, dataset.name),
+        comparison,
+        &context,
+    )
 }
 
 /// Whether the limit that was asked for holds.
@@ -73,7 +89,11 @@ fn judge(limit: Option<f64>, comparison: &Comparison) -> Result<Done, CliError> 
     let pooled = comparison.validate.or(comparison.identify).ok_or_else(|| {
         CliError::Option("--fail-above: no record moves, so there is no percentage to judge".to_owned())
     })?;
-    Ok(if pooled.nrmse_percent > limit { Done::LimitExceeded } else { Done::Answered })
+    Ok(if pooled.nrmse_percent > limit {
+        Done::LimitExceeded
+    } else {
+        Done::Answered
+    })
 }
 
 /// The answer in words and a table.
@@ -88,7 +108,13 @@ fn text(comparison: &Comparison) -> String {
         source_in_words(comparison.noise_source)
     );
     let error = format!("error % p-p   fit %   rms {unit}   max {unit}   x noise");
-    let widest = comparison.records.iter().map(|record| record.file.chars().count()).max().unwrap_or(0).max(24);
+    let widest = comparison
+        .records
+        .iter()
+        .map(|record| record.file.chars().count())
+        .max()
+        .unwrap_or(0)
+        .max(24);
     let _ = writeln!(text, "{:<9} {:<widest$} {error}", "role", "record");
     for record in &comparison.records {
         let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
@@ -106,7 +132,13 @@ fn text(comparison: &Comparison) -> String {
     }
     text.push('\n');
     for (name, pooled) in [("identify", comparison.identify), ("validate", comparison.validate)] {
-        if let Some(Pooled { nrmse_percent, fit_percent, rms_um, records }) = pooled {
+        if let Some(Pooled {
+            nrmse_percent,
+            fit_percent,
+            rms_um,
+            records,
+        }) = pooled
+        {
             let _ = writeln!(
                 text,
                 "pooled over {records} {name} records: {nrmse_percent:.2} % of peak to peak, fit {fit_percent:.2} %, \

@@ -127,7 +127,11 @@ fn options(args: &FitArgs) -> FitOptions {
         },
         method,
         // The paper's swarm minimises the paper's objective.
-        weighting: if method == Method::Mpso { Weighting::LoopOpening } else { Weighting::Record },
+        weighting: if method == Method::Mpso {
+            Weighting::LoopOpening
+        } else {
+            Weighting::Record
+        },
         seed: args.seed,
     }
 }
@@ -144,10 +148,20 @@ fn text(args: &FitArgs, report: &FitReport) -> String {
         if records == 1 { "" } else { "s" }
     );
     // Writing to a String does not fail.
-    let _ = writeln!(text, "  {:<22} {:>13}  {:>11}  unit", "parameter", "value", "std. error");
+    let _ = writeln!(
+        text,
+        "  {:<22} {:>13}  {:>11}  unit",
+        "parameter", "value", "std. error"
+    );
     for parameter in model.parameters() {
-        let error = parameter.standard_error.map_or_else(|| "undetermined".to_owned(), |e| format!("{e:.2e}"));
-        let _ = writeln!(text, "  {:<22} {:>13.5e}  {error:>11}  {}", parameter.name, parameter.value, parameter.unit);
+        let error = parameter
+            .standard_error
+            .map_or_else(|| "undetermined".to_owned(), |e| format!("{e:.2e}"));
+        let _ = writeln!(
+            text,
+            "  {:<22} {:>13.5e}  {error:>11}  {}",
+            parameter.name, parameter.value, parameter.unit
+        );
     }
     for notice in &model.notices {
         let _ = write!(text, "\nnote: {notice}");

@@ -103,7 +103,9 @@ pub(crate) enum JitterName {
 
 pub(crate) fn run(args: &ImportArgs) -> Result<Done, CliError> {
     let files = args.files.iter().map(|file| (file, Role::Identify));
-    let files: Vec<_> = files.chain(args.validate.iter().map(|file| (file, Role::Validate))).collect();
+    let files: Vec<_> = files
+        .chain(args.validate.iter().map(|file| (file, Role::Validate)))
+        .collect();
     let mut text = String::new();
     let mut dataset = Dataset::default();
     let bar = progress::bar("importing");
@@ -120,12 +122,25 @@ pub(crate) fn run(args: &ImportArgs) -> Result<Done, CliError> {
     match &args.output {
         Some(folder) if !args.dry_run => {
             let folder_name = folder.file_name().map(|name| name.to_string_lossy().into_owned());
-            dataset.name = args.name.clone().or(folder_name).unwrap_or_else(|| "imported".to_owned());
+            dataset.name = args
+                .name
+                .clone()
+                .or(folder_name)
+                .unwrap_or_else(|| "imported".to_owned());
             dataset.description = "imported".to_owned();
-            let overwrite = if args.overwrite { Overwrite::Allow } else { Overwrite::Refuse };
+            let overwrite = if args.overwrite {
+                Overwrite::Allow
+            } else {
+                Overwrite::Refuse
+            };
             write_dataset(&dataset, folder, overwrite)?;
             let count = dataset.records.len();
-            let _ = writeln!(text, "{count} record{} written to {}", if count == 1 { "" } else { "s" }, folder.display());
+            let _ = writeln!(
+                text,
+                "{count} record{} written to {}",
+                if count == 1 { "" } else { "s" },
+                folder.display()
+            );
             let _ = writeln!(text, "next: hysteron fit {} --model mrpi", folder.display());
         }
         _ => text.push_str("nothing written (--dry-run)\n"),
@@ -138,7 +153,9 @@ fn options(args: &ImportArgs, role: Role) -> Result<ImportOptions, CliError> {
     if let Some(rate) = args.rate
         && !(rate.is_finite() && rate > 0.0)
     {
-        return Err(CliError::Option(format!("--rate {rate}: a sample rate is a finite number of hertz above 0")));
+        return Err(CliError::Option(format!(
+            "--rate {rate}: a sample rate is a finite number of hertz above 0"
+        )));
     }
     Ok(ImportOptions {
         role,

@@ -34,11 +34,29 @@ impl Excitation for Multisine {
         check_period(sample_period_s)?;
         check_voltage("multisine.bias_v", self.bias_v)?;
         check_voltage("multisine.peak_v", self.peak_v)?;
-        within("multisine.low_hz", self.low_hz, 0.0, 1e6, "the band starts at or above 0 Hz")?;
+        within(
+            "multisine.low_hz",
+            self.low_hz,
+            0.0,
+            1e6,
+            "the band starts at or above 0 Hz",
+        )?;
         check_frequency("multisine.high_hz", self.high_hz, sample_period_s)?;
         ordered("multisine.low_hz", self.low_hz, "multisine.high_hz", self.high_hz)?;
-        within("multisine.periods", f64::from(self.periods), 1.0, 1e6, "give whole periods")?;
-        within("multisine.period_s", self.period_s, 1.0 / self.high_hz, 1e5, "the period must hold at least one of high_hz")?;
+        within(
+            "multisine.periods",
+            f64::from(self.periods),
+            1.0,
+            1e6,
+            "give whole periods",
+        )?;
+        within(
+            "multisine.period_s",
+            self.period_s,
+            1.0 / self.high_hz,
+            1e5,
+            "the period must hold at least one of high_hz",
+        )?;
         let length = sample_count(self.period_s, sample_period_s)?;
         sample_count(self.period_s * f64::from(self.periods), sample_period_s)?;
         let spacing_hz = 1.0 / (length as f64 * sample_period_s);
@@ -50,7 +68,10 @@ impl Excitation for Multisine {
             .collect();
         if lines.is_empty() {
             return Err(StageError::Conflict {
-                what: format!("no odd harmonic of {spacing_hz} Hz lies between {} and {} Hz", self.low_hz, self.high_hz),
+                what: format!(
+                    "no odd harmonic of {spacing_hz} Hz lies between {} and {} Hz",
+                    self.low_hz, self.high_hz
+                ),
                 advice: "lengthen period_s or widen the band",
             });
         }

@@ -35,7 +35,13 @@ impl Excitation for BandNoise {
         check_voltage("noise.high_v", self.high_v)?;
         crate::error::ordered("noise.low_v", self.low_v, "noise.high_v", self.high_v)?;
         within("noise.rms_v", self.rms_v, 0.0, 1e4, "give volts")?;
-        within("noise.duration_s", self.duration_s, 2.0 / self.bandwidth_hz, 1e6, "last for at least two periods of bandwidth_hz")?;
+        within(
+            "noise.duration_s",
+            self.duration_s,
+            2.0 / self.bandwidth_hz,
+            1e6,
+            "last for at least two periods of bandwidth_hz",
+        )?;
         let length = sample_count(self.duration_s, sample_period_s)?;
         let spacing_hz = 1.0 / (length as f64 * sample_period_s);
         let mut rng = Pcg64::seed_from_u64(self.seed);
@@ -53,7 +59,11 @@ impl Excitation for BandNoise {
         let peak = shape.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
         let middle_v = 0.5 * (self.low_v + self.high_v);
         let wanted = if power > 0.0 { self.rms_v / power.sqrt() } else { 0.0 };
-        let fitting = if peak > 0.0 { 0.5 * (self.high_v - self.low_v) / peak } else { 0.0 };
+        let fitting = if peak > 0.0 {
+            0.5 * (self.high_v - self.low_v) / peak
+        } else {
+            0.0
+        };
         let scale = wanted.min(fitting);
         Ok(shape.iter().map(|x| middle_v + scale * x).collect())
     }

@@ -18,14 +18,24 @@ impl Steps {
     /// A staircase from 0 V up to `high_v` and down again, `up` steps each way.
     pub fn staircase(high_v: f64, up: u32, hold_s: f64, transition_s: f64) -> Self {
         let level = |step: u32| high_v * f64::from(step) / f64::from(up.max(1));
-        Self { levels_v: (0..=up).chain((0..up).rev()).map(level).collect(), hold_s, transition_s }
+        Self {
+            levels_v: (0..=up).chain((0..up).rev()).map(level).collect(),
+            hold_s,
+            transition_s,
+        }
     }
 }
 
 impl Excitation for Steps {
     fn samples(&self, sample_period_s: f64) -> Result<Vec<f64>, StageError> {
         check_period(sample_period_s)?;
-        within("steps.hold_s", self.hold_s, sample_period_s, 1e6, "hold each level for at least one sample")?;
+        within(
+            "steps.hold_s",
+            self.hold_s,
+            sample_period_s,
+            1e6,
+            "hold each level for at least one sample",
+        )?;
         within("steps.transition_s", self.transition_s, 0.0, 1e6, "give 0 for a jump")?;
         if self.levels_v.is_empty() {
             return Err(StageError::Length {
@@ -40,7 +50,10 @@ impl Excitation for Steps {
         }
         let hold = sample_count(self.hold_s, sample_period_s)?;
         let line = (self.transition_s / sample_period_s).round() as usize;
-        sample_count((self.hold_s + self.transition_s) * self.levels_v.len() as f64, sample_period_s)?;
+        sample_count(
+            (self.hold_s + self.transition_s) * self.levels_v.len() as f64,
+            sample_period_s,
+        )?;
         let mut samples: Vec<f64> = Vec::new();
         for &level_v in &self.levels_v {
             if let Some(&from_v) = samples.last() {
@@ -52,6 +65,11 @@ impl Excitation for Steps {
     }
 
     fn description(&self) -> String {
-        format!("{} levels of {} s, transitions of {} s", self.levels_v.len(), self.hold_s, self.transition_s)
+        format!(
+            "{} levels of {} s, transitions of {} s",
+            self.levels_v.len(),
+            self.hold_s,
+            self.transition_s
+        )
     }
 }

@@ -35,7 +35,13 @@ impl Excitation for Sweep {
         check_frequency("sweep.start_hz", self.start_hz, sample_period_s)?;
         check_frequency("sweep.end_hz", self.end_hz, sample_period_s)?;
         ordered("sweep.start_hz", self.start_hz, "sweep.end_hz", self.end_hz)?;
-        within("sweep.duration_s", self.duration_s, 1.0 / self.start_hz, 1e6, "sweep for at least one period of start_hz")?;
+        within(
+            "sweep.duration_s",
+            self.duration_s,
+            1.0 / self.start_hz,
+            1e6,
+            "sweep for at least one period of start_hz",
+        )?;
         check_voltage("sweep.low_v", self.low_v)?;
         check_voltage("sweep.high_v", self.high_v)?;
         let samples = sample_count(self.duration_s, sample_period_s)?;

@@ -22,7 +22,13 @@ impl Excitation for Triangle {
         check_frequency("triangle.frequency_hz", self.frequency_hz, sample_period_s)?;
         check_voltage("triangle.low_v", self.low_v)?;
         check_voltage("triangle.high_v", self.high_v)?;
-        within("triangle.periods", self.periods, 1e-3, 1e7, "give a positive number of periods")?;
+        within(
+            "triangle.periods",
+            self.periods,
+            1e-3,
+            1e7,
+            "give a positive number of periods",
+        )?;
         let samples = sample_count(self.periods / self.frequency_hz, sample_period_s)?;
         let span_v = self.high_v - self.low_v;
         let value = |n: usize| {
@@ -34,7 +40,10 @@ impl Excitation for Triangle {
     }
 
     fn description(&self) -> String {
-        format!("triangle {} Hz, {} to {} V, {} periods", self.frequency_hz, self.low_v, self.high_v, self.periods)
+        format!(
+            "triangle {} Hz, {} to {} V, {} periods",
+            self.frequency_hz, self.low_v, self.high_v, self.periods
+        )
     }
 }
 
@@ -58,9 +67,27 @@ impl Excitation for DecayingTriangle {
         check_period(sample_period_s)?;
         check_voltage("decaying_triangle.high_v", self.high_v)?;
         check_voltage("decaying_triangle.centre_v", self.centre_v)?;
-        within("decaying_triangle.decay", self.decay, 0.01, 0.999, "0.8 to 0.95 leaves evenly spaced minor loops")?;
-        within("decaying_triangle.turns", f64::from(self.turns), 1.0, 1e6, "give at least one turning point")?;
-        within("decaying_triangle.slope_v_per_s", self.slope_v_per_s, 1e-6, 1e9, "give a positive slope")?;
+        within(
+            "decaying_triangle.decay",
+            self.decay,
+            0.01,
+            0.999,
+            "0.8 to 0.95 leaves evenly spaced minor loops",
+        )?;
+        within(
+            "decaying_triangle.turns",
+            f64::from(self.turns),
+            1.0,
+            1e6,
+            "give at least one turning point",
+        )?;
+        within(
+            "decaying_triangle.slope_v_per_s",
+            self.slope_v_per_s,
+            1e-6,
+            1e9,
+            "give a positive slope",
+        )?;
         let mut corners_v = vec![0.0];
         let mut distance_v = self.high_v - self.centre_v;
         for _ in 0..self.turns {

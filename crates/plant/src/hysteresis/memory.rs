@@ -52,7 +52,11 @@ impl<P: Copy + std::fmt::Debug + Default> Memory<P> {
         };
         let at_start = self.turns.is_empty() && self.input_v == 0.0;
         if rising != branch_rises && !at_start {
-            self.turns.push(Turn { input_v: self.input_v, point: self.point, output: self.output });
+            self.turns.push(Turn {
+                input_v: self.input_v,
+                point: self.point,
+                output: self.output,
+            });
         }
         self.wipe_out(input_v, rising);
         self.point = branches.point(input_v);

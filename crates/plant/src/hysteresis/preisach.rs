@@ -159,7 +159,10 @@ pub(crate) struct Phasor {
 
 impl Default for Phasor {
     fn default() -> Self {
-        Self { input_v: 0.0, half: (1.0, 0.0) }
+        Self {
+            input_v: 0.0,
+            half: (1.0, 0.0),
+        }
     }
 }
 
@@ -174,7 +177,10 @@ impl Branches for Density {
     #[inline]
     fn point(&self, input_v: f64) -> Phasor {
         let (sin, cos) = (0.5 * self.per_volt_rad * input_v).sin_cos();
-        Phasor { input_v, half: (cos, sin) }
+        Phasor {
+            input_v,
+            half: (cos, sin),
+        }
     }
 
     /// `E(a, b) = int_0^R p(r) [S(a - r) - S(b + r)] dr`, R = (a - b) / 2: for each part, with `q = exp(-R / rho)`, `m = (a + b) / 2`,
@@ -208,7 +214,11 @@ impl Branches for Density {
         for part in &self.parts {
             let left = (-radius_v / part.threshold_v).exp();
             output += part.share * (radius_v - part.threshold_v * (1.0 - left)) * input.input_v.signum();
-            let (re, im) = if input.input_v < 0.0 { (part.filter.0, -part.filter.1) } else { part.filter };
+            let (re, im) = if input.input_v < 0.0 {
+                (part.filter.0, -part.filter.1)
+            } else {
+                part.filter
+            };
             let moved = product((cos - left, sin), (re, im));
             // Im(e^{i phi} moved), minus S(0) (1 - q).
             output += part.swing * (part.phase.0 * moved.1 + part.phase.1 * (moved.0 - (1.0 - left)));

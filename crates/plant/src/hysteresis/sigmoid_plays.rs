@@ -158,11 +158,16 @@ pub(crate) struct SigmoidPlaysState {
 
 impl SigmoidPlaysState {
     pub(crate) fn new(config: &SigmoidPlays) -> Self {
-        Self { groups: config.plays.chunks(LANES).map(Group::new).collect() }
+        Self {
+            groups: config.plays.chunks(LANES).map(Group::new).collect(),
+        }
     }
 
     #[inline]
     pub(crate) fn advance(&mut self, input_v: f64, threshold_scale: f64) -> f64 {
-        self.groups.iter_mut().map(|group| group.advance(input_v, threshold_scale)).sum()
+        self.groups
+            .iter_mut()
+            .map(|group| group.advance(input_v, threshold_scale))
+            .sum()
     }
 }

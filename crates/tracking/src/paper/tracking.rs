@@ -176,10 +176,7 @@ impl Bench<'_> {
         let records = sines(self.stage, &IDENTIFIED_HZ, HIGH_V, four_periods, self.seed)?;
         let inverses = fit_inverses(&records)?;
         let shape = Shape::Sine { frequency_hz: 500.0 };
-        let figures: Result<Vec<_>, _> = open(&inverses)
-            .iter()
-            .map(|named| self.figure(named, shape))
-            .collect();
+        let figures: Result<Vec<_>, _> = open(&inverses).iter().map(|named| self.figure(named, shape)).collect();
         Ok(figures?.into_iter().flatten().collect())
     }
 
