@@ -194,7 +194,14 @@ impl Judge {
             validate_percent: percent(Role::Validate),
             statistic,
             threshold: THRESHOLD,
-            log_likelihood_gain: statistic * 50.0,
+            log_likelihood_gain: 0.5
+                * last
+                    .held_out
+                    .iter()
+                    .zip(&without)
+                    .zip(&last.effective)
+                    .map(|((a, b), n)| n * ((floor + a) / (floor + b)).ln())
+                    .sum::<f64>(),
             effective_samples: last.effective.iter().sum(),
             share: 1.0 - sum(&without) / sum(&last.held_out).max(f64::MIN_POSITIVE),
             significant: statistic > THRESHOLD && 2 * hum.seen_in > hum.of && hum.of > 0,
