@@ -6,6 +6,10 @@ use crate::play;
 use crate::real::Real;
 use crate::thresholds::Thresholds;
 
+/// Largest magnitude of an input limit: no volt is larger, and 1e9 um are a kilometre. With it a rate stays below
+/// 2e9 x 1e7 Hz = 2e16 a second, which leaves `f32` (3.4e38) room for every coefficient in use.
+pub const LARGEST_INPUT: f64 = 1e9;
+
 /// What a bank of plays does not change while it runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlayBank<T, const N: usize> {
@@ -20,22 +24,29 @@ pub struct PlayBank<T, const N: usize> {
 pub struct PlayState<T, const N: usize> {
     outputs: [T; N],
     last_input: T,
-    input_fault: bool,
+    /// [`STARTED`] and [`FAULT`].
+    seen: u8,
 }
 
+/// Bit of [`PlayState::seen`]: there is a last input; the first sample has no rate.
+const STARTED: u8 = 1;
+/// Bit of [`PlayState::seen`]: an input was not finite.
+const FAULT: u8 = 2;
+
 impl<T: Real, const N: usize> PlayBank<T, N> {
-    /// Builds a bank. Inputs are clamped to `input_min..=input_max`; rates are backward differences at `sample_rate_hz`.
+    /// Builds a bank. Inputs are clamped to `input_min..=input_max`; rates are backward differences at `sample_rate_hz`,
+    /// 0 for the first sample.
     ///
     /// # Errors
-    /// Limits that are not finite or not ascending; a sample rate outside 1e-3 to 1e7 Hz.
+    /// Limits beyond [`LARGEST_INPUT`], not finite or not ascending; a sample rate outside 1e-3 to 1e7 Hz.
     pub fn new(
         thresholds: Thresholds<T, N>,
         input_min: T,
         input_max: T,
         sample_rate_hz: T,
     ) -> Result<Self, ParamError> {
-        finite("input_min", None, input_min)?;
-        finite("input_max", None, input_max)?;
+        in_range("input_min", None, input_min, -LARGEST_INPUT, LARGEST_INPUT)?;
+        in_range("input_max", None, input_max, -LARGEST_INPUT, LARGEST_INPUT)?;
         if input_max <= input_min {
             let (value, previous) = (input_max.to_f64(), input_min.to_f64());
             return Err(ParamError::NotIncreasing {
@@ -64,9 +75,10 @@ impl<T: Real, const N: usize> PlayBank<T, N> {
         self.input_min.magnitude().select_max(self.input_max.magnitude())
     }
 
-    /// Largest magnitude of a rate, input units per second: from one limit to the other in one sample.
+    /// Largest magnitude of a rate, input units per second, whatever state the bank meets: after a swap of tables the
+    /// last input may be one that only another bank allowed.
     pub(crate) fn largest_rate(&self) -> T {
-        (self.input_max - self.input_min) * self.sample_rate_hz
+        (self.largest_input() + T::from_f64(LARGEST_INPUT)) * self.sample_rate_hz
     }
 
     /// Moves the plays by one sample; returns the input as used and its rate per second.
@@ -88,28 +100,35 @@ impl<T: Real, const N: usize> PlayBank<T, N> {
         (input, rate)
     }
 
+    /// The input as used and its rate.
     #[inline(always)]
     fn admit(&self, state: &mut PlayState<T, N>, input: T) -> (T, T) {
-        let held = if input.is_finite() {
-            input
-        } else {
-            state.input_fault = true;
+        let finite = input.is_finite();
+        let input = self.clamped(if finite { input } else { state.last_input });
+        // The first input is its own predecessor.
+        let last = if state.seen & STARTED != 0 {
             state.last_input
+        } else {
+            input
         };
-        let input = self.input_min.select_max(held).select_min(self.input_max);
-        let rate = (input - state.last_input) * self.sample_rate_hz;
         state.last_input = input;
-        (input, rate)
+        state.seen |= if finite { STARTED } else { FAULT };
+        (input, (input - last) * self.sample_rate_hz)
+    }
+
+    #[inline(always)]
+    fn clamped(&self, input: T) -> T {
+        self.input_min.select_max(input).select_min(self.input_max)
     }
 }
 
 impl<T: Real, const N: usize> PlayState<T, N> {
-    /// The virgin state: outputs and input zero (eqs 1, 3: `w(0) = f(v(0), 0)`).
+    /// The virgin state: outputs zero (eqs 1, 3: `w(0) = f(v(0), 0)`), no input yet, so that the first sample has rate 0.
     pub fn virgin() -> Self {
         Self {
             outputs: [T::ZERO; N],
             last_input: T::ZERO,
-            input_fault: false,
+            seen: 0,
         }
     }
 
@@ -126,19 +145,19 @@ impl<T: Real, const N: usize> PlayState<T, N> {
         state
     }
 
-    /// Outputs as given, for a state that is known.
+    /// Outputs as given, for a state that is known; the first rate is from `last_input`.
     ///
     /// # Errors
-    /// An output or the input is not finite.
+    /// An output that is not finite, a last input that is not or is beyond [`LARGEST_INPUT`].
     pub fn from_outputs(outputs: [T; N], last_input: T) -> Result<Self, ParamError> {
         for (i, &output) in outputs.iter().enumerate() {
             finite("play output", Some(i + 1), output)?;
         }
-        finite("last input", None, last_input)?;
+        in_range("last input", None, last_input, -LARGEST_INPUT, LARGEST_INPUT)?;
         Ok(Self {
             outputs,
             last_input,
-            input_fault: false,
+            seen: STARTED,
         })
     }
 
@@ -149,17 +168,124 @@ impl<T: Real, const N: usize> PlayState<T, N> {
 
     /// Whether an input that was not finite has come since the last [`Self::clear_fault`].
     pub fn input_fault(&self) -> bool {
-        self.input_fault
+        self.seen & FAULT != 0
     }
 
     /// Clears the fault bit.
     pub fn clear_fault(&mut self) {
-        self.input_fault = false;
+        self.seen &= !FAULT;
     }
 }
 
 impl<T: Real, const N: usize> Default for PlayState<T, N> {
     fn default() -> Self {
         Self::virgin()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::string::ToString;
+
+    fn bank() -> PlayBank<f64, 2> {
+        PlayBank::new(Thresholds::new([0.0, 1.0]).unwrap(), -2.0, 2.0, 50e3).unwrap()
+    }
+
+    /// Inputs as used and rates, from a state.
+    fn admitted(state: &mut PlayState<f64, 2>, inputs: &[f64]) -> std::vec::Vec<(f64, f64)> {
+        inputs
+            .iter()
+            .map(|&input| bank().advance_static(state, input))
+            .collect()
+    }
+
+    #[test]
+    fn val_the_first_sample_has_no_rate() {
+        let found = admitted(&mut PlayState::virgin(), &[1.0, 1.5, 1.25]);
+        assert_eq!(found, [(1.0, 0.0), (1.5, 25e3), (1.25, -12.5e3)]);
+        // A state that knows its input has a rate from there.
+        assert_eq!(
+            admitted(&mut PlayState::remanent(&bank(), 1.0, 0.0), &[1.5]),
+            [(1.5, 25e3)]
+        );
+        let mut known = PlayState::from_outputs([1.0, 0.5], 1.0).unwrap();
+        assert_eq!(admitted(&mut known, &[1.5]), [(1.5, 25e3)]);
+    }
+
+    /// An input that is not finite holds the last one, also where there is none yet, and the bit stays until cleared.
+    #[test]
+    fn val_faults_hold_and_stick() {
+        let mut state = PlayState::virgin();
+        let found = admitted(&mut state, &[f64::NAN, 1.5, f64::INFINITY, f64::NEG_INFINITY, 1.25]);
+        assert_eq!(found, [(0.0, 0.0), (1.5, 0.0), (1.5, 0.0), (1.5, 0.0), (1.25, -12.5e3)]);
+        assert!(state.input_fault());
+        state.clear_fault();
+        assert!(!state.input_fault());
+        assert_eq!(
+            admitted(&mut state, &[1.5]),
+            [(1.5, 12.5e3)],
+            "clearing the fault keeps the last input"
+        );
+    }
+
+    /// Inputs beyond the range are clamped, and clamping is no fault.
+    #[test]
+    fn val_inputs_are_clamped() {
+        let mut state = PlayState::remanent(&bank(), 2.0, 0.0);
+        assert_eq!(
+            admitted(&mut state, &[1e300, -1e300]),
+            [(2.0, 0.0), (-2.0, -4.0 * 50e3)]
+        );
+        assert!(!state.input_fault());
+    }
+
+    #[test]
+    fn val_initial_states() {
+        let at = |input, fraction| *PlayState::remanent(&bank(), input, fraction).outputs();
+        assert_eq!(at(1.5, 0.0), [1.5, 1.5]); // down from above
+        assert_eq!(at(1.5, 1.0), [1.5, 0.5]); // up from below
+        assert_eq!(at(1.5, 0.5), [1.5, 1.0]);
+        assert_eq!(at(9.0, 7.0), [2.0, 1.0], "both brought into range");
+        assert_eq!(*PlayState::<f64, 2>::virgin().outputs(), [0.0, 0.0]);
+        // The named states are those that the operators reach by themselves.
+        for (turn, fraction) in [(2.0, 0.0), (-2.0, 1.0)] {
+            let mut state = PlayState::virgin();
+            admitted(&mut state, &[turn, 0.5]);
+            assert_eq!(*state.outputs(), at(0.5, fraction));
+        }
+    }
+
+    #[test]
+    fn refuse_bad_banks_and_states() {
+        let refused = |min: f64, max: f64, rate_hz: f64| {
+            let thresholds = Thresholds::new([0.0, 1.0]).unwrap();
+            PlayBank::new(thresholds, min, max, rate_hz).unwrap_err().to_string()
+        };
+        assert_eq!(
+            refused(-2e9, 1.0, 50e3),
+            "input_min = -2000000000 must lie in -1000000000 to 1000000000"
+        );
+        assert_eq!(
+            refused(0.0, f64::NAN, 50e3),
+            "input_max = NaN must lie in -1000000000 to 1000000000"
+        );
+        assert_eq!(
+            refused(1.0, 0.5, 50e3),
+            "input limit[2] = 0.5 must exceed input limit[1] = 1; sort the values"
+        );
+        assert_eq!(
+            refused(0.0, 1.0, 0.0),
+            "sample_rate_hz = 0 must lie in 0.001 to 10000000"
+        );
+        let refused = |outputs, last| PlayState::from_outputs(outputs, last).unwrap_err().to_string();
+        assert_eq!(
+            refused([0.0, f64::INFINITY], 0.0),
+            "play output[2] = inf must be finite"
+        );
+        assert_eq!(
+            refused([0.0, 0.0], 2e9),
+            "last input = 2000000000 must lie in -1000000000 to 1000000000"
+        );
     }
 }

@@ -1,6 +1,6 @@
 //! Converter codes and volts: 16-bit DACs and ADCs.
 
-use crate::error::{ParamError, finite};
+use crate::error::{ParamError, finite, in_range};
 use crate::real::Real;
 
 /// A code of a 16-bit digital-to-analogue converter, offset binary: 0 is the lowest voltage.
@@ -28,7 +28,14 @@ impl AdcCode {
 /// Number of steps between the lowest and the highest code.
 const STEPS: f64 = 65_535.0;
 
+/// No converter spans fewer or more volts: a step of 15 pV lies below any reference's noise, a step of 15 V is no step.
+const SMALLEST_SPAN_V: f64 = 1e-6;
+const LARGEST_SPAN_V: f64 = 1e6;
+
 /// The line between a converter's codes and volts: code 0 is `min_v`, code 65535 is `max_v`.
+///
+/// `max_v` is the voltage of the highest code. Data sheets that divide the full scale by 65536 name the voltage one step
+/// above it: give `min_v + full_scale * 65535 / 65536`.
 ///
 /// # Example
 /// ```
@@ -76,7 +83,7 @@ impl<T: ToCode> Converter<T> {
     /// Builds a converter.
     ///
     /// # Errors
-    /// Voltages that are not finite or not ascending.
+    /// Voltages that are not finite or not ascending, or less than 1 uV or more than 1e6 V apart.
     pub fn new(min_v: T, max_v: T) -> Result<Self, ParamError> {
         finite("min_v", None, min_v)?;
         finite("max_v", None, max_v)?;
@@ -90,6 +97,7 @@ impl<T: ToCode> Converter<T> {
             });
         }
         let span = max_v - min_v;
+        in_range("converter span", None, span, SMALLEST_SPAN_V, LARGEST_SPAN_V)?;
         let steps = T::from_f64(STEPS);
         Ok(Self {
             min_v,
@@ -148,5 +156,15 @@ mod tests {
     fn refuse_ranges_that_do_not_ascend() {
         assert!(Converter::new(1.0_f32, 1.0).is_err());
         assert!(Converter::new(f32::NAN, 1.0).is_err());
+        use std::string::ToString;
+        assert_eq!(
+            Converter::new(2.0_f32, 1.5).unwrap_err().to_string(),
+            "converter limit[2] = 1.5 must exceed converter limit[1] = 2; sort the values"
+        );
+        // The span itself would be infinite in f32, and every voltage with it.
+        assert_eq!(
+            Converter::new(-3e38_f32, 3e38).unwrap_err().to_string(),
+            "converter span = inf must lie in 0.000001 to 1000000"
+        );
     }
 }

@@ -22,3 +22,22 @@ impl<T: Real> Envelope<T> {
         (input - self.alpha_s * speed, input + self.beta_s * speed)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eq. 9 at a rise and a fall of the same speed: the bounds move away from the input, not with it.
+    #[test]
+    fn val_bounds() {
+        let envelope = Envelope {
+            alpha_s: 3e-4,
+            beta_s: 1e-4,
+        };
+        for rate in [500.0, -500.0] {
+            let (left, right) = envelope.bounds(1.0_f64, rate);
+            assert!((left - 0.85).abs() < 1e-15 && (right - 1.05).abs() < 1e-15);
+        }
+        assert_eq!(envelope.bounds(1.0, 0.0), (1.0, 1.0));
+    }
+}

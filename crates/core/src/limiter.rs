@@ -27,7 +27,9 @@ impl<T: Real> Limiter<T> {
     /// Builds a limiter.
     ///
     /// # Errors
-    /// Limits that are not finite or not ascending; a slew rate that is not finite and positive.
+    /// - Limits that are not finite or not ascending.
+    /// - A slew rate that is not finite, or so slow that the number type loses a sample's change beside the largest
+    ///   limit: in `f32`, 200 V at 50 kHz need at least 3 V/s, or the output would stand still.
     pub fn new(min: T, max: T, slew_per_s: T, sample_rate_hz: T) -> Result<Self, ParamError> {
         finite("lower limit", None, min)?;
         finite("upper limit", None, max)?;
@@ -40,8 +42,11 @@ impl<T: Real> Limiter<T> {
                 previous,
             });
         }
-        in_range("slew_per_s", None, slew_per_s, f64::MIN_POSITIVE, f64::MAX)?;
         in_range("sample_rate_hz", None, sample_rate_hz, 1e-3, 1e7)?;
+        let spacing = spacing_at(min.magnitude().select_max(max.magnitude()));
+        // Four spacings: rounding then changes a step by an eighth at most.
+        let slowest = 4.0 * spacing.to_f64() * sample_rate_hz.to_f64();
+        in_range("slew_per_s", None, slew_per_s, slowest, f64::MAX)?;
         Ok(Self {
             min,
             max,
@@ -78,6 +83,18 @@ impl<T: Real> Limiter<T> {
     }
 }
 
+/// The spacing of the number type's values at `magnitude`, to a factor of 2 upwards: the smallest power-of-two share of
+/// it that still changes it when added.
+fn spacing_at<T: Real>(magnitude: T) -> T {
+    let half = T::from_f64(0.5);
+    let mut spacing = magnitude;
+    // Ends after at most 54 halvings, the digits of `f64`.
+    while magnitude + spacing * half != magnitude {
+        spacing = spacing * half;
+    }
+    spacing
+}
+
 impl<T: Real> LimiterState<T> {
     /// Whether the last command was changed.
     pub fn limited(&self) -> bool {
@@ -103,6 +120,29 @@ mod tests {
         assert!(state.limited());
         assert_eq!(limiter.step(&mut state, f64::NAN), 10.0);
         assert_eq!(limiter.step(&mut state, f64::NEG_INFINITY), 10.0);
+    }
+
+    /// Just above the slowest slew that is accepted, the `f32` output still arrives, at the slew asked for within 1/8.
+    #[test]
+    fn val_slowest_slew_moves() {
+        let limiter = Limiter::new(0.0_f32, 200.0, 4.0, 50e3).unwrap();
+        let mut state = limiter.start_at(150.0);
+        for _ in 0..50_000 {
+            limiter.step(&mut state, 200.0);
+        }
+        assert!((state.last() - 154.0).abs() < 0.5, "{}", state.last());
+    }
+
+    /// In `f32` a slow slew rate used to freeze the output: 150 V + 2 uV rounds to 150 V.
+    #[test]
+    fn regress_slew_below_the_number_types_resolution() {
+        use std::string::ToString;
+        assert_eq!(
+            Limiter::new(0.0_f32, 200.0, 0.1, 50e3).unwrap_err().to_string(),
+            "slew_per_s = 0.1 must be finite and at least 2.384185791015625"
+        );
+        // The same limits in f64 are fine.
+        assert!(Limiter::new(0.0_f64, 200.0, 0.1, 50e3).is_ok());
     }
 
     #[test]

@@ -34,9 +34,9 @@ pub(crate) fn all_finite<T: Real>(name: &'static str, values: &[T]) -> Result<()
         .try_for_each(|(i, &value)| finite(name, Some(i + 1), value))
 }
 
-/// Refuses an output bound that the number type cannot hold.
+/// Refuses an output bound that the number type cannot hold; twice over, so that roundings cannot carry it past the end.
 pub(crate) fn bounded<T: Real>(bound: T, input: T) -> Result<(), ParamError> {
-    if bound.is_finite() {
+    if (bound + bound).is_finite() {
         Ok(())
     } else {
         Err(ParamError::Unbounded {

@@ -35,17 +35,17 @@ pub struct MpiCoefficients<T, const N: usize> {
 }
 
 impl<T: Real, const N: usize> MpiCoefficients<T, N> {
-    /// Refuses coefficients that are not finite, or whose output is not when inputs reach `most` and plays `reach`.
-    pub(crate) fn check(&self, most: T, reach: T) -> Result<(), ParamError> {
+    /// Refuses coefficients that are not finite, or whose output is not when inputs reach `most` and plays `reach`;
+    /// returns the bound of the output's magnitude.
+    pub(crate) fn check(&self, most: T, reach: T) -> Result<T, ParamError> {
         finite("offset", None, self.offset)?;
         finite("cubic", None, self.cubic)?;
         finite("linear", None, self.linear)?;
         all_finite("weight", &self.weights)?;
         let input_function = (self.cubic.magnitude() * most * most + self.linear.magnitude()) * most;
-        bounded(
-            self.offset.magnitude() + input_function + sum_of_magnitudes(&self.weights) * reach,
-            most,
-        )
+        let bound = self.offset.magnitude() + input_function + sum_of_magnitudes(&self.weights) * reach;
+        bounded(bound, most)?;
+        Ok(bound)
     }
 }
 

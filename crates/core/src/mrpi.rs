@@ -13,7 +13,7 @@ pub const LARGEST_ENVELOPE_S: f64 = 1.0;
 /// The MRPI model, eq. 10: `y = c + b_1 v^3 + b_2 v + sum q_i F^h_ri[v]`, plays with dynamic envelopes (eqs 7-9).
 ///
 /// As a direct inverse (eq. 13) the input is y_d and the output the voltage. The rate is the backward difference of the
-/// input at the bank's sample rate; the first sample after [`PlayState::virgin`] differs from an input of zero.
+/// input at the bank's sample rate, 0 for the first sample after [`PlayState::virgin`].
 ///
 /// # Units
 /// As [`crate::mpi::Mpi`]; alpha and beta in seconds.
@@ -26,6 +26,7 @@ pub const LARGEST_ENVELOPE_S: f64 = 1.0;
 /// let coefficients = MpiCoefficients { offset: 0.0, cubic: 0.0, linear: 0.0, weights: [1.0] };
 /// let mrpi = Mrpi::new(bank, coefficients, Envelope { alpha_s: 3e-4, beta_s: 1e-4 })?;
 /// let mut state = PlayState::virgin();
+/// mrpi.step(&mut state, 0.0);
 /// // 0.01 in one sample of 20 us is 500 per second; h_l - r = 0.01 - 3e-4 * 500 - 0.1 < 0: the play stands still.
 /// assert_eq!(mrpi.step(&mut state, 0.01_f64), 0.0);
 /// # Ok::<(), hysteron_core::error::ParamError>(())

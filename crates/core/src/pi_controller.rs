@@ -3,10 +3,21 @@
 use crate::error::{ParamError, in_range};
 use crate::real::Real;
 
+/// Largest gain.
+const LARGEST_GAIN: f64 = 1e12;
+
+/// Largest error and integral that count. No micrometre or volt is larger, and with gains up to [`LARGEST_GAIN`] every
+/// sum stays below 2.1e37, which `f32` (3.4e38) holds.
+const LARGEST_ERROR: f64 = 1e25;
+const LARGEST_INTEGRAL: f64 = 1e37;
+
 /// Eq. 14, `v = K_p e + K_i integral e dt`, the integral by the backward rectangle: `I_k = I_(k-1) + K_i T e_k`.
 ///
-/// Anti-windup by conditional integration (Åström, Hägglund, Advanced PID Control (2006), section 3.5): a step that
-/// would drive a saturated output further into its limit does not integrate.
+/// Anti-windup by conditional integration (Åström, Hägglund, Advanced PID Control (2006), section 3.5), with one
+/// difference: a step that would drive a saturated output further into its limit integrates as far as the limit, not
+/// nothing at all. Behind a slew limit that matters: where `K_i T e` exceeds what one sample lets through, "nothing"
+/// would be every sample's answer, and the loop would stand still with its error for ever. The integral is never moved
+/// against the error, so a room that narrows leaves it alone.
 ///
 /// # Units
 /// Gains in output units per input unit (`proportional`) and that per second (`integral_per_s`).
@@ -30,35 +41,53 @@ impl<T: Real> PiController<T> {
     /// # Errors
     /// Gains that are negative or not finite; a sample rate outside 1e-3 to 1e7 Hz.
     pub fn new(proportional: T, integral_per_s: T, sample_rate_hz: T) -> Result<Self, ParamError> {
-        in_range("proportional gain", None, proportional, 0.0, 1e12)?;
-        in_range("integral gain", None, integral_per_s, 0.0, 1e12)?;
+        in_range("proportional gain", None, proportional, 0.0, LARGEST_GAIN)?;
+        in_range("integral gain", None, integral_per_s, 0.0, LARGEST_GAIN)?;
         in_range("sample_rate_hz", None, sample_rate_hz, 1e-3, 1e7)?;
+        let integral_a_sample = integral_per_s / sample_rate_hz;
+        in_range("integral gain a sample", None, integral_a_sample, 0.0, LARGEST_GAIN)?;
         Ok(Self {
             proportional,
-            integral_a_sample: integral_per_s / sample_rate_hz,
+            integral_a_sample,
         })
     }
 
     /// One sample: the controller's output for an error, given the room that the limiter leaves it.
     ///
-    /// `lowest` and `highest` are the outputs beyond which the actuator saturates. An error that is not finite counts as 0.
+    /// `lowest` and `highest` are the outputs beyond which the actuator saturates; the output is not cut to them, the
+    /// limiter that they come from does that. An error that is not finite or above 1e25 counts as 0.
     #[inline(always)]
     pub fn step(&self, state: &mut PiState<T>, error: T, lowest: T, highest: T) -> T {
-        let error = if error.is_finite() { error } else { T::ZERO };
-        let integral = state.integral + self.integral_a_sample * error;
-        let output = self.proportional * error + integral;
-        let winds_up = (output > highest && error > T::ZERO) || (output < lowest && error < T::ZERO);
-        if !winds_up {
-            // An integral beyond the actuator's whole range serves nothing; the bound keeps every number finite.
-            state.integral = lowest.select_max(integral.select_min(highest));
+        // A NaN fails the comparison.
+        let error = if error.magnitude() <= T::from_f64(LARGEST_ERROR) {
+            error
+        } else {
+            T::ZERO
+        };
+        let proportional = self.proportional * error;
+        let wanted = state.integral + self.integral_a_sample * error;
+        let integral = if error > T::ZERO {
+            wanted.select_min(state.integral.select_max(highest - proportional))
+        } else {
+            wanted.select_max(state.integral.select_min(lowest - proportional))
+        };
+        // Matters only where the room is none (infinite or NaN).
+        if integral.magnitude() <= T::from_f64(LARGEST_INTEGRAL) {
+            state.integral = integral;
         }
-        self.proportional * error + state.integral
+        proportional + state.integral
     }
 
     /// Sets the integral so that the next output is `output` at `error`: switching on without a bump.
+    ///
+    /// Where there is no such integral (an argument that is not finite or absurdly large) it is 0.
     pub fn start_at(&self, state: &mut PiState<T>, output: T, error: T) {
         let integral = output - (self.proportional + self.integral_a_sample) * error;
-        state.integral = if integral.is_finite() { integral } else { T::ZERO };
+        state.integral = if integral.magnitude() <= T::from_f64(LARGEST_INTEGRAL) {
+            integral
+        } else {
+            T::ZERO
+        };
     }
 }
 
@@ -106,6 +135,67 @@ mod tests {
         assert!((pi.step(&mut state, 0.7, -WIDE, WIDE) - 3.25).abs() < 1e-12);
     }
 
+    /// A slew limit narrows the room to a little around the last command: it must hold the integral, never move it.
+    #[test]
+    fn regress_a_narrow_room_does_not_move_the_integral() {
+        let pi = PiController::new(1.0_f64, 1000.0, 50e3).unwrap();
+        let mut state = PiState::default();
+        pi.start_at(&mut state, 2.0, 5.0);
+        let before = state.integral(); // 2 - 5 - 0.1
+        // The output of 2.0 lies in the room of 1.9 to 2.2: one step of integration, 1000 x 20 us x 5, and no more.
+        assert!((pi.step(&mut state, 5.0, 1.9, 2.2) - 2.0).abs() < 1e-12);
+        assert!((state.integral() - before - 0.1).abs() < 1e-12);
+    }
+
+    /// A slew limit of less than one step of integration a sample slows the integral down; it used to stop it for good.
+    #[test]
+    fn regress_a_slew_limit_does_not_lock_the_integral() {
+        let pi = PiController::new(0.5_f64, 1000.0, 50e3).unwrap();
+        let mut state = PiState::default();
+        let mut last = 2.0;
+        // e = 4 asks for 0.08 a sample; the room is 0.02 above the last output.
+        for k in 1..=100 {
+            last = pi.step(&mut state, 4.0, last - 0.02, last + 0.02);
+            assert!((last - (2.0 + 0.02 * f64::from(k))).abs() < 1e-12, "{k}: {last}");
+        }
+        // Against the other end alike.
+        let mut state = PiState::default();
+        let mut last = -2.0;
+        for k in 1..=100 {
+            last = pi.step(&mut state, -4.0, last - 0.02, last + 0.02);
+            assert!((last - (-2.0 - 0.02 * f64::from(k))).abs() < 1e-12, "{k}: {last}");
+        }
+    }
+
+    /// Numbers that no stage has, in the type that holds least.
+    #[test]
+    fn prop_finite_for_every_input() {
+        let extremes = [
+            f32::NAN,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            f32::MAX,
+            f32::MIN,
+            1e25,
+            -1e25,
+            0.0,
+            1.0,
+        ];
+        let pi = PiController::new(1e12_f32, 1e12, 1.0).unwrap();
+        let mut state = PiState::default();
+        for _ in 0..20 {
+            for error in extremes {
+                for lowest in extremes {
+                    for highest in extremes {
+                        assert!(pi.step(&mut state, error, lowest, highest).is_finite());
+                    }
+                }
+                pi.start_at(&mut state, error, error);
+                assert!(state.integral().is_finite());
+            }
+        }
+    }
+
     #[test]
     fn refuse_bad_gains() {
         use std::string::ToString;
@@ -115,5 +205,10 @@ mod tests {
             "proportional gain = -1 must lie in 0 to 1000000000000"
         );
         assert!(PiController::new(1.0, f64::NAN, 50e3).is_err());
+        // 1e12 a second at one sample in 1000 s
+        assert_eq!(
+            PiController::new(1.0, 1e12, 1e-3).unwrap_err().to_string(),
+            "integral gain a sample = 1000000000000000 must lie in 0 to 1000000000000"
+        );
     }
 }

@@ -34,10 +34,10 @@ impl<T: Real, const N: usize> Wrpi<T, N> {
     ) -> Result<Self, ParamError> {
         let most = bank.largest_input();
         let reach = most + bank.thresholds().values()[N - 1];
-        coefficients.check(most, reach)?;
+        let without_rate = coefficients.check(most, reach)?;
         all_finite("rate_weight", &rate_weights)?;
         let of_rate = sum_of_magnitudes(&rate_weights) * reach * bank.largest_rate();
-        bounded(of_rate + sum_of_magnitudes(&coefficients.weights) * reach, most)?;
+        bounded(without_rate + of_rate, most)?;
         Ok(Self {
             bank,
             coefficients,

@@ -4,7 +4,6 @@ use crate::chain_trace::Trace;
 use crate::columns::{Design, fill, output};
 use crate::effects::rate_dependence::NARROW;
 use crate::effects::{Acts, Effect, Signals};
-use crate::initial::InitialState;
 use hysteron_core::envelope::Envelope;
 use hysteron_core::play;
 use std::sync::Arc;
@@ -66,10 +65,7 @@ impl Chain {
     fn plays(&self, trace: &Trace<'_>, stack_v: &[f64], mut visit: impl FnMut(usize, f64, f64, &[f64])) {
         let thresholds = &self.design.thresholds;
         let first = stack_v.first().copied().unwrap_or(0.0);
-        let fraction = match trace.initial {
-            InitialState::Remanent { fraction } => fraction,
-            InitialState::Periodic { .. } => 0.0,
-        };
+        let before = trace.initial.before(&stack_v[..trace.run_in.max(1).min(stack_v.len())]);
         let of_link = self.links.iter().find_map(|link| link.effect.envelope(&link.values));
         let wide = match of_link {
             Some(_) => thresholds.partition_point(|&r| r < self.narrow_v),
@@ -80,7 +76,7 @@ impl Chain {
             alpha_s: 0.0,
             beta_s: 0.0,
         };
-        let mut outputs: Vec<f64> = thresholds.iter().map(|r| first - fraction * r).collect();
+        let mut outputs: Vec<f64> = thresholds.iter().map(|&r| before(r)).collect();
         let mut last = first;
         let mut advance = |input: f64, outputs: &mut [f64]| {
             let rate = (input - last) / trace.period_s;

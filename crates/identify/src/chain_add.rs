@@ -33,11 +33,14 @@ const SEARCH_ROWS: usize = 6_000;
 /// Rows of the final solution: a quarter of a million say as much of fifty parameters as any more.
 const FINAL_ROWS: usize = 250_000;
 
-/// Starts that are followed to the bottom of their valley.
-const FOLLOWED: usize = 3;
+/// Starts that are followed some steps towards the bottom of their valley; the best goes all the way.
+const FOLLOWED: usize = 4;
 
-/// Steps of the first look at each start.
-const FIRST_LOOK: usize = 2;
+/// Those steps.
+const FIRST_STEPS: usize = 4;
+
+/// Up to so many starts get a step before they are compared; a longer list is a grid that stands close enough without.
+const STEP_EACH: usize = 14;
 
 /// Adds an effect of the catalogue to a model and fits all parameters anew to the records with role `identify`.
 /// `progress` is called with the share done, 0 to 1.
@@ -271,7 +274,7 @@ fn best_of_starts(problem: &Problem<'_>, start: &Fitted, plan: &Plan, progress: 
             if let Some(link) = plan.link {
                 at.chain.links[link].values.clone_from(values);
             }
-            let at = problem.descend(problem.project(at), if plan.starts.len() > 1 { FIRST_LOOK } else { 0 });
+            let at = problem.descend(problem.project(at), usize::from(plan.starts.len() <= STEP_EACH));
             let count = done.fetch_add(1, Ordering::Relaxed) + 1;
             progress(0.05 + 0.5 * count as f64 / plan.starts.len() as f64);
             at
@@ -279,11 +282,9 @@ fn best_of_starts(problem: &Problem<'_>, start: &Fitted, plan: &Plan, progress: 
         .collect();
     looked.sort_by(|a, b| a.error.total_cmp(&b.error));
     looked.truncate(FOLLOWED);
-    looked
-        .into_iter()
-        .map(|at| problem.descend(at, usize::MAX))
-        .min_by(|a, b| a.error.total_cmp(&b.error))
-        .unwrap_or_else(|| start.clone())
+    let mut followed: Vec<Fitted> = looked.into_iter().map(|at| problem.descend(at, FIRST_STEPS)).collect();
+    followed.sort_by(|a, b| a.error.total_cmp(&b.error));
+    followed.into_iter().next().unwrap_or_else(|| start.clone())
 }
 
 /// The model's own coefficients where the family stays, else those of a straight line.

@@ -125,6 +125,9 @@ impl Problem<'_> {
         for _ in 0..most_steps.min(MOST_STEPS) {
             let system = self.system(&here, true);
             let mut fell = 0.0;
+            if self.promised(&here, &system) < SETTLED {
+                break;
+            }
             // A step that does not go down is tried again, shorter.
             for _ in 0..6 {
                 let Some(trial) = self.step(&here, &system, damping) else {
@@ -146,6 +149,17 @@ impl Problem<'_> {
         here
     }
 
+    /// The share of the error that an undamped step would take away if everything were linear.
+    fn promised(&self, here: &Fitted, system: &Normal) -> f64 {
+        if !here.error.is_finite() {
+            return 1.0;
+        }
+        match self.solution(here, system, 1e-9) {
+            Some(solution) => 1.0 - system.squared_error(&solution) / here.error,
+            None => 0.0,
+        }
+    }
+
     /// The error at a trial: coefficients solved anew, or for a nonlinear chain as the step gave them.
     fn judge(&self, mut trial: Fitted) -> Fitted {
         if trial.chain.linear() {
@@ -158,6 +172,23 @@ impl Problem<'_> {
 
     /// One damped step within the bounds.
     fn step(&self, here: &Fitted, system: &Normal, damping: f64) -> Option<Fitted> {
+        let linear = here.coefficients.len();
+        let solution = self.solution(here, system, damping)?;
+        let mut trial = here.clone();
+        trial.coefficients = solution[..linear].to_vec();
+        let mut changes = solution[linear..].iter();
+        for (link, bounds) in trial.chain.links.iter_mut().zip(self.bounds) {
+            for ((value, b), change) in link.values.iter_mut().zip(bounds).zip(&mut changes) {
+                if b.fitted {
+                    *value = (*value + change).clamp(b.min, b.max);
+                }
+            }
+        }
+        Some(trial)
+    }
+
+    /// Linear coefficients and changes of parameters that solve the damped normal equations within the bounds.
+    fn solution(&self, here: &Fitted, system: &Normal, damping: f64) -> Option<Vec<f64>> {
         let linear = here.coefficients.len();
         let flat: Vec<(Bounds, f64)> = self
             .bounds
@@ -178,20 +209,7 @@ impl Problem<'_> {
                 }
             }
             if inside {
-                let mut trial = here.clone();
-                trial.coefficients = solution[..linear].to_vec();
-                let mut j = linear;
-                for (link, bounds) in trial.chain.links.iter_mut().zip(self.bounds) {
-                    for (value, b) in link.values.iter_mut().zip(bounds) {
-                        *value = if b.fitted {
-                            (*value + solution[j]).clamp(b.min, b.max)
-                        } else {
-                            *value
-                        };
-                        j += 1;
-                    }
-                }
-                return Some(trial);
+                return Some(solution);
             }
         }
         None

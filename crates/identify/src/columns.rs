@@ -113,14 +113,11 @@ struct Stepper<'a> {
 impl<'a> Stepper<'a> {
     fn new(design: &'a Design, run: &Run<'_>) -> Self {
         let first = run.input.first().copied().unwrap_or(0.0);
-        let fraction = match run.initial {
-            InitialState::Remanent { fraction } => fraction,
-            InitialState::Periodic { .. } => 0.0,
-        };
+        let before = run.initial.before(run.input);
         let mut stepper = Self {
             thresholds: &design.thresholds,
             envelope: design.envelope,
-            outputs: design.thresholds.iter().map(|r| first - fraction * r).collect(),
+            outputs: design.thresholds.iter().map(|&r| before(r)).collect(),
             last: first,
             samples_per_s: 1.0 / run.period_s,
         };

@@ -2,7 +2,7 @@
 //! is not in the file.
 
 use crate::columns::{Design, Run};
-use crate::family::peak_to_peak;
+use crate::family::{peak_to_peak, range};
 use crate::period;
 
 /// The state of the play operators before the first sample.
@@ -19,6 +19,26 @@ pub enum InitialState {
         /// From 0 to 1.
         fraction: f64,
     },
+}
+
+impl InitialState {
+    /// Output of a play of this threshold before the first sample of `input`.
+    ///
+    /// Periodic records run one period from here, which leaves of it only the plays wider than the record's own span. What
+    /// these hold must not depend on where in its period a record happens to begin: they are taken as at rest at zero,
+    /// demagnetised where the drive swings to both sides, else having come down to it.
+    pub(crate) fn before(self, input: &[f64]) -> impl Fn(f64) -> f64 {
+        let first = input.first().copied().unwrap_or(0.0);
+        let (at, fraction) = match self {
+            Self::Remanent { fraction } => (first, fraction),
+            Self::Periodic { samples } => {
+                let (low, high) = range(input[..samples.min(input.len())].iter().copied());
+                // Conditioning cycles to a side less than half as far leave what coming down to zero leaves.
+                (0.0, if -low > 0.5 * high && low < 0.0 { 0.5 } else { 0.0 })
+            }
+        };
+        move |threshold| at - fraction * threshold
+    }
 }
 
 impl core::fmt::Display for InitialState {

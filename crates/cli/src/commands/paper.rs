@@ -9,7 +9,7 @@ use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_plant::preset;
-use hysteron_tracking::paper::{Study, TRACKED_HZ, TrackingFigure, study};
+use hysteron_tracking::paper::{Study, SwarmRace, TRACKED_HZ, TrackingFigure, race, study};
 use rows::{Row, Section};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -33,29 +33,31 @@ pub(crate) struct PaperArgs {
 
 pub(crate) fn run(args: &PaperArgs) -> Result<Done, CliError> {
     let bar = progress::bar("redoing the paper");
-    let mut studies = Vec::new();
+    let (mut studies, mut races) = (Vec::new(), Vec::new());
     let stages = [
         ("paper-rate", preset::paper_rate()),
         ("paper-delay", preset::paper_delay()),
     ];
     for (done, (name, stage)) in stages.iter().enumerate() {
         let progress = |share: f64| progress::advance(&bar, 0.5 * (done as f64 + share));
-        studies.push(study(name, stage, args.seed, &progress)?);
+        let study = study(name, stage, args.seed, &|share| progress(0.2 * share))?;
+        races.push(race(&study.records, args.seed, &|share| progress(0.2 + 0.8 * share))?);
+        studies.push(study);
     }
     bar.finish_and_clear();
-    let sections = rows::sections(&studies)?;
+    let sections = rows::sections(&studies, &races)?;
     if let Some(path) = &args.output {
         output::write_file(path, &page::page(&studies, &sections, args))?;
     }
     if args.json {
-        output::print_json(&json(&studies, &sections, args))?;
+        output::print_json(&json(&studies, &races, &sections, args))?;
     } else {
         output::print(&text(&studies, &sections))?;
     }
     Ok(Done::Answered)
 }
 
-fn json(studies: &[Study], sections: &[Section], args: &PaperArgs) -> serde_json::Value {
+fn json(studies: &[Study], races: &[SwarmRace], sections: &[Section], args: &PaperArgs) -> serde_json::Value {
     let rows: Vec<serde_json::Value> = sections
         .iter()
         .flat_map(|section| section.rows.iter().map(move |row| (section, row)))
@@ -77,7 +79,8 @@ fn json(studies: &[Study], sections: &[Section], args: &PaperArgs) -> serde_json
         .collect();
     let tracking: serde_json::Map<String, serde_json::Value> = studies
         .iter()
-        .map(|study| {
+        .zip(races)
+        .map(|(study, race)| {
             let value = serde_json::json!({
                 "range_um": study.range_um,
                 "open_loop": study.open_loop,
@@ -87,7 +90,7 @@ fn json(studies: &[Study], sections: &[Section], args: &PaperArgs) -> serde_json
                     "proportional_v_per_um": study.readings[study.reading].gains.proportional_v_per_um,
                     "integral_v_per_um_s": study.readings[study.reading].gains.integral_v_per_um_s,
                 },
-                "seconds": {"separable": study.race.separable_s, "mpso": study.race.swarm_s},
+                "seconds": {"separable": race.separable_s, "mpso": race.swarm_s},
             });
             (study.preset.to_owned(), value)
         })
@@ -138,7 +141,11 @@ fn text(studies: &[Study], sections: &[Section]) -> String {
 
 fn line(row: &Row, widest: usize) -> String {
     let paper = row.paper.map_or_else(|| "-".to_owned(), |value| value.to_string());
-    let ours: Vec<String> = row.ours.iter().map(|value| format!("{:>12}", number(*value))).collect();
+    let ours: Vec<String> = row
+        .ours
+        .iter()
+        .map(|value| format!("{:>12}", number(*value, row.paper)))
+        .collect();
     let mut text = format!("  {:<widest$} {paper:>9} {}  {}\n", row.what, ours.join(" "), row.unit);
     for remark in &row.remarks {
         text.push_str(&wrapped(remark, "      "));
@@ -146,9 +153,20 @@ fn line(row: &Row, widest: usize) -> String {
     text
 }
 
-/// Three digits, or a dash.
-fn number(value: Option<f64>) -> String {
-    value.map_or_else(|| "-".to_owned(), hysteron_report::significant)
+/// Three digits and no fewer decimals than the paper's figure; whole numbers as such; a dash where there is none.
+fn number(value: Option<f64>, paper: Option<f64>) -> String {
+    let Some(value) = value else { return "-".to_owned() };
+    if value.fract() == 0.0 && value.abs() < 1e4 {
+        return value.to_string();
+    }
+    let decimals = |text: &str| text.split_once('.').map_or(0, |(_, digits)| digits.len());
+    let text = hysteron_report::significant(value);
+    let wanted = paper.map_or(0, |paper| decimals(&paper.to_string()));
+    if decimals(&text) >= wanted || text.contains('×') {
+        text
+    } else {
+        format!("{value:.wanted$}")
+    }
 }
 
 /// A sentence in lines of at most 118 characters, each after an indent.
@@ -187,4 +205,91 @@ fn by_frequency(figures: &[TrackingFigure]) -> String {
         text.push('\n');
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hysteron_tracking::experiment::sines;
+    use std::sync::LazyLock;
+
+    struct Redone {
+        studies: Vec<Study>,
+        races: Vec<SwarmRace>,
+        sections: Vec<Section>,
+    }
+
+    /// Both stages whole, but for the swarm, which races over two short records.
+    static REDONE: LazyLock<Redone> = LazyLock::new(|| {
+        let stages = [
+            ("paper-rate", preset::paper_rate()),
+            ("paper-delay", preset::paper_delay()),
+        ];
+        let (mut studies, mut races) = (Vec::new(), Vec::new());
+        for (name, stage) in &stages {
+            studies.push(study(name, stage, 1, &|_| ()).unwrap());
+            let short = sines(stage, &[250.0, 500.0], 26.0, |_| 400, 1).unwrap();
+            races.push(race(&short, 1, &|_| ()).unwrap());
+        }
+        let sections = rows::sections(&studies, &races).unwrap();
+        Redone {
+            studies,
+            races,
+            sections,
+        }
+    });
+
+    const ARGS: PaperArgs = PaperArgs {
+        output: None,
+        seed: 1,
+        json: true,
+    };
+
+    /// Every figure that the paper states, in its order, stands beside ours; figures without one of ours say why.
+    #[test]
+    fn val_json_has_all_figures_of_the_paper() {
+        let Redone {
+            studies,
+            races,
+            sections,
+        } = &*REDONE;
+        let value = json(studies, races, sections, &ARGS);
+        let rows = value["rows"].as_array().unwrap();
+        let stated: Vec<f64> = rows.iter().filter_map(|row| row["paper"].as_f64()).collect();
+        let wanted = [
+            [24.0, 23.0, 16.0, 23.0, 14.0].as_slice(),
+            &[16.44, 22.56, 45.51, 16.44, 22.56, 45.51, 1.0, 1.37, 2.77],
+            &[21.5, 21.217, 2.7, 11.0, 5.12, 1.6],
+            &[36.1, 36.1, 36.1, 36.1],
+            &[37.0, 12.3, 4.5, 2.3, 36.1, 1020.0, 2280.0, 2460.0],
+        ];
+        assert_eq!(stated, wanted.concat());
+        for row in rows {
+            for preset in ["paper-rate", "paper-delay"] {
+                let has = row["ours"][preset].as_f64().is_some_and(f64::is_finite);
+                let explained = !row["remarks"].as_array().unwrap().is_empty();
+                assert!(has || explained, "{row}");
+            }
+        }
+        for preset in ["paper-rate", "paper-delay"] {
+            // 3 inverses and 4 controllers, 8 sines and the complex harmonic each.
+            assert_eq!(value["tracking"][preset]["open_loop"].as_array().unwrap().len(), 27);
+            assert_eq!(value["tracking"][preset]["closed_loop"].as_array().unwrap().len(), 36);
+        }
+    }
+
+    #[test]
+    fn val_page_and_text_show_every_row() {
+        let Redone { studies, sections, .. } = &*REDONE;
+        let (page, text) = (page::page(studies, sections, &ARGS), text(studies, sections));
+        for row in sections.iter().flat_map(|section| &section.rows) {
+            assert!(text.contains(&row.what), "{}", row.what);
+            assert!(row.is_time || page.contains(&row.what), "{}", row.what);
+        }
+        // Three loops, two error plots, four histories and three responses a stage.
+        assert_eq!(page.matches("role=\"img\"").count(), 24);
+        assert_eq!(page, page::page(studies, sections, &ARGS));
+        assert!(!page.contains("src=\"http") && !page.contains("<script"));
+        assert!(text.lines().all(|line| line.chars().count() <= 118), "{text}");
+    }
 }

@@ -146,14 +146,13 @@ impl Truth {
         }
         let mut names = Vec::new();
         for hidden in &self.hidden {
-            let name = if hidden.effect.is_outside() {
-                "unknown"
-            } else {
-                hidden.effect.name()
+            let here: &[&'static str] = match hidden.effect {
+                // Plays that forget widen the loops with the rate and relax at rest: both names say what happens.
+                Effect::MemoryLeak => &["unknown", "rate-dependence", "creep"],
+                effect if effect.is_outside() => &["unknown"],
+                effect => &[effect.name()],
             };
-            if !names.contains(&name) {
-                names.push(name);
-            }
+            names.extend(here.iter().filter(|name| !names.contains(*name)).collect::<Vec<_>>());
         }
         names
     }
@@ -172,7 +171,9 @@ pub struct Case {
 
 /// Makes the case of a seed.
 ///
-/// The same seed always has the same stage, sensor, laboratory and programme, whatever is hidden in it (but for the other axis, which is there wherever it couples).
+/// The same seed always has the same stage, sensor, laboratory and programme, whatever is hidden in it, but for
+/// two columns: the other axis is there wherever it couples, and the temperature wherever the stage ages, because nothing else tells that from a
+/// gain that follows the temperature.
 /// Effects of a pair are sized alone.
 ///
 /// # Errors
@@ -193,7 +194,9 @@ pub struct Case {
 pub fn generate(seed: u64, spec: &Spec) -> Result<(Case, Truth), StageError> {
     let rng = |n: u64| Pcg64::seed_from_u64(seed.wrapping_add(n.wrapping_mul(0x9E37_79B9_7F4A_7C15)));
     let mut laboratory = Laboratory::draw(spec.family, &mut rng(1))?;
-    laboratory.has_other_axis |= spec.hidden.iter().any(|asked| asked.effect == Effect::CrossCoupling);
+    let hides = |effect| spec.hidden.iter().any(|asked| asked.effect == effect);
+    laboratory.has_other_axis |= hides(Effect::CrossCoupling);
+    laboratory.records_temperature |= hides(Effect::Ageing);
     let programme = programme::plan(&laboratory, &mut rng(2))?;
     let stage_seed: u64 = rng(3).random();
     let stage = Setup {

@@ -4,6 +4,7 @@ use super::{DemoArgs, Judged, best, next_commands, validated};
 use hysteron_data::{Dataset, Role};
 use hysteron_diagnose::Comparison;
 use hysteron_identify::Family;
+use hysteron_plant::opening::loop_opening;
 use hysteron_report::figures::{Bar, LoopData, OverlayData, bars, loop_plot, overlay};
 use hysteron_report::{
     Block, Cell, Figure, Ink, LegendEntry, Page, Picture, Section, Size, Swatch, Table, Tile, significant,
@@ -18,7 +19,14 @@ const WIDE: Size = Size {
     height: 420,
 };
 /// Records whose loops show what hysteresis is.
-const LOOPS: [&str; 3] = ["sine-011hz.csv", "sine-503hz.csv", "triangle-031hz.csv"];
+const LOOPS: [&str; 4] = [
+    "sine-011hz.csv",
+    "sine-503hz.csv",
+    "triangle-031hz.csv",
+    "complex-harmonic-053hz.csv",
+];
+/// The full-stroke sines, slowest first.
+const SINES: [&str; 3] = ["sine-011hz.csv", "sine-097hz.csv", "sine-503hz.csv"];
 
 /// The page as HTML.
 pub(super) fn page(dataset: &Dataset, judged: &[Judged], args: &DemoArgs) -> String {
@@ -74,19 +82,23 @@ fn lead(judged: &[Judged]) -> Vec<String> {
 
 /// The stage's loops, and what was recorded.
 fn stage(dataset: &Dataset, judged: &[Judged]) -> Section {
-    let slow_and_fast = |file: &str| dataset.records.iter().find(|record| record.file == file);
-    let openings: Vec<String> = LOOPS
+    let openings: Vec<(f64, String)> = SINES
         .iter()
         .filter_map(|file| {
-            let record = slow_and_fast(file)?;
-            let percent = hysteron_identify::objective::measured_opening(record)?;
-            Some(format!(
-                "{} % in {}",
-                significant(percent),
-                record.file.trim_end_matches(".csv")
+            let record = dataset.records.iter().find(|record| record.file == *file)?;
+            let opening = 100.0 * loop_opening(&record.voltage_v, &record.position_um).ok()?;
+            Some((
+                opening,
+                format!(
+                    "{} % of the stroke in {}",
+                    significant(opening),
+                    record.file.trim_end_matches(".csv")
+                ),
             ))
         })
         .collect();
+    let grows = openings.windows(2).all(|pair| pair[1].0 > pair[0].0);
+    let openings: Vec<String> = openings.into_iter().map(|(_, text)| text).collect();
     let mrpi = judged.iter().find(|one| one.model.family == Family::Mrpi);
     let figures = LOOPS
         .iter()
@@ -109,9 +121,10 @@ fn stage(dataset: &Dataset, judged: &[Judged]) -> Section {
     );
     Section::new("The stage")
         .with(Block::Text(format!(
-            "Voltage goes in, position comes out, and the way up is not the way down. The loop is {} of the stroke wide: it \
-             grows with the frequency. Below, measured loops and the MRPI model's.",
-            openings.join(", ")
+            "Voltage goes in, position comes out, and the way up is not the way down. The loop between the two is {} wide{} \
+             Below, measured loops and the MRPI model's.",
+            openings.join(", "),
+            if grows { ": it grows with the frequency." } else { "." }
         )))
         .with(Block::Gallery(figures.collect()))
         .with(Block::Details("All records".to_owned(), vec![Block::Table(table)]))

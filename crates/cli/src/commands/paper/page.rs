@@ -106,7 +106,11 @@ fn section(part: &Part, studies: &[Study]) -> Section {
     let rows = || part.rows.iter().filter(|row| !row.is_time);
     let table = rows().fold(Table::new(part.heading, &columns), |table, row| {
         let mut cells = vec![Cell::text(&row.what), Cell::text(row.unit), paper_cell(row)];
-        cells.extend(row.ours.iter().map(|value| Cell::number(*value)));
+        cells.extend(
+            row.ours
+                .iter()
+                .map(|value| Cell::Number(super::number(*value, row.paper))),
+        );
         table.row(cells)
     });
     let remarks: Vec<(String, String)> = rows()

@@ -1,8 +1,9 @@
 //! Why a figure of ours is what it is, in sentences computed from the result.
 
 use hysteron_identify::Family;
+use hysteron_identify::family::peak_to_peak;
 use hysteron_tracking::figures::{RunFigures, lateness_us};
-use hysteron_tracking::paper::{Bandwidth, Study, TRACKED_HZ, find};
+use hysteron_tracking::paper::{Bandwidth, Study, TRACKED_HZ, find, first_play_lead_s};
 
 /// Shares of the squared error below this, percent, are not worth a word.
 const WORTH_SAYING: f64 = 10.0;
@@ -38,13 +39,14 @@ pub(super) fn composition(figures: &RunFigures) -> String {
 
 /// The error at 500 Hz of one controller on both stages, against the paper's.
 pub(super) fn at_500_hz(studies: &[Study], closed: bool, inverse: Option<Family>, paper: f64) -> Vec<String> {
-    let mut remarks = Vec::new();
+    let (mut remarks, mut mostly_late) = (Vec::new(), false);
     for study in studies {
         let figures = if closed { &study.closed_loop } else { &study.open_loop };
         let Some(found) = find(figures, inverse, 500.0) else {
             continue;
         };
         let f = &found.figures;
+        mostly_late |= f.late_share_percent > 50.0 && f.late_us > 0.0;
         let mut text = format!("{}: of the squared error, {}", study.preset, composition(f));
         if f.true_percent > 1.1 * f.measured_percent {
             text.push_str(&format!(
@@ -60,7 +62,7 @@ pub(super) fn at_500_hz(studies: &[Study], closed: bool, inverse: Option<Family>
         }
         remarks.push(text + ".");
     }
-    if let (Some(late_us), true) = (lateness_us(paper, 500.0), paper > 5.0) {
+    if let (Some(late_us), true) = (lateness_us(paper, 500.0), mostly_late) {
         remarks.push(format!(
             "The paper's {paper} % is what being {late_us:.0} us late gives by itself."
         ));
@@ -104,19 +106,29 @@ pub(super) fn gain_against_rate(study: &Study) -> Option<String> {
     let fast = find(&study.open_loop, Some(Family::Mrpi), 500.0)?.figures;
     let opposed = slow.gain_percent * fast.gain_percent < 0.0;
     let heavy = slow.gain_share_percent.min(fast.gain_share_percent) >= 30.0;
-    (opposed && heavy).then(|| {
+    let strokes_um: Vec<f64> = study
+        .records
+        .records
+        .iter()
+        .map(|record| peak_to_peak(&record.position_um))
+        .collect();
+    let lead_s = first_play_lead_s(&study.inverses.get(2)?.model)?;
+    (opposed && heavy && strokes_um.len() > 2).then(|| {
         let side = |percent: f64| if percent > 0.0 { "small" } else { "large" };
         format!(
             "{}: the fit compromises on amplitude, which is {:.1} % too {} at 10 Hz ({:.0} % of the squared error there) \
-             and {:.1} % too {} at 500 Hz ({:.0} %): this stage's stroke at one voltage changes with frequency, and \
-             eq. 13 has one set of weights for all.",
+             and {:.1} % too {} at 500 Hz ({:.0} %). From 10 to 500 Hz the stage's own stroke at 26 V changes by {:+.1} %; the \
+             inverse's lead of {:.0} us raises its voltage by (w tau)^2 / 2 = {:.1} %.",
             study.preset,
             slow.gain_percent.abs(),
             side(slow.gain_percent),
             slow.gain_share_percent,
             fast.gain_percent.abs(),
             side(fast.gain_percent),
-            fast.gain_share_percent
+            fast.gain_share_percent,
+            100.0 * (strokes_um[2] / strokes_um[0] - 1.0),
+            1e6 * lead_s,
+            50.0 * (std::f64::consts::TAU * 500.0 * lead_s).powi(2)
         )
     })
 }

@@ -4,7 +4,7 @@ use super::reasons;
 use crate::error::CliError;
 use hysteron_identify::Family;
 use hysteron_tracking::formulas::{self, FIGURE_1_HZ};
-use hysteron_tracking::paper::{IDENTIFIED_HZ, PUBLISHED_PI_HZ, Study, find};
+use hysteron_tracking::paper::{IDENTIFIED_HZ, PUBLISHED_PI_HZ, Study, SwarmRace, find, first_play_lead_s};
 
 /// A figure of the paper, ours on each stage, and what there is to say.
 pub(super) struct Row {
@@ -58,12 +58,12 @@ fn each(studies: &[Study], figure: impl Fn(&Study) -> Option<f64>) -> [Option<f6
 }
 
 /// All figures, in the paper's order.
-pub(super) fn sections(studies: &[Study]) -> Result<Vec<Section>, CliError> {
+pub(super) fn sections(studies: &[Study], races: &[SwarmRace]) -> Result<Vec<Section>, CliError> {
     Ok(vec![
         table_1(studies),
         paper_formulas()?,
         openings(studies),
-        identification(studies),
+        identification(studies, races),
         open_loop(studies),
         gains(studies),
         closed_loop(studies),
@@ -193,10 +193,13 @@ fn openings(studies: &[Study]) -> Section {
     }
 }
 
-fn identification(studies: &[Study]) -> Section {
-    let time = |what: &str, unit, figure: &dyn Fn(&Study) -> Option<f64>| Row {
+fn identification(studies: &[Study], races: &[SwarmRace]) -> Section {
+    let of_race = |what: &str, unit, figure: fn(&SwarmRace) -> f64| {
+        Row::new(what, unit, None, core::array::from_fn(|i| races.get(i).map(figure)))
+    };
+    let time = |what: &str, unit, figure: fn(&SwarmRace) -> f64| Row {
         is_time: true,
-        ..Row::new(what, unit, None, each(studies, figure))
+        ..of_race(what, unit, figure)
     };
     let envelope = |of: fn(f64, f64) -> f64| {
         each(studies, move |study| {
@@ -220,33 +223,17 @@ fn identification(studies: &[Study]) -> Section {
         ));
     }
     let rows = vec![
-        Row::new(
-            "objective (17), separable",
-            "V²",
-            None,
-            each(studies, |study| Some(study.race.separable_objective)),
-        ),
-        Row::new(
-            "objective (17), particle swarm",
-            "V²",
-            None,
-            each(studies, |study| Some(study.race.swarm_objective)),
-        ),
-        Row::new(
-            "objective, separable over swarm",
-            "",
-            None,
-            each(studies, |study| {
-                Some(study.race.separable_objective / study.race.swarm_objective)
-            }),
-        ),
-        time("time, separable", "s", &|study| Some(study.race.separable_s)),
-        time("time, particle swarm", "s", &|study| Some(study.race.swarm_s)),
-        time("time, swarm over separable", "", &|study| {
-            Some(study.race.swarm_s / study.race.separable_s)
+        of_race("objective (17), separable", "V²", |race| race.separable_objective),
+        of_race("objective (17), particle swarm", "V²", |race| race.swarm_objective),
+        of_race("objective, separable over swarm", "", |race| {
+            race.separable_objective / race.swarm_objective
         }),
-        Row::new("alpha", "s", 2.15e-5, envelope(|alpha_s, _| alpha_s)),
-        Row::new("beta", "s", 2.1217e-5, envelope(|_, beta_s| beta_s)),
+        time("time, separable", "s", |race| race.separable_s),
+        time("time, particle swarm", "s", |race| race.swarm_s),
+        time("time, swarm over separable", "", |race| race.swarm_s / race.separable_s),
+        Row::new("alpha", "us", 21.5, envelope(|alpha_s, _| 1e6 * alpha_s))
+            .remark("With r_1 = 0 the records give alpha and beta only as products with the first weight: see below."),
+        Row::new("beta", "us", 21.217, envelope(|_, beta_s| 1e6 * beta_s)),
         modelling.remarks(studies.iter().filter_map(reasons::gain_against_rate)),
     ];
     Section {
@@ -262,15 +249,18 @@ fn r1_trap(studies: &[Study]) -> Vec<String> {
         .iter()
         .filter_map(|study| {
             let model = &study.inverses.get(2)?.model;
-            let value = |name: &str| model.parameters().into_iter().find(|p| p.name == name).map(|p| p.value);
-            let (linear, first, envelope) = (value("linear")?, value("weight[1]")?, model.envelope?);
-            let gain = linear + first;
+            let value = |name: &str| {
+                let parameter = model.parameters().into_iter().find(|p| p.name == name);
+                parameter.map(|parameter| parameter.value)
+            };
+            let (linear, first) = (value("linear")?, value("weight[1]")?);
             Some(format!(
                 "{}: eq. 16 puts r_1 at 0, where the play is v - alpha |v'| going up and v + beta |v'| coming down. Its weight of \
-                 {first:.2} V/um and the linear term of {linear:.2} V/um are a static gain of {gain:.2} V/um and a lead of {:.0} us: \
+                 {first:.2} V/um and the linear term of {linear:.2} V/um are a static gain of {:.2} V/um and a lead of {:.0} us: \
                  neither means anything alone. The paper's -4.8645 and 6.4714 are a gain of 1.6069 and a lead of {:.0} us.",
                 study.preset,
-                -1e6 * first * 0.5 * (envelope.alpha_s + envelope.beta_s) / gain,
+                linear + first,
+                1e6 * first_play_lead_s(model)?,
                 1e6 * 4.8645 * 0.5 * (2.15e-5 + 2.1217e-5) / 1.6069
             ))
         })

@@ -1,0 +1,174 @@
+//! `simulate`, `demo` and `paper` as a user meets them.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot run its subject fails")]
+
+use assert_cmd::Command;
+use hysteron_data::{Role, read_dataset};
+use std::fs;
+use std::path::Path;
+
+fn hysteron() -> Command {
+    Command::cargo_bin("hysteron").unwrap()
+}
+
+/// What a refused command says on standard error.
+fn refused(args: &[&str]) -> String {
+    let output = hysteron().args(args).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{args:?}");
+    assert!(output.stdout.is_empty(), "{args:?}");
+    // The error is wrapped to the terminal's width.
+    let text = String::from_utf8(output.stderr).unwrap();
+    text.replace(['│', '×'], " ")
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+#[test]
+fn val_simulate_records_a_campaign_that_repeats() {
+    let folder = tempfile::tempdir().unwrap();
+    let (first, again) = (folder.path().join("a"), folder.path().join("b"));
+    for place in [&first, &again] {
+        hysteron()
+            .args(["simulate", "--stage", "paper-rate", "-o"])
+            .arg(place)
+            .assert()
+            .success();
+    }
+    let dataset = read_dataset(&first).unwrap();
+    assert!(dataset.with_role(Role::Identify).count() >= 4 && dataset.with_role(Role::Validate).count() >= 2);
+    // Half a sample of hold is all that the controller's builder knows of.
+    assert!((dataset.known.delay_s.unwrap() - 10e-6).abs() < 1e-12);
+    for record in &dataset.records {
+        let bytes = |place: &Path| fs::read(place.join(&record.file)).unwrap();
+        assert_eq!(bytes(&first), bytes(&again), "{}", record.file);
+    }
+}
+
+#[test]
+fn val_simulate_takes_what_was_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("stage");
+    hysteron()
+        .args([
+            "simulate",
+            "--stage",
+            "paper-delay",
+            "--rate",
+            "10000",
+            "--excitation",
+            "sine:hz=100,periods=3",
+        ])
+        .args([
+            "--excitation",
+            "sine:hz=100,high_v=10,periods=2",
+            "--validate",
+            "rest:v=5,seconds=0.1",
+            "-o",
+        ])
+        .arg(&place)
+        .assert()
+        .success();
+    let dataset = read_dataset(&place).unwrap();
+    let found: Vec<_> = dataset
+        .records
+        .iter()
+        .map(|r| (r.file.as_str(), r.role, r.len(), r.period_s))
+        .collect();
+    assert_eq!(
+        found,
+        [
+            ("sine-100hz.csv", Role::Identify, 300, 1e-4),
+            ("sine-100hz-2.csv", Role::Identify, 200, 1e-4),
+            // 20 ms of rise and 100 ms of rest.
+            ("rest.csv", Role::Validate, 1200, 1e-4),
+        ]
+    );
+    let sine = &dataset.records[0];
+    let stroke_um = sine.position_um.iter().fold(0.0_f64, |most, &y| most.max(y));
+    // The preset moves 2.6 um at 26 V.
+    assert!((stroke_um - 2.6).abs() < 0.05, "{stroke_um}");
+}
+
+#[test]
+fn refuse_simulate() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("stage").display().to_string();
+    let simulate = |more: &[&str]| refused(&[&["simulate", "--stage", "paper-rate", "-o", &place], more].concat());
+    assert_eq!(
+        simulate(&["--rate", "1e6"]),
+        "--rate 1000000: a number of hertz above 0 and at most 50000, the stage's controller"
+    );
+    assert!(simulate(&["--excitation", "saw"]).contains("`saw` is no excitation; there are sine, triangle"));
+    assert!(simulate(&["--excitation", "sine:hz=20000"]).contains("sine.frequency_hz = 20000 must lie between"));
+    assert!(!Path::new(&place).exists());
+    hysteron()
+        .args([
+            "simulate",
+            "--stage",
+            "paper-rate",
+            "--excitation",
+            "sine",
+            "-o",
+            &place,
+        ])
+        .assert()
+        .success();
+    // A dataset that is there is not replaced unless that is asked for.
+    simulate(&["--excitation", "sine"]);
+    hysteron()
+        .args([
+            "simulate",
+            "--stage",
+            "paper-rate",
+            "--excitation",
+            "sine",
+            "--overwrite",
+            "-o",
+            &place,
+        ])
+        .assert()
+        .success();
+}
+
+#[test]
+fn val_demo_leaves_what_it_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("first-look");
+    let output = hysteron().args(["demo", "-o"]).arg(&place).output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    let said = String::from_utf8(output.stdout).unwrap();
+    let page = fs::read_to_string(place.join("demo.html")).unwrap();
+    for family in ["pi", "mpi", "wrpi", "mrpi", "play-polynomial"] {
+        assert!(place.join(format!("{family}.toml")).exists(), "{family}");
+        assert!(said.contains(family) && page.contains(family), "{family}");
+    }
+    // Four loops, the bars, one record over time.
+    assert_eq!(page.matches("role=\"img\"").count(), 6);
+    assert!(!page.contains("src=\"http") && !page.contains("<script"));
+    // Its dataset and models go on: the next command that it names.
+    hysteron()
+        .arg("compare")
+        .arg(place.join("stage"))
+        .arg(place.join("mrpi.toml"))
+        .assert()
+        .success();
+}
+
+#[test]
+fn val_help_has_an_example() {
+    for command in ["simulate", "demo", "paper"] {
+        let output = hysteron().args([command, "--help"]).output().unwrap();
+        assert_eq!(output.status.code(), Some(0));
+        let help = String::from_utf8(output.stdout).unwrap();
+        assert!(
+            help.contains("Example") && help.contains(&format!("hysteron {command}")),
+            "{help}"
+        );
+    }
+}
+
+#[test]
+fn refuse_paper() {
+    assert!(refused(&["paper", "--seed", "x"]).contains("invalid value 'x' for '--seed <SEED>'"));
+}
