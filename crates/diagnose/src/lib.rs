@@ -10,6 +10,7 @@ mod error_map;
 mod missing;
 pub mod noise;
 mod spectrum;
+mod straight_line;
 
 pub use compare::compare;
 pub use comparison::{
