@@ -7,6 +7,7 @@ pub mod compare;
 pub mod comparison;
 pub mod diagnosis;
 mod error_map;
+pub mod ladder;
 mod missing;
 pub mod noise;
 mod spectrum;
@@ -16,4 +17,5 @@ pub use compare::compare;
 pub use comparison::{
     Bin, Breakdown, Comparison, ErrorMap, NoiseFloor, NoiseSource, Pooled, RecordComparison, Series, Spectrum,
 };
+pub use ladder::{Ladder, Rung, add, ladder};
 pub use missing::diagnose;

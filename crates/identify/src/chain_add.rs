@@ -1,14 +1,16 @@
 //! Adds an effect to a model: all parameters fitted anew, errors before and after on every record.
 
 use crate::chain::{Chain, Link};
+use crate::chain_facts::facts;
 use crate::chain_fit::{Fitted, Problem, prepare};
 use crate::chain_trace::Trace;
 use crate::columns::Design;
 use crate::effects::{self, Bounds, Effect, Facts, Shape};
 use crate::error::IdentifyError;
-use crate::family::{Direction, Family, peak_to_peak, range};
+use crate::family::{Direction, Family, range};
+use crate::history::{self, record_errors};
 use crate::initial::{self, InitialState};
-use crate::model::{FittedEffect, FittedRecord, Model, Parameter, RecordError, Step};
+use crate::model::{Change, FittedEffect, FittedRecord, Model, Parameter, Step};
 use crate::objective::runs;
 use hysteron_core::envelope::Envelope;
 use hysteron_data::{Dataset, Role};
@@ -77,16 +79,10 @@ pub fn add_effect(
     }
     let facts = facts(dataset, model.family);
     let plan = plan(model, &effect, &facts).map_err(refuse)?;
-    let before = step(
-        model
-            .history
-            .last()
-            .map_or_else(|| model.family.name().to_owned(), |step| step.added.clone()),
-        record_errors(dataset, model),
-    );
+    let before = history::present(dataset, model);
     progress(0.05);
     let mut new = search(dataset, model, &plan, progress);
-    let after = step(name.to_owned(), record_errors(dataset, &new));
+    let after = history::step(Change::Added, name.to_owned(), record_errors(dataset, &new));
     if new.history.is_empty() {
         new.history.push(before.clone());
     }
@@ -367,91 +363,4 @@ fn notices(model: &Model, problem: &Problem<'_>) -> Vec<String> {
         }
     }
     notices
-}
-
-/// What the effects may know of a dataset.
-pub(crate) fn facts(dataset: &Dataset, family: Family) -> Facts {
-    let records = || dataset.with_role(Role::Identify);
-    let (v_low, v_high) = range(records().flat_map(|r| r.voltage_v.iter().copied()));
-    let (y_low, y_high) = range(records().flat_map(|r| r.position_um.iter().copied()));
-    let rate = |v: &[f64], period_s: f64| v.windows(2).map(|w| (w[1] - w[0]).abs() / period_s).fold(0.0, f64::max);
-    let with_temperature = records().all(|r| r.temperature_c.is_some());
-    let temperatures: Vec<f64> = records()
-        .filter_map(|r| r.temperature_c.as_ref())
-        .flatten()
-        .copied()
-        .collect();
-    let voltages2: Vec<f64> = records()
-        .filter_map(|r| r.voltage2_v.as_ref())
-        .flatten()
-        .copied()
-        .collect();
-    let (t_low, t_high) = range(temperatures.iter().copied());
-    let (v2_low, v2_high) = range(voltages2.iter().copied());
-    Facts {
-        voltage_v: [v_low, v_high],
-        position_um: [y_low, y_high],
-        finest_period_s: records().map(|r| r.period_s).fold(f64::INFINITY, f64::min),
-        longest_s: records().map(|r| r.duration_s()).fold(0.0, f64::max),
-        peak_rate_v_per_s: records().map(|r| rate(&r.voltage_v, r.period_s)).fold(0.0, f64::max),
-        temperature_c: (with_temperature && !temperatures.is_empty()).then(|| {
-            [
-                t_low,
-                temperatures.iter().sum::<f64>() / temperatures.len() as f64,
-                t_high,
-            ]
-        }),
-        voltage2_v: (v2_high > v2_low).then_some([v2_low, v2_high]),
-        family,
-    }
-}
-
-/// The error of a model on every record of a dataset, free simulation.
-pub fn record_errors(dataset: &Dataset, model: &Model) -> Vec<RecordError> {
-    dataset
-        .records
-        .par_iter()
-        .map(|record| {
-            let modelled = model.simulate(record).output;
-            let measured = model.direction.output(record);
-            let n = measured.len() as f64;
-            let rms = (measured
-                .iter()
-                .zip(&modelled)
-                .map(|(y, m)| (y - m).powi(2))
-                .sum::<f64>()
-                / n)
-                .sqrt();
-            let mean = measured.iter().sum::<f64>() / n;
-            let own = (measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt();
-            let stroke = peak_to_peak(measured);
-            let moves = stroke > 0.0 && peak_to_peak(&record.voltage_v) > 0.0;
-            RecordError {
-                file: record.file.clone(),
-                role: record.role,
-                rms,
-                percent: moves.then(|| 100.0 * rms / stroke),
-                relative_percent: moves.then(|| 100.0 * rms / own),
-            }
-        })
-        .collect()
-}
-
-/// A step of a history from its records' errors, pooled as root mean square over the records that move.
-pub(crate) fn step(added: String, records: Vec<RecordError>) -> Step {
-    let pool = |role: Role| {
-        let squares: Vec<f64> = records
-            .iter()
-            .filter(|r| r.role == role)
-            .filter_map(|r| r.percent)
-            .map(|p| p * p)
-            .collect();
-        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
-    };
-    Step {
-        added,
-        identify_percent: pool(Role::Identify),
-        validate_percent: pool(Role::Validate),
-        records,
-    }
 }

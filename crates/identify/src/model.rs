@@ -61,6 +61,9 @@ pub struct FittedOn {
     pub seed: Option<u64>,
     /// Ridge on the scaled columns.
     pub ridge: f64,
+    /// Noise floor of the records, output unit, rms; known once a step of the history has been measured against it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_rms: Option<f64>,
     /// The records.
     #[serde(rename = "record", default)]
     pub records: Vec<FittedRecord>,
@@ -95,12 +98,26 @@ pub struct FittedEffect {
     pub parameters: Vec<Parameter>,
 }
 
-/// One step of a model's history: what was fitted or added, and the errors it left.
+/// What a step of a model's history did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Change {
+    /// A hysteresis family was fitted.
+    Fitted,
+    /// An effect was added, everything fitted anew.
+    Added,
+    /// An effect was taken out again, everything fitted anew.
+    Removed,
+}
+
+/// One step of a model's history: what was fitted, added or removed, and the errors it left.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
-    /// The effect that was added; the hysteresis family in the first step.
-    pub added: String,
+    /// What was done.
+    pub change: Change,
+    /// The effect; the hysteresis family where one was fitted.
+    pub what: String,
     /// Pooled error (eq. 19) on the records it was fitted to, percent of peak to peak.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub identify_percent: Option<f64>,
