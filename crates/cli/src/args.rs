@@ -2,7 +2,7 @@
 
 use crate::commands::{
     add::AddArgs, compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs, fit::FitArgs, import::ImportArgs,
-    ladder::LadderArgs, paper::PaperArgs, simulate::SimulateArgs,
+    ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs, simulate::SimulateArgs,
 };
 use clap::{Parser, Subcommand};
 
@@ -34,6 +34,8 @@ pub(crate) enum Command {
     Add(AddArgs),
     /// Show how the error of a model fell, step by step, down to the noise floor
     Ladder(LadderArgs),
+    /// Fit, diagnose and add by itself until nothing more is missing or nothing more can be told
+    Learn(LearnArgs),
     /// Redo the paper on the simulated stages, its figures beside ours
     Paper(PaperArgs),
     /// Run the main job on the simulated stage and leave a page with pictures

@@ -8,6 +8,7 @@ pub mod comparison;
 pub mod diagnosis;
 mod error_map;
 pub mod ladder;
+pub mod learn;
 mod missing;
 pub mod noise;
 mod spectrum;
@@ -18,4 +19,5 @@ pub use comparison::{
     Bin, Breakdown, Comparison, ErrorMap, NoiseFloor, NoiseSource, Pooled, RecordComparison, Series, Spectrum,
 };
 pub use ladder::{Ladder, Rung, add, ladder};
+pub use learn::{Attempt, Learned, Stop, learn, learn_from};
 pub use missing::diagnose;

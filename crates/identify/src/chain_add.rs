@@ -3,6 +3,7 @@
 use crate::chain::{Chain, Link};
 use crate::chain_facts::facts;
 use crate::chain_fit::{Fitted, Problem, prepare};
+use crate::chain_start::best_of_starts;
 use crate::chain_trace::Trace;
 use crate::columns::Design;
 use crate::effects::{self, Bounds, Effect, Facts, Shape};
@@ -16,7 +17,6 @@ use hysteron_core::envelope::Envelope;
 use hysteron_data::{Dataset, Role};
 use rayon::prelude::*;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What adding an effect did.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,15 +34,6 @@ const SEARCH_ROWS: usize = 6_000;
 
 /// Rows of the final solution: a quarter of a million say as much of fifty parameters as any more.
 const FINAL_ROWS: usize = 250_000;
-
-/// Starts that are followed some steps towards the bottom of their valley; the best goes all the way.
-const FOLLOWED: usize = 4;
-
-/// Those steps.
-const FIRST_STEPS: usize = 4;
-
-/// Up to so many starts get a step before they are compared; a longer list is a grid that stands close enough without.
-const STEP_EACH: usize = 14;
 
 /// Adds an effect of the catalogue to a model and fits all parameters anew to the records with role `identify`.
 /// `progress` is called with the share done, 0 to 1.
@@ -79,20 +70,63 @@ pub fn add_effect(
     }
     let facts = facts(dataset, model.family);
     let plan = plan(model, &effect, &facts).map_err(refuse)?;
+    Ok(carry_out(dataset, model, &plan, Change::Added, name, progress))
+}
+
+/// Takes an effect out of a model again and fits all other parameters anew to the records with role `identify`.
+///
+/// # Errors
+/// - An effect that is not in the model's chain; a change of the hysteresis family cannot be taken back.
+/// - No record to identify.
+pub fn remove_effect(
+    dataset: &Dataset,
+    model: &Model,
+    name: &str,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Added, IdentifyError> {
+    if !model.effects.iter().any(|fitted| fitted.name == name) {
+        return Err(IdentifyError::EffectNotThere {
+            effect: name.to_owned(),
+        });
+    }
+    if dataset.with_role(Role::Identify).next().is_none() {
+        return Err(IdentifyError::NothingToFit);
+    }
+    let facts = facts(dataset, model.family);
+    let mut chain = model.chain_with(Vec::new());
+    chain.links.retain(|link| link.effect.description().name != name);
+    let plan = Plan {
+        bounds: bounds(&chain, &facts),
+        chain,
+        starts: vec![Vec::new()],
+        link: None,
+    };
+    Ok(carry_out(dataset, model, &plan, Change::Removed, name, progress))
+}
+
+/// Searches, and writes the step into the history.
+fn carry_out(
+    dataset: &Dataset,
+    model: &Model,
+    plan: &Plan,
+    change: Change,
+    name: &str,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Added {
     let before = history::present(dataset, model);
     progress(0.05);
-    let mut new = search(dataset, model, &plan, progress);
-    let after = history::step(Change::Added, name.to_owned(), record_errors(dataset, &new));
+    let mut new = search(dataset, model, plan, progress);
+    let after = history::step(change, name.to_owned(), record_errors(dataset, &new));
     if new.history.is_empty() {
         new.history.push(before.clone());
     }
     new.history.push(after.clone());
     progress(1.0);
-    Ok(Added {
+    Added {
         model: new,
         before,
         after,
-    })
+    }
 }
 
 /// What is searched: the chain with the effect in it, and where to start.
@@ -130,15 +164,7 @@ fn plan(model: &Model, effect: &Arc<dyn Effect>, facts: &Facts) -> Result<Plan, 
     }
     let position = |link: &Link| link.effect.description().name == name;
     let link = chain.links.iter().position(position);
-    let mut bounds = Vec::new();
-    for link in &chain.links {
-        let mut of_link = link.effect.bounds(facts).unwrap_or_else(|_| {
-            // Records that cannot show an effect of the model leave it as it is.
-            link.values.iter().map(|&value| Bounds::fixed(value)).collect()
-        });
-        link.effect.free(&link.values, &mut of_link);
-        bounds.push(of_link);
-    }
+    let mut bounds = bounds(&chain, facts);
     let starts = match link {
         None => vec![Vec::new()],
         Some(i) if there => {
@@ -157,6 +183,19 @@ fn plan(model: &Model, effect: &Arc<dyn Effect>, facts: &Facts) -> Result<Plan, 
         starts,
         link,
     })
+}
+
+/// Bounds of every link's parameters.
+fn bounds(chain: &Chain, facts: &Facts) -> Vec<Vec<Bounds>> {
+    let of_link = |link: &Link| {
+        let mut of_link = link.effect.bounds(facts).unwrap_or_else(|_| {
+            // Records that cannot show an effect of the model leave it as it is.
+            link.values.iter().map(|&value| Bounds::fixed(value)).collect()
+        });
+        link.effect.free(&link.values, &mut of_link);
+        of_link
+    };
+    chain.links.iter().map(of_link).collect()
 }
 
 /// The records to fit to, with the states that the given model finds.
@@ -190,6 +229,12 @@ fn traces<'a>(dataset: &'a Dataset, model: &Model, chain: &Chain) -> Vec<Trace<'
 
 fn search(dataset: &Dataset, model: &Model, plan: &Plan, progress: &(dyn Fn(f64) + Sync)) -> Model {
     let mut traces = traces(dataset, model, &plan.chain);
+    // A step out of an unknown state tells nothing about the plays, but all about what rings or lags after it.
+    let settled: Vec<usize> = traces.iter().map(|trace| trace.fit_from).collect();
+    let unsettled = plan.chain.dynamic() && settled.iter().any(|&from| from > 0);
+    if unsettled {
+        traces.iter_mut().for_each(|trace| trace.fit_from = 0);
+    }
     let rows: usize = traces.iter().map(|trace| trace.record.len() - trace.fit_from).sum();
     let ridge = match plan.chain.design.family {
         // A free shape extrapolates badly without; what cross-validation finds on most sets.
@@ -205,7 +250,7 @@ fn search(dataset: &Dataset, model: &Model, plan: &Plan, progress: &(dyn Fn(f64)
     let mut best = {
         settle(&start, &mut traces);
         let problem = problem(&traces, plan, ridge, coarse);
-        best_of_starts(&problem, &start, plan, progress)
+        best_of_starts(&problem, &start, plan.link, &plan.starts, progress)
     };
     for round in 0..2_u32 {
         settle(&best, &mut traces);
@@ -227,11 +272,18 @@ fn search(dataset: &Dataset, model: &Model, plan: &Plan, progress: &(dyn Fn(f64)
         best.error = f64::INFINITY;
     }
     settle(&best, &mut traces);
-    let last = problem(&traces, plan, ridge, rows.div_ceil(FINAL_ROWS).max(1));
+    let of_effects = unsettled.then(|| problem(&traces, plan, ridge, coarse).standard_errors(&best).1);
     best.error = f64::INFINITY;
-    let best = last.descend(last.project(best), 3);
+    for (trace, from) in traces.iter_mut().zip(settled) {
+        trace.fit_from = from;
+    }
+    let last = problem(&traces, plan, ridge, rows.div_ceil(FINAL_ROWS).max(1));
+    // The plays from where they have settled; the effects as all samples have shown them.
+    let best = last.descend(last.project(best), if unsettled { 0 } else { 3 });
     progress(0.95);
-    assemble(dataset, model, &last, &best)
+    let (of_coefficients, of_links) = last.standard_errors(&best);
+    let errors = (of_coefficients, of_effects.unwrap_or(of_links));
+    assemble(dataset, model, &last, &best, errors)
 }
 
 fn problem<'a>(traces: &'a [Trace<'a>], plan: &'a Plan, ridge: f64, stride: usize) -> Problem<'a> {
@@ -251,36 +303,11 @@ fn settle(fitted: &Fitted, traces: &mut [Trace<'_>]) {
 
 fn choose(fitted: &Fitted, trace: &Trace<'_>) -> InitialState {
     let fine = fitted.chain.dynamic();
-    initial::choose_by(trace.initial, |initial| {
+    initial::choose_by(trace.initial, &trace.record.position_um, |initial| {
         let mut other = trace.starting_at(initial, fine);
-        other.fit_from = 0;
         fitted.chain.settle(&fitted.coefficients, &mut other);
-        fitted.chain.squared_error(&fitted.coefficients, &other)
+        fitted.chain.respond(&fitted.coefficients, &other)
     })
-}
-
-/// A first look at every start, then the best few to the bottom of their valleys.
-fn best_of_starts(problem: &Problem<'_>, start: &Fitted, plan: &Plan, progress: &(dyn Fn(f64) + Sync)) -> Fitted {
-    let done = AtomicUsize::new(0);
-    let mut looked: Vec<Fitted> = plan
-        .starts
-        .iter()
-        .map(|values| {
-            let mut at = start.clone();
-            if let Some(link) = plan.link {
-                at.chain.links[link].values.clone_from(values);
-            }
-            let at = problem.descend(problem.project(at), usize::from(plan.starts.len() <= STEP_EACH));
-            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(0.05 + 0.5 * count as f64 / plan.starts.len() as f64);
-            at
-        })
-        .collect();
-    looked.sort_by(|a, b| a.error.total_cmp(&b.error));
-    looked.truncate(FOLLOWED);
-    let mut followed: Vec<Fitted> = looked.into_iter().map(|at| problem.descend(at, FIRST_STEPS)).collect();
-    followed.sort_by(|a, b| a.error.total_cmp(&b.error));
-    followed.into_iter().next().unwrap_or_else(|| start.clone())
 }
 
 /// The model's own coefficients where the family stays, else those of a straight line.
@@ -295,8 +322,16 @@ fn start_coefficients(model: &Model, chain: &Chain) -> Vec<f64> {
     }
 }
 
-fn assemble(dataset: &Dataset, model: &Model, problem: &Problem<'_>, best: &Fitted) -> Model {
-    let (standard_errors, of_links) = problem.standard_errors(best);
+/// Standard errors of the linear coefficients, and of each link's parameters.
+type Errors = (Vec<Option<f64>>, Vec<Vec<Option<f64>>>);
+
+fn assemble(
+    dataset: &Dataset,
+    model: &Model,
+    problem: &Problem<'_>,
+    best: &Fitted,
+    (standard_errors, of_links): Errors,
+) -> Model {
     let mut new = model.clone();
     new.family = best.chain.design.family;
     new.thresholds.clone_from(&best.chain.design.thresholds);

@@ -1,8 +1,10 @@
 //! What the effects may know of a dataset before they are fitted.
 
+use crate::chain_trace::Trace;
 use crate::effects::Facts;
 use crate::family::{Family, range};
-use hysteron_data::{Dataset, Role};
+use crate::initial;
+use hysteron_data::{Dataset, Record, Role};
 
 /// What the effects may know of a dataset.
 pub(crate) fn facts(dataset: &Dataset, family: Family) -> Facts {
@@ -27,6 +29,7 @@ pub(crate) fn facts(dataset: &Dataset, family: Family) -> Facts {
         voltage_v: [v_low, v_high],
         position_um: [y_low, y_high],
         finest_period_s: records().map(|r| r.period_s).fold(f64::INFINITY, f64::min),
+        finest_grid_s: records().map(grid_s).fold(f64::INFINITY, f64::min),
         longest_s: records().map(|r| r.duration_s()).fold(0.0, f64::max),
         peak_rate_v_per_s: records().map(|r| rate(&r.voltage_v, r.period_s)).fold(0.0, f64::max),
         temperature_c: (with_temperature && !temperatures.is_empty()).then(|| {
@@ -39,4 +42,10 @@ pub(crate) fn facts(dataset: &Dataset, family: Family) -> Facts {
         voltage2_v: (v2_high > v2_low).then_some([v2_low, v2_high]),
         family,
     }
+}
+
+/// Step of the grid on which a chain with dynamics runs a record, seconds.
+fn grid_s(record: &Record) -> f64 {
+    let guess = initial::guess(&record.voltage_v, &record.position_um);
+    Trace::new(record, guess, true).period_s
 }

@@ -2,6 +2,7 @@
 
 use crate::family::peak_to_peak;
 use crate::model::{Change, Model, RecordError, Step};
+use crate::period;
 use hysteron_data::{Dataset, Role};
 use rayon::prelude::*;
 
@@ -22,27 +23,30 @@ pub fn record_errors(dataset: &Dataset, model: &Model) -> Vec<RecordError> {
         .map(|record| {
             let modelled = model.simulate(record).output;
             let measured = model.direction.output(record);
-            let n = measured.len() as f64;
-            let rms = (measured
-                .iter()
-                .zip(&modelled)
-                .map(|(y, m)| (y - m).powi(2))
-                .sum::<f64>()
-                / n)
-                .sqrt();
-            let mean = measured.iter().sum::<f64>() / n;
-            let own = (measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt();
+            let error: Vec<f64> = measured.iter().zip(&modelled).map(|(y, m)| y - m).collect();
+            let rms = (error.iter().map(|e| e * e).sum::<f64>() / error.len() as f64).sqrt();
             let stroke = peak_to_peak(measured);
             let moves = stroke > 0.0 && peak_to_peak(&record.voltage_v) > 0.0;
+            let last = period::detect(&record.voltage_v)
+                .filter(|found| moves && found.from == 0)
+                .map(|found| error.len() - found.samples..error.len());
             RecordError {
                 file: record.file.clone(),
                 role: record.role,
                 rms,
                 percent: moves.then(|| 100.0 * rms / stroke),
-                relative_percent: moves.then(|| 100.0 * rms / own),
+                relative_percent: moves.then(|| 100.0 * rms / scatter(measured)),
+                last_period_percent: last.map(|last| 100.0 * scatter(&error[last.clone()]) / scatter(&measured[last])),
             }
         })
         .collect()
+}
+
+/// Rms about the mean.
+fn scatter(series: &[f64]) -> f64 {
+    let n = series.len() as f64;
+    let mean = series.iter().sum::<f64>() / n;
+    (series.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt()
 }
 
 /// A step of a history from its records' errors, pooled as root mean square over the records that move.

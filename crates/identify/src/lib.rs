@@ -8,6 +8,7 @@ mod chain;
 pub mod chain_add;
 mod chain_facts;
 mod chain_fit;
+mod chain_start;
 mod chain_trace;
 mod columns;
 pub mod core_model;
@@ -28,7 +29,7 @@ pub mod placement;
 mod separable;
 mod uncertainty;
 
-pub use chain_add::{Added, add_effect};
+pub use chain_add::{Added, add_effect, remove_effect};
 pub use core_model::CoreModel;
 pub use error::IdentifyError;
 pub use family::{Direction, Family};

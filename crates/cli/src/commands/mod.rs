@@ -9,6 +9,7 @@ pub(crate) mod excitation;
 pub(crate) mod fit;
 pub(crate) mod import;
 pub(crate) mod ladder;
+pub(crate) mod learn;
 pub(crate) mod load;
 pub(crate) mod paper;
 pub(crate) mod simulate;

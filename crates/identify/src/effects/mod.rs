@@ -142,6 +142,8 @@ pub struct Facts {
     pub position_um: [f64; 2],
     /// Shortest sample period, seconds.
     pub finest_period_s: f64,
+    /// Shortest step of the grids on which chains run, seconds: finer than the samples where the drive between them is known.
+    pub finest_grid_s: f64,
     /// Longest record, seconds.
     pub longest_s: f64,
     /// Largest rate of the command, volts per second.
