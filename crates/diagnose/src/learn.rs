@@ -28,7 +28,7 @@ pub struct Attempt {
     pub effect: String,
     /// Added, or taken out again as a later one made it superfluous.
     pub change: hysteron_identify::Change,
-    /// Effects that these records cannot tell from it.
+    /// Effects that a diagnosis of these records cannot tell from it; it left least on the validation records.
     pub also_possible: Vec<String>,
     /// Pooled error on validation records before, percent of peak to peak.
     pub before_percent: Option<f64>,
@@ -159,33 +159,54 @@ impl Learner<'_> {
 
     /// Adds what a diagnosis names: its verdict, then what it says is missing beside that.
     fn follow(&mut self, diagnosis: &Diagnosis) -> Result<(), Stop> {
-        let verdict = std::iter::once((&diagnosis.verdict, diagnosis.also_possible.clone()));
-        let further = diagnosis.further.iter().map(|effect| (effect, Vec::new()));
-        for (i, (effect, also_possible)) in verdict.chain(further).enumerate() {
-            match self.add(effect, also_possible) {
-                Ok(true) => self.prune(effect),
-                // What stands behind the verdict is a weaker claim: without it the next diagnosis decides.
-                Ok(false) | Err(_) if i > 0 => {}
-                Ok(false) => return Err(Stop::NotConfirmed { effect: effect.clone() }),
-                Err(error) => {
-                    return Err(Stop::CannotAdd {
-                        effect: effect.clone(),
-                        reason: error.to_string(),
-                    });
-                }
+        let mut named = vec![diagnosis.verdict.clone()];
+        named.extend(diagnosis.also_possible.iter().cloned());
+        match self.add_best(&named) {
+            Ok(Some(effect)) => self.prune(&effect),
+            Ok(None) => {
+                let effect = diagnosis.verdict.clone();
+                return Err(Stop::NotConfirmed { effect });
+            }
+            Err(error) => {
+                return Err(Stop::CannotAdd {
+                    effect: diagnosis.verdict.clone(),
+                    reason: error.to_string(),
+                });
+            }
+        }
+        // What stands behind the verdict is a weaker claim: where it fails, the next diagnosis decides.
+        for effect in &diagnosis.further {
+            let there = self.model.effects.iter().any(|fitted| fitted.name == *effect);
+            if !there && let Ok(Some(effect)) = self.add_best(std::slice::from_ref(effect)) {
+                self.prune(&effect);
             }
         }
         Ok(())
     }
 
-    /// Tries an effect and keeps it if the validation records confirm it.
-    fn add(&mut self, effect: &str, also_possible: Vec<String>) -> Result<bool, IdentifyError> {
-        let added = add_effect(self.dataset, &self.model, effect, &|share| {
-            (self.progress)(&format!("adding {effect}"), share);
-        })?;
+    /// Tries effects that a diagnosis cannot tell apart and keeps the one that leaves least on the validation records, if
+    /// these confirm it; its name.
+    fn add_best(&mut self, named: &[String]) -> Result<Option<String>, IdentifyError> {
+        let mut tried = Vec::new();
+        let mut refused = None;
+        for effect in named {
+            let added = add_effect(self.dataset, &self.model, effect, &|share| {
+                (self.progress)(&format!("adding {effect}"), share);
+            });
+            match added {
+                Ok(added) => tried.push((effect.clone(), added)),
+                Err(error) => refused = refused.or(Some(error)),
+            }
+        }
+        let left = |added: &Added| added.after.validate_percent.unwrap_or(f64::INFINITY);
+        tried.sort_by(|a, b| left(&a.1).total_cmp(&left(&b.1)));
+        let Some((effect, added)) = tried.into_iter().next() else {
+            return refused.map_or(Ok(None), Err);
+        };
+        let others = named.iter().filter(|name| **name != effect).cloned().collect();
         let kept = confirmed(&added.before, &added.after);
-        self.note(effect, also_possible, added, kept);
-        Ok(kept)
+        self.note(&effect, others, added, kept);
+        Ok(kept.then_some(effect))
     }
 
     /// Takes out every earlier effect that the model does not need any more, the newest kept.

@@ -4,6 +4,7 @@ use crate::chain_trace::Trace;
 use crate::columns::{Design, fill, output};
 use crate::effects::rate_dependence::NARROW;
 use crate::effects::{Acts, Effect, Signals};
+use crate::initial::InitialState;
 use hysteron_core::envelope::Envelope;
 use hysteron_core::play;
 use std::sync::Arc;
@@ -217,6 +218,10 @@ fn signals<'a>(trace: &'a Trace<'_>, stack_v: &'a [f64], link: usize) -> Signals
     Signals {
         period_s: trace.period_s,
         run_in: trace.run_in,
+        fraction: match trace.initial {
+            InitialState::Remanent { fraction } => fraction,
+            InitialState::Periodic { .. } => 0.0,
+        },
         at_stack_v: stack_v,
         temperature_c: trace.temperature_c.as_deref(),
         voltage2_v: trace.voltage2_v.as_deref(),

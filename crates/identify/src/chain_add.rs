@@ -12,7 +12,10 @@ use crate::family::{Direction, Family, range};
 use crate::history::{self, record_errors};
 use crate::initial::{self, InitialState};
 use crate::model::{Change, FittedEffect, FittedRecord, Model, Parameter, Step};
+use crate::normal::Normal;
 use crate::objective::runs;
+use crate::placement::{Placement, thresholds};
+use crate::separable;
 use hysteron_core::envelope::Envelope;
 use hysteron_data::{Dataset, Role};
 use rayon::prelude::*;
@@ -69,7 +72,7 @@ pub fn add_effect(
         return Err(IdentifyError::NothingToFit);
     }
     let facts = facts(dataset, model.family);
-    let plan = plan(model, &effect, &facts).map_err(refuse)?;
+    let plan = plan(dataset, model, &effect, &facts).map_err(refuse)?;
     Ok(carry_out(dataset, model, &plan, Change::Added, name, progress))
 }
 
@@ -139,18 +142,25 @@ struct Plan {
     link: Option<usize>,
 }
 
-fn plan(model: &Model, effect: &Arc<dyn Effect>, facts: &Facts) -> Result<Plan, String> {
+fn plan(dataset: &Dataset, model: &Model, effect: &Arc<dyn Effect>, facts: &Facts) -> Result<Plan, String> {
     let name = effect.description().name;
     let there = model.effects.iter().any(|fitted| fitted.name == name);
     let shape = Shape {
         family: model.family,
         thresholds: model.thresholds.clone(),
     };
+    let place = |plays| {
+        let inputs: Vec<&[f64]> = dataset
+            .with_role(Role::Identify)
+            .map(|record| record.voltage_v.as_slice())
+            .collect();
+        thresholds(Placement::Data, plays, &inputs)
+    };
     let mut chain = model.chain_with(Vec::new());
     let own = effect.bounds(facts)?;
     if own.is_empty() {
         let shape = effect
-            .reshape(&shape, facts)
+            .reshape(&shape, facts, &place)
             .ok_or_else(|| "the model's family of plays has it already".to_owned())?;
         chain.design.family = shape.family;
         chain.design.thresholds = shape.thresholds;
@@ -236,23 +246,42 @@ fn search(dataset: &Dataset, model: &Model, plan: &Plan, progress: &(dyn Fn(f64)
         traces.iter_mut().for_each(|trace| trace.fit_from = 0);
     }
     let rows: usize = traces.iter().map(|trace| trace.record.len() - trace.fit_from).sum();
-    let ridge = match plan.chain.design.family {
-        // A free shape extrapolates badly without; what cross-validation finds on most sets.
-        Family::PlayPolynomial => model.fitted_on.ridge.max(1e-7),
-        _ => model.fitted_on.ridge,
-    };
     let coarse = rows.div_ceil(SEARCH_ROWS).max(1);
     let start = Fitted {
         coefficients: start_coefficients(model, &plan.chain),
         chain: plan.chain.clone(),
         error: f64::INFINITY,
     };
-    let mut best = {
-        settle(&start, &mut traces);
-        let problem = problem(&traces, plan, ridge, coarse);
+    let reshaped = plan.chain.design.columns() != model.coefficients.len();
+    let ridge = match plan.chain.design.family {
+        // A free shape extrapolates badly without.
+        Family::PlayPolynomial if reshaped => {
+            settle(&start, &mut traces);
+            let problem = problem(&traces, plan, model.fitted_on.ridge, coarse);
+            let normals: Vec<Normal> = traces.iter().map(|t| problem.of_trace(&start, t, false)).collect();
+            let weights: Vec<f64> = traces.iter().map(|t| t.weight).collect();
+            separable::choose_ridge(&normals, &weights)
+        }
+        _ => model.fitted_on.ridge,
+    };
+    let look = |traces: &mut [Trace<'_>]| {
+        settle(&start, traces);
+        let problem = problem(traces, plan, ridge, coarse);
         best_of_starts(&problem, &start, plan.link, &plan.starts, progress)
     };
-    for round in 0..2_u32 {
+    let mut best = look(&mut traces);
+    if plan
+        .link
+        .is_some_and(|link| plan.chain.links[link].effect.outlasts_records())
+    {
+        // What repeats now may not have come to its end: records that begin at rest are tried from there as well.
+        let mut from_rest: Vec<Trace<'_>> = traces.iter().map(|trace| at_rest(trace, &plan.chain)).collect();
+        let other = look(&mut from_rest);
+        if other.error < best.error {
+            (best, traces) = (other, from_rest);
+        }
+    }
+    for round in 0..4_u32 {
         settle(&best, &mut traces);
         best = problem(&traces, plan, ridge, coarse).descend(best, usize::MAX);
         // States before the records under the new model.
@@ -265,7 +294,7 @@ fn search(dataset: &Dataset, model: &Model, plan: &Plan, progress: &(dyn Fn(f64)
                 changed = true;
             }
         }
-        progress(0.75 + 0.08 * f64::from(round));
+        progress(0.75 + 0.04 * f64::from(round));
         if !changed && best.chain.links.iter().all(|link| link.effect.own_numbers() == 0) {
             break;
         }
@@ -301,9 +330,21 @@ fn settle(fitted: &Fitted, traces: &mut [Trace<'_>]) {
         .for_each(|trace| fitted.chain.settle(&fitted.coefficients, trace));
 }
 
+/// A record whose drive begins at the low end of its range, from rest there; others as they are.
+fn at_rest<'a>(trace: &Trace<'a>, chain: &Chain) -> Trace<'a> {
+    let (low, high) = range(trace.record.voltage_v.iter().copied());
+    if trace.record.voltage_v[0] - low <= 1e-3 * (high - low) {
+        trace.starting_at(InitialState::Remanent { fraction: 0.0 }, chain.dynamic())
+    } else {
+        trace.clone()
+    }
+}
+
 fn choose(fitted: &Fitted, trace: &Trace<'_>) -> InitialState {
     let fine = fitted.chain.dynamic();
-    initial::choose_by(trace.initial, &trace.record.position_um, |initial| {
+    let record = trace.record;
+    let guess = initial::guess(&record.voltage_v, &record.position_um);
+    initial::choose_by(guess, &record.position_um, |initial| {
         let mut other = trace.starting_at(initial, fine);
         fitted.chain.settle(&fitted.coefficients, &mut other);
         fitted.chain.respond(&fitted.coefficients, &other)

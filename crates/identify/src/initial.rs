@@ -173,7 +173,10 @@ pub(crate) fn choose_by(
             (best, least) = refined;
         }
     }
-    let share = if periodic { BELIEVED_OFFSET } else { BELIEVED };
+    let share = match guess {
+        InitialState::Periodic { .. } => BELIEVED_OFFSET,
+        InitialState::Remanent { .. } => BELIEVED,
+    };
     let better = least < (1.0 - share) * stands.whole;
     let explains_change = || {
         let structure = stands.change - stands.noise;
