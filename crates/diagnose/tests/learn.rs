@@ -121,7 +121,8 @@ fn val_two_hidden_effects_are_learned_one_after_the_other() {
         last_percent(&learned)
     );
     let ladder = ladder(&learned.model).unwrap();
-    assert!(ladder.noise_percent().unwrap() < last_percent(&learned));
+    // Down to the noise, which neighbouring samples give as an upper bound here.
+    assert!(last_percent(&learned) < 1.5 * ladder.noise_percent().unwrap());
     assert!(
         ladder
             .steps

@@ -79,10 +79,9 @@ pub(crate) fn guess(input: &[f64], output: &[f64]) -> InitialState {
     let span = peak_to_peak(input);
     if let Some(found) = period::detect(input)
         && found.from == 0
+        && repeats(output, found.samples)
     {
-        if repeats(output, found.samples) {
-            return InitialState::Periodic { samples: found.samples };
-        }
+        return InitialState::Periodic { samples: found.samples };
     }
     let low = input.iter().copied().fold(f64::INFINITY, f64::min);
     let starts_low = input.first().is_some_and(|&first| first - low <= 1e-3 * span);

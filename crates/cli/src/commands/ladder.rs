@@ -5,8 +5,8 @@ use crate::exit::Done;
 use crate::output;
 use clap::Args;
 use hysteron_data::Role;
-use hysteron_diagnose::Ladder;
-use hysteron_identify::Model;
+use hysteron_diagnose::{Ladder, Rung};
+use hysteron_identify::{Model, RecordError};
 use hysteron_report::{Context, ladder_page};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -92,12 +92,23 @@ pub(super) fn text(ladder: &Ladder) -> String {
             "1.0"
         );
     }
-    records(&mut text, ladder);
+    records(
+        &mut text,
+        ladder,
+        "rms of the error, % of the output's rms",
+        &|record| record.relative_percent,
+    );
+    let last_period = |record: &RecordError| record.last_period_percent;
+    let periodic = |rung: &Rung| rung.step.records.iter().any(|record| last_period(record).is_some());
+    if ladder.steps.iter().any(periodic) {
+        let title = "the same of the last period of a periodic drive, error and output each about its mean";
+        records(&mut text, ladder, title, &last_period);
+    }
     text
 }
 
-/// Rms of the error over rms of the output, step by step.
-fn records(text: &mut String, ladder: &Ladder) {
+/// A figure of every record, step by step.
+fn records(text: &mut String, ladder: &Ladder, title: &str, figure: &dyn Fn(&RecordError) -> Option<f64>) {
     let Some(last) = ladder.steps.last() else { return };
     let widths: Vec<usize> = ladder
         .steps
@@ -112,11 +123,7 @@ fn records(text: &mut String, ladder: &Ladder) {
         .max()
         .unwrap_or(0)
         .max(20);
-    let _ = write!(
-        text,
-        "\nrms of the error, % of the output's rms\n{:<9} {:<widest$}",
-        "role", "record"
-    );
+    let _ = write!(text, "\n{title}\n{:<9} {:<widest$}", "role", "record");
     for (rung, &width) in ladder.steps.iter().zip(&widths) {
         let _ = write!(text, "  {:>width$}", rung.name());
     }
@@ -130,7 +137,7 @@ fn records(text: &mut String, ladder: &Ladder) {
         for (rung, &width) in ladder.steps.iter().zip(&widths) {
             // Steps on other data have other records.
             let there = rung.step.records.get(i).filter(|r| r.file == record.file);
-            let figure = there.and_then(|r| r.relative_percent);
+            let figure = there.and_then(figure);
             let _ = write!(
                 text,
                 "  {:>width$}",

@@ -81,7 +81,7 @@ fn text(args: &LearnArgs, learned: &Learned) -> String {
     for attempt in &learned.attempts {
         text.push_str(&told(attempt));
     }
-    let _ = writeln!(text, "stopped: {}", why(&learned.stop));
+    let _ = writeln!(text, "stopped: {}", why(learned));
     if let Some(next) = &learned.diagnosis.next_record {
         let _ = writeln!(text, "record to take next: {}", next.excitation);
     }
@@ -108,8 +108,8 @@ fn told(attempt: &Attempt) -> String {
     line
 }
 
-fn why(stop: &Stop) -> String {
-    match stop {
+fn why(learned: &Learned) -> String {
+    match &learned.stop {
         Stop::NothingMissing => {
             "nothing more is missing; what is left is sensor noise and the known coarseness of the model".to_owned()
         }
@@ -118,10 +118,12 @@ fn why(stop: &Stop) -> String {
             format!("these records cannot answer: {}", words.join("; "))
         }
         Stop::Unknown { unexplained } => {
+            let before = learned.diagnosis.before;
+            let left = before.validate_percent.or(before.identify_percent).unwrap_or(f64::NAN);
             let mut text = format!(
-                "nothing more can be told; {:.3} % of peak to peak are left (noise {:.3} %) that no effect of the catalogue \
-                 explains with certainty",
-                unexplained.percent, unexplained.noise_percent
+                "nothing more can be told; of the {left:.3} % of peak to peak that are left, noise explains {:.3} %, and no \
+                 effect of the catalogue the rest with certainty",
+                unexplained.noise_percent
             );
             if let Some(lock) = unexplained.locked_to.first().filter(|lock| lock.share > 0.1) {
                 let _ = write!(text, "; {:.0} % of it goes with {}", 100.0 * lock.share, lock.to);
