@@ -1,8 +1,8 @@
 //! The commands; each has its arguments and its help in its own file.
 
 use crate::commands::{
-    compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs, fit::FitArgs, import::ImportArgs, paper::PaperArgs,
-    simulate::SimulateArgs,
+    add::AddArgs, compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs, fit::FitArgs, import::ImportArgs,
+    ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs, simulate::SimulateArgs,
 };
 use clap::{Parser, Subcommand};
 
@@ -30,6 +30,12 @@ pub(crate) enum Command {
     Compare(CompareArgs),
     /// Name the physical effect that a model lacks, and the record that would tell more
     Diagnose(DiagnoseArgs),
+    /// Add an effect to a model and fit everything anew: the error before and after, on every record
+    Add(AddArgs),
+    /// Show how the error of a model fell, step by step, down to the noise floor
+    Ladder(LadderArgs),
+    /// Fit, diagnose and add by itself until nothing more is missing or nothing more can be told
+    Learn(LearnArgs),
     /// Redo the paper on the simulated stages, its figures beside ours
     Paper(PaperArgs),
     /// Run the main job on the simulated stage and leave a page with pictures

@@ -25,6 +25,9 @@ fn main() -> ExitCode {
         Command::Fit(args) => commands::fit::run(&args),
         Command::Compare(args) => commands::compare::run(&args),
         Command::Diagnose(args) => commands::diagnose::run(&args),
+        Command::Add(args) => commands::add::run(&args),
+        Command::Ladder(args) => commands::ladder::run(&args),
+        Command::Learn(args) => commands::learn::run(&args),
         Command::Paper(args) => commands::paper::run(&args),
         Command::Demo(args) => commands::demo::run(&args),
     };

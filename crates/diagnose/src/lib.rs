@@ -7,6 +7,8 @@ pub mod compare;
 pub mod comparison;
 pub mod diagnosis;
 mod error_map;
+pub mod ladder;
+pub mod learn;
 mod missing;
 pub mod noise;
 mod spectrum;
@@ -16,4 +18,6 @@ pub use compare::compare;
 pub use comparison::{
     Bin, Breakdown, Comparison, ErrorMap, NoiseFloor, NoiseSource, Pooled, RecordComparison, Series, Spectrum,
 };
+pub use ladder::{Ladder, Rung, add, ladder};
+pub use learn::{Attempt, Learned, Stop, learn, learn_from};
 pub use missing::diagnose;

@@ -11,6 +11,7 @@ mod comparison_page;
 mod decimate;
 pub mod figures;
 mod headline;
+mod ladder_page;
 mod number;
 mod page;
 mod palette;
@@ -20,6 +21,7 @@ mod table;
 
 pub use canvas::{LegendEntry, Picture, Size, Swatch};
 pub use comparison_page::{Context, comparison_page};
+pub use ladder_page::ladder_page;
 pub use number::{count, significant};
 pub use page::{Block, Figure, Page, Section, Tile};
 pub use palette::Ink;

@@ -1,5 +1,6 @@
 //! One file a command.
 
+pub(crate) mod add;
 pub(crate) mod campaign;
 pub(crate) mod compare;
 pub(crate) mod demo;
@@ -7,6 +8,8 @@ pub(crate) mod diagnose;
 pub(crate) mod excitation;
 pub(crate) mod fit;
 pub(crate) mod import;
+pub(crate) mod ladder;
+pub(crate) mod learn;
 pub(crate) mod load;
 pub(crate) mod paper;
 pub(crate) mod simulate;
