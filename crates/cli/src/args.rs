@@ -1,8 +1,8 @@
 //! The commands; each has its arguments and its help in its own file.
 
 use crate::commands::{
-    compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs, fit::FitArgs, import::ImportArgs, paper::PaperArgs,
-    simulate::SimulateArgs,
+    compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs, fit::FitArgs, import::ImportArgs, lab::LabArgs,
+    paper::PaperArgs, report::ReportArgs, simulate::SimulateArgs,
 };
 use clap::{Parser, Subcommand};
 
@@ -30,6 +30,10 @@ pub(crate) enum Command {
     Compare(CompareArgs),
     /// Name the physical effect that a model lacks, and the record that would tell more
     Diagnose(DiagnoseArgs),
+    /// Open the workbench: the whole way in a browser, from recordings to the model
+    Lab(LabArgs),
+    /// Freeze comparison, diagnosis and ladder of a model into one page to send to a colleague
+    Report(ReportArgs),
     /// Redo the paper on the simulated stages, its figures beside ours
     Paper(PaperArgs),
     /// Run the main job on the simulated stage and leave a page with pictures

@@ -25,6 +25,8 @@ fn main() -> ExitCode {
         Command::Fit(args) => commands::fit::run(&args),
         Command::Compare(args) => commands::compare::run(&args),
         Command::Diagnose(args) => commands::diagnose::run(&args),
+        Command::Lab(args) => commands::lab::run(&args),
+        Command::Report(args) => commands::report::run(&args),
         Command::Paper(args) => commands::paper::run(&args),
         Command::Demo(args) => commands::demo::run(&args),
     };

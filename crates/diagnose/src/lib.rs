@@ -9,6 +9,7 @@ pub mod diagnosis;
 mod error_map;
 mod missing;
 pub mod noise;
+mod region;
 mod spectrum;
 
 pub use compare::compare;
@@ -16,3 +17,4 @@ pub use comparison::{
     Bin, Breakdown, Comparison, ErrorMap, NoiseFloor, NoiseSource, Pooled, RecordComparison, Series, Spectrum,
 };
 pub use missing::diagnose;
+pub use region::{GoesWith, Region, region};

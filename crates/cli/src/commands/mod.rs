@@ -7,6 +7,8 @@ pub(crate) mod diagnose;
 pub(crate) mod excitation;
 pub(crate) mod fit;
 pub(crate) mod import;
+pub(crate) mod lab;
 pub(crate) mod load;
 pub(crate) mod paper;
+pub(crate) mod report;
 pub(crate) mod simulate;

@@ -1,0 +1,69 @@
+//! The part of a page that says how the error fell, step by step.
+
+use hysteron_identify::{Model, Step};
+
+use crate::canvas::{LegendEntry, Swatch};
+use crate::diagnosis_words::effect_name;
+use crate::figures::{Bar, bars};
+use crate::number::percent;
+use crate::page::{Block, Section};
+use crate::palette::Ink;
+use crate::table::{Cell, Table};
+
+/// The section of a model's history; empty where nothing was added to it.
+pub(crate) fn section(model: &Model) -> Section {
+    let steps = &model.history;
+    let judged = steps.iter().all(|step| step.validate_percent.is_some());
+    let (ink, told) = if judged {
+        (Ink::Validate, "records not fitted to")
+    } else {
+        (Ink::Identify, "records fitted to")
+    };
+    let rows: Vec<Bar> = steps
+        .iter()
+        .enumerate()
+        .filter_map(|(index, step)| {
+            let value = if judged {
+                step.validate_percent
+            } else {
+                step.identify_percent
+            }?;
+            Some(Bar {
+                label: name(index, step),
+                value,
+                text: percent(value),
+                reference: None,
+                ink,
+            })
+        })
+        .collect();
+    let table = steps.iter().enumerate().fold(
+        Table::new("The steps", &["Step", "Fitted to, % p-p", "Not fitted to, % p-p"]),
+        |table, (index, step)| {
+            table.row(vec![
+                Cell::text(name(index, step)),
+                Cell::number(step.identify_percent),
+                Cell::number(step.validate_percent),
+            ])
+        },
+    );
+    Section::new("How the error fell")
+        .with_picture(
+            bars(
+                &rows,
+                "error, % of peak to peak",
+                vec![LegendEntry::new(told, ink, Swatch::Bar)],
+                1080,
+            ),
+            "Pooled error after each step; every step fits all parameters anew.",
+        )
+        .with(Block::Table(table))
+}
+
+fn name(index: usize, step: &Step) -> String {
+    if index == 0 {
+        step.added.clone()
+    } else {
+        format!("+ {}", effect_name(&step.added, false))
+    }
+}
