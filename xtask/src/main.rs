@@ -43,6 +43,7 @@ fn main() -> ExitCode {
 
 fn test() -> Result<(), String> {
     install_target()?;
+    install_browser()?;
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&[
         "clippy",
@@ -75,11 +76,34 @@ fn install_target() -> Result<(), String> {
     run("rustup", &["target", "add", CHIP])
 }
 
+/// Installs the browser and its driver that the workbench is tested in, where Debian's packages are at hand.
+fn install_browser() -> Result<(), String> {
+    if output("chromedriver", &["--version"]).is_ok() {
+        return Ok(());
+    }
+    let install = [
+        "apt-get",
+        "install",
+        "--yes",
+        "--no-install-recommends",
+        "chromium",
+        "chromium-driver",
+    ];
+    let by_root = output("id", &["-u"]).is_ok_and(|id| id.trim() == "0");
+    let (program, before) = if by_root { ("apt-get", 1) } else { ("sudo", 0) };
+    let update = ["apt-get", "update"];
+    run(program, &update[before..])
+        .and_then(|()| run(program, &install[before..]))
+        .map_err(|reason| format!("{reason}; install chromium and its chromedriver by your distribution's packages"))
+}
+
 /// Runs `cargo test`, shows its output as it comes, and closes on the sum of its counts.
 fn count_tests(arguments: &[&str]) -> Result<(), String> {
     use std::io::BufRead;
     let mut child = Command::new("cargo")
         .args(arguments)
+        // The browser was installed above: a test that does not find it fails.
+        .env("HYSTERON_BROWSER", "required")
         .stdout(Stdio::piped())
         .spawn()
         .map_err(|error| format!("cannot start cargo: {error}"))?;

@@ -2,7 +2,7 @@
 
 use crate::commands::{
     add::AddArgs, compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs, fit::FitArgs, import::ImportArgs,
-    ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs, simulate::SimulateArgs,
+    lab::LabArgs, ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs, report::ReportArgs, simulate::SimulateArgs,
 };
 use clap::{Parser, Subcommand};
 
@@ -36,6 +36,10 @@ pub(crate) enum Command {
     Ladder(LadderArgs),
     /// Fit, diagnose and add by itself until nothing more is missing or nothing more can be told
     Learn(LearnArgs),
+    /// Open the workbench: the whole way in a browser, from recordings to the model
+    Lab(LabArgs),
+    /// Freeze comparison, diagnosis and ladder of a model into one page to send to a colleague
+    Report(ReportArgs),
     /// Redo the paper on the simulated stages, its figures beside ours
     Paper(PaperArgs),
     /// Run the main job on the simulated stage and leave a page with pictures

@@ -28,6 +28,18 @@ pub(crate) enum CliError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A file that cannot be read.
+    #[error("{}: {source}", path.display())]
+    #[diagnostic(help("give a file that is there and readable"))]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The workbench cannot be opened.
+    #[error(transparent)]
+    Lab(#[from] hysteron_lab::LabError),
     /// An option whose value makes no sense here.
     #[error("{0}")]
     Option(String),

@@ -1,9 +1,9 @@
 //! What a diagnosis says, in numbers and names.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// How an effect is told from the shape of the loops.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Level {
     /// Survives a hysteresis of free shape.
@@ -13,7 +13,7 @@ pub enum Level {
 }
 
 /// A fitted parameter of an effect.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EffectParameter {
     /// Name in the field's terms.
     pub name: String,
@@ -24,7 +24,7 @@ pub struct EffectParameter {
 }
 
 /// One candidate, fitted in its place jointly with the rest.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RankedEffect {
     /// Name.
     pub effect: String,
@@ -51,7 +51,7 @@ pub struct RankedEffect {
 }
 
 /// Errors of the given model.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Before {
     /// Percent of peak to peak on identification records.
     pub identify_percent: Option<f64>,
@@ -60,7 +60,7 @@ pub struct Before {
 }
 
 /// The record that would tell most.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NextRecord {
     /// What to play, in words.
     pub excitation: String,
@@ -78,7 +78,7 @@ pub struct NextRecord {
 }
 
 /// What the remaining structure is locked to.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Lock {
     /// `time`, `position`, `speed`, `drive`, `temperature`, `record`.
     pub to: String,
@@ -87,7 +87,7 @@ pub struct Lock {
 }
 
 /// What nothing in the catalogue explains.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Unexplained {
     /// What is left, percent of peak to peak, over all records that move.
     pub percent: f64,
@@ -98,7 +98,7 @@ pub struct Unexplained {
 }
 
 /// The answer of `diagnose`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosis {
     /// Name of an effect, or `none`, `unknown`, `hysteresis-shape`.
     pub verdict: String,

@@ -11,6 +11,7 @@ pub mod ladder;
 pub mod learn;
 mod missing;
 pub mod noise;
+mod region;
 mod spectrum;
 mod straight_line;
 
@@ -21,3 +22,4 @@ pub use comparison::{
 pub use ladder::{Ladder, Rung, add, ladder};
 pub use learn::{Attempt, Learned, Stop, learn, learn_from};
 pub use missing::diagnose;
+pub use region::{GoesWith, Region, region};

@@ -37,19 +37,27 @@ pub fn comparison_page(title: &str, comparison: &Comparison, context: &Context<'
     for sentence in headline(comparison) {
         page = page.lead(sentence);
     }
+    for section in sections(comparison) {
+        page = page.section(section);
+    }
+    page.section(reproduce(context)).render()
+}
+
+/// The parts of a comparison: key figures, records, where the error is, pictures.
+pub(crate) fn sections(comparison: &Comparison) -> [Section; 4] {
     let pictures = record_pictures(comparison)
         .into_iter()
         .fold(Section::new("Records"), Section::with);
-    page.section(summary(comparison))
-        .section(by_record(comparison))
-        .section(where_it_is(comparison))
-        .section(pictures)
-        .section(reproduce(context))
-        .render()
+    [
+        summary(comparison),
+        by_record(comparison),
+        where_it_is(comparison),
+        pictures,
+    ]
 }
 
 /// A remark as a sentence; the first letter is left as it is where it begins a name, such as a file's.
-fn sentence_case(text: &str) -> String {
+pub(crate) fn sentence_case(text: &str) -> String {
     let text = text.trim_end_matches('.');
     let first_word = text.split(' ').next().unwrap_or("");
     let mut characters = text.chars();
@@ -332,7 +340,7 @@ fn share_figure(breakdown: &Breakdown, output_unit: &str) -> Option<Figure> {
 }
 
 /// How the figures are defined, and the command.
-fn reproduce(context: &Context<'_>) -> Section {
+pub(crate) fn reproduce(context: &Context<'_>) -> Section {
     let text = "The model runs freely through each record: it sees the input and never the measured output. Error in \
                 percent is the root mean square of measured minus modelled over the peak to peak of the measured \
                 output; fit is 100 (1 − |y − ŷ| / |y − mean y|); figures pooled over records are root mean squares.";

@@ -68,7 +68,7 @@ const CELLS_PX: [f64; 6] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0];
 ///
 /// # Cost
 /// One pass for each cell size tried, with a hash set of at most `budget` ways.
-pub(crate) fn path(len: usize, budget: usize, at: impl Fn(usize) -> (f64, f64)) -> Vec<Vec<usize>> {
+pub fn path(len: usize, budget: usize, at: impl Fn(usize) -> (f64, f64)) -> Vec<Vec<usize>> {
     let mut lines = Vec::new();
     for (tried, cell_px) in CELLS_PX.iter().enumerate() {
         let limit = if tried + 1 == CELLS_PX.len() {

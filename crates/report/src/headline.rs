@@ -13,7 +13,7 @@ const MOST: f64 = 50.0;
 const OUT_OF_PROPORTION: f64 = 2.0;
 
 /// The first sentences of a comparison: how far off the model is, and where; on validation records where there are any.
-pub(crate) fn headline(comparison: &Comparison) -> Vec<String> {
+pub fn headline(comparison: &Comparison) -> Vec<String> {
     let mut sentences = Vec::new();
     match (&comparison.validate, &comparison.identify) {
         (Some(validate), identify) => {

@@ -91,7 +91,7 @@ fn summary(ladder: &Ladder) -> Section {
 }
 
 /// Bars of the pooled errors, and the table.
-fn steps(ladder: &Ladder) -> Section {
+pub(crate) fn steps(ladder: &Ladder) -> Section {
     let judged = judged(ladder);
     let (ink, told) = if judged {
         (Ink::Validate, "error, records not fitted to")
@@ -135,7 +135,7 @@ fn steps(ladder: &Ladder) -> Section {
                 Cell::number(rung.times_noise),
             ])
         });
-    Section::new("Step by step")
+    Section::new("How the error fell, step by step")
         .with_picture(
             bars(&rows, "error, % of peak to peak", legend, 1080),
             "Pooled error after each step. What is left of the last bar beyond the stroke is still unexplained.",

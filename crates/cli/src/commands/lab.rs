@@ -1,0 +1,91 @@
+//! `hysteron lab`.
+
+use crate::commands::campaign::{default_campaign, record};
+use crate::error::CliError;
+use crate::exit::Done;
+use crate::output;
+use clap::Args;
+use hysteron_lab::{Lab, Options, StartingPoint};
+use hysteron_plant::preset;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+#[derive(Args)]
+#[command(after_help = "Example:\n  hysteron lab stage\n\n\
+    Listens on 127.0.0.1 only. The session folder holds data, models and diagnoses as the other commands read them;\n\
+    opened again, it goes on where it was left. Ctrl-C ends it.")]
+pub(crate) struct LabArgs {
+    /// Dataset folder, or one CSV, to begin with
+    pub data: Option<PathBuf>,
+    /// Do not open the browser
+    #[arg(long)]
+    pub no_open: bool,
+    /// Port; 0 for a free one
+    #[arg(long, default_value_t = 0)]
+    pub port: u16,
+    /// Folder of the session, new or used
+    #[arg(long, value_name = "DIR", default_value = "hysteron-lab")]
+    pub session: PathBuf,
+}
+
+/// Seed of the demo stage, as `hysteron demo` has it.
+const SEED: u64 = 1;
+
+pub(crate) fn run(args: &LabArgs) -> Result<Done, CliError> {
+    let lab = Lab::open(Options {
+        data: args.data.clone(),
+        session: args.session.clone(),
+        port: args.port,
+        starts: starts(),
+        version: env!("CARGO_PKG_VERSION"),
+    })?;
+    output::print(&format!(
+        "workbench: {}\nsession:   {}\nCtrl-C ends it\n",
+        lab.address(),
+        args.session.display()
+    ))?;
+    if !args.no_open {
+        open(&lab.address());
+    }
+    lab.run()?;
+    Ok(Done::Answered)
+}
+
+/// The datasets that one can begin with.
+fn starts() -> Vec<StartingPoint> {
+    vec![StartingPoint {
+        name: "demo",
+        title: "The demo stage".to_owned(),
+        about: "A simulated piezo stage with rate-dependent hysteresis: nine records, three of them to judge by."
+            .to_owned(),
+        command: "hysteron demo -o demo && cp -r demo/stage data".to_owned(),
+        make: Box::new(|progress| {
+            let stage = preset::paper_rate();
+            let plan = default_campaign(SEED);
+            record("paper-rate", &stage, &plan, stage.sample_period_s, SEED, &|share| {
+                progress(share)
+            })
+            .map_err(|error| error.to_string())
+        }),
+    }]
+}
+
+/// Opens the address in the browser; where there is none, the address stands in the terminal.
+fn open(address: &str) {
+    let (program, before): (&str, &[&str]) = if cfg!(target_os = "macos") {
+        ("open", &[])
+    } else if cfg!(windows) {
+        ("cmd", &["/C", "start", ""])
+    } else {
+        ("xdg-open", &[])
+    };
+    let started = Command::new(program)
+        .args(before)
+        .arg(address)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn();
+    // A terminal without a browser is no fault: the address is printed.
+    drop(started);
+}

@@ -1,0 +1,235 @@
+//! A real browser without a screen, what a person does in it, and what is seen.
+
+use fantoccini::actions::{InputSource, MOUSE_BUTTON_LEFT, MouseActions, PointerAction};
+use fantoccini::wd::Capabilities;
+use fantoccini::{Client, ClientBuilder, Locator};
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Stdio};
+
+/// The driver, ended with the test.
+struct Driver(Child);
+
+impl Drop for Driver {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A browser on the workbench.
+pub(crate) struct Browser {
+    pub(crate) client: Client,
+    _driver: Driver,
+    _profile: tempfile::TempDir,
+}
+
+/// The slowest machine that tests run on diagnoses in less.
+const PATIENCE_MS: u64 = 120_000;
+
+/// The checker of accessibility, axe-core 4.14.1 (MPL-2.0).
+const AXE: &str = include_str!("../vendor/axe.min.js");
+
+/// Whether there is a browser; where there is none, this is said, and `cargo xtask test` installs it.
+pub(crate) fn there() -> bool {
+    let there = Command::new("chromedriver")
+        .arg("--version")
+        .stdout(Stdio::null())
+        .status()
+        .is_ok();
+    assert!(
+        there || std::env::var_os("HYSTERON_BROWSER").is_none(),
+        "chromedriver is not installed"
+    );
+    if !there {
+        println!("skipped: no chromedriver; `cargo xtask test` installs it (Debian: chromium chromium-driver)");
+    }
+    there
+}
+
+impl Browser {
+    pub(crate) async fn open(address: &str, dark: bool) -> Self {
+        let mut child = Command::new("chromedriver")
+            .arg("--port=0")
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let driver = Driver(child);
+        let port = lines
+            .map_while(Result::ok)
+            .find_map(|line| {
+                line.strip_suffix('.')?
+                    .split("started successfully on port ")
+                    .nth(1)
+                    .map(str::to_owned)
+            })
+            .unwrap();
+        let profile = tempfile::tempdir().unwrap();
+        let mut arguments = vec![
+            "--headless=new".to_owned(),
+            "--no-sandbox".to_owned(),
+            "--disable-gpu".to_owned(),
+            "--disable-dev-shm-usage".to_owned(),
+            "--no-first-run".to_owned(),
+            "--disable-background-networking".to_owned(),
+            "--disable-component-update".to_owned(),
+            "--disable-sync".to_owned(),
+            "--window-size=1400,1000".to_owned(),
+            format!("--user-data-dir={}", profile.path().display()),
+        ];
+        if dark {
+            arguments.push("--blink-settings=preferredColorScheme=0".to_owned());
+        }
+        let mut capabilities = Capabilities::new();
+        capabilities.insert("goog:chromeOptions".to_owned(), json!({ "args": arguments }));
+        capabilities.insert("timeouts".to_owned(), json!({ "script": PATIENCE_MS }));
+        let client = ClientBuilder::new(hyper_util::client::legacy::connect::HttpConnector::new())
+            .capabilities(capabilities)
+            .connect(&format!("http://127.0.0.1:{port}"))
+            .await
+            .unwrap();
+        client.goto(address).await.unwrap();
+        Self {
+            client,
+            _driver: driver,
+            _profile: profile,
+        }
+    }
+
+    /// Waits until something is there, and for its text.
+    pub(crate) async fn see(&self, css: &str) -> String {
+        let look = "const [css, done] = arguments; const look = () => { const e = document.querySelector(css); if (e) done(e.innerText); return e; }; \
+            if (!look()) { const o = new MutationObserver(() => { if (look()) o.disconnect(); }); o.observe(document, {subtree: true, childList: true, attributes: true}); }";
+        match self.client.execute_async(look, vec![json!(css)]).await {
+            Ok(text) => text.as_str().unwrap_or_default().to_owned(),
+            Err(error) => panic!("{css}: {error}; the page says:\n{}", self.text().await),
+        }
+    }
+
+    /// Waits until the page says something.
+    pub(crate) async fn see_text(&self, text: &str) {
+        let look = "const [text, done] = arguments; const look = () => { const there = document.querySelector('main').innerText.includes(text); if (there) done(1); return there; }; \
+            if (!look()) { const o = new MutationObserver(() => { if (look()) o.disconnect(); }); o.observe(document, {subtree: true, childList: true, characterData: true}); }";
+        if self.client.execute_async(look, vec![json!(text)]).await.is_err() {
+            panic!("the page does not say {text:?} but:\n{}", self.text().await);
+        }
+    }
+
+    /// The page's text.
+    pub(crate) async fn text(&self) -> String {
+        self.client
+            .find(Locator::Css("body"))
+            .await
+            .unwrap()
+            .text()
+            .await
+            .unwrap()
+    }
+
+    pub(crate) async fn click(&self, css: &str) {
+        self.see(css).await;
+        let script = "const e = document.querySelector(arguments[0]); if (e) e.scrollIntoView({block: 'center'}); return Boolean(e) && !e.disabled;";
+        // News may redraw the page between looking and clicking; then once more.
+        let mut last = String::new();
+        for _ in 0..20 {
+            if self.run(script, vec![json!(css)]).await == json!(true)
+                && let Ok(element) = self.client.find(Locator::Css(css)).await
+            {
+                match element.click().await {
+                    Ok(()) => return,
+                    Err(error) => last = error.to_string(),
+                }
+            }
+            let frames = "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done(1)))";
+            self.run_async(frames, vec![]).await;
+        }
+        panic!("{css} cannot be clicked: {last}");
+    }
+
+    /// Drags over an element, from one share of its width to another.
+    pub(crate) async fn drag(&self, css: &str, from: f64, to: f64) {
+        self.see(css).await;
+        let middle =
+            "const e = document.querySelector(arguments[0]); e.scrollIntoView({block: 'center'}); return e.clientWidth";
+        let width = self.run(middle, vec![json!(css)]).await.as_f64().unwrap();
+        let element = self.client.find(Locator::Css(css)).await.unwrap();
+        let at = |x: f64| PointerAction::MoveToElement {
+            element: element.clone(),
+            duration: None,
+            x: ((x - 0.5) * width).round(),
+            y: 0.0,
+        };
+        let mouse = MouseActions::new("mouse".to_owned())
+            .then(at(from))
+            .then(PointerAction::Down {
+                button: MOUSE_BUTTON_LEFT,
+            })
+            .then(at(0.5 * (from + to)))
+            .then(at(to))
+            .then(PointerAction::Up {
+                button: MOUSE_BUTTON_LEFT,
+            });
+        self.client.perform_actions(mouse).await.unwrap();
+    }
+
+    pub(crate) async fn run(&self, script: &str, arguments: Vec<Value>) -> Value {
+        self.client.execute(script, arguments).await.unwrap()
+    }
+
+    /// A script that answers through a callback, its last argument.
+    pub(crate) async fn run_async(&self, script: &str, arguments: Vec<Value>) -> Value {
+        self.client.execute_async(script, arguments).await.unwrap()
+    }
+
+    pub(crate) async fn choose(&self, css: &str, value: &str) {
+        self.see(css).await;
+        self.client
+            .find(Locator::Css(css))
+            .await
+            .unwrap()
+            .select_by_value(value)
+            .await
+            .unwrap();
+    }
+
+    /// A picture of the whole page among the artefacts of the tests.
+    pub(crate) async fn picture(&self, name: &str) {
+        let height = self
+            .run("return Math.min(4000, document.documentElement.scrollHeight)", vec![])
+            .await
+            .as_u64()
+            .unwrap();
+        self.client
+            .set_window_size(1400, u32::try_from(height).unwrap().max(1000))
+            .await
+            .unwrap();
+        self.run_async(
+            "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done(1)))",
+            vec![],
+        )
+        .await;
+        let png = self.client.screenshot().await.unwrap();
+        let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("workbench");
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join(format!("{name}.png")), png).unwrap();
+        self.client.set_window_size(1400, 1000).await.unwrap();
+    }
+
+    /// No fault of accessibility that counts.
+    pub(crate) async fn accessible(&self, place: &str) {
+        self.run(AXE, vec![]).await;
+        let found = self.run_async("const done = arguments[0]; axe.run(document, {runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'best-practice']}).then((r) => done(r.violations.map((v) => [v.impact, v.id, v.nodes.slice(0, 3).map((n) => n.html + ' :: ' + n.failureSummary)])))", vec![]).await;
+        let serious: Vec<&Value> = found
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter(|v| v[0] == "serious" || v[0] == "critical")
+            .collect();
+        assert!(serious.is_empty(), "{place}: {serious:#?}");
+    }
+
+    pub(crate) async fn close(self) {
+        self.client.clone().close().await.unwrap();
+    }
+}

@@ -1,0 +1,12 @@
+//! The workbench as people meet it: in a real browser; as strangers meet it: refused.
+#![expect(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test that cannot set up its files fails"
+)]
+
+mod browser;
+mod hostile;
+mod same;
+mod server;
+mod way;

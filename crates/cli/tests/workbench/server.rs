@@ -1,0 +1,142 @@
+//! The real server on a session of its own, and plain requests to it.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+/// `hysteron lab`, ended with the test.
+pub(crate) struct Server {
+    child: Child,
+    pub(crate) port: u16,
+    pub(crate) token: String,
+}
+
+/// What came back.
+#[derive(Debug)]
+pub(crate) struct Answer {
+    pub(crate) status: u16,
+    pub(crate) head: String,
+    pub(crate) body: Vec<u8>,
+}
+
+impl Answer {
+    pub(crate) fn text(&self) -> String {
+        String::from_utf8_lossy(&self.body).into_owned()
+    }
+
+    pub(crate) fn json(&self) -> serde_json::Value {
+        serde_json::from_slice(&self.body).unwrap_or_else(|error| panic!("{error}: {}", self.text()))
+    }
+}
+
+impl Server {
+    /// Starts it on a session folder.
+    pub(crate) fn start(session: &Path, more: &[&str]) -> Self {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_hysteron"))
+            .args(["lab", "--no-open", "--session"])
+            .arg(session)
+            .args(more)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap())
+            .read_line(&mut line)
+            .unwrap();
+        let address = line
+            .trim()
+            .strip_prefix("workbench: http://127.0.0.1:")
+            .unwrap_or_else(|| panic!("{line}"));
+        let (port, token) = address.split_once('/').unwrap();
+        Self {
+            port: port.parse().unwrap(),
+            token: token.trim_end_matches('/').to_owned(),
+            child,
+        }
+    }
+
+    pub(crate) fn address(&self) -> String {
+        format!("http://127.0.0.1:{}/{}/", self.port, self.token)
+    }
+
+    /// Largest memory it ever had, bytes; Linux only.
+    pub(crate) fn peak_memory(&self) -> Option<u64> {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).ok()?;
+        let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+        Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? * 1024)
+    }
+
+    /// A request as it stands on the wire.
+    pub(crate) fn raw(&self, request: &[u8]) -> Answer {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
+        // A server that refuses early closes while we still write; its answer is what counts.
+        let _ = stream.write_all(request);
+        let mut all = Vec::new();
+        let _ = stream.read_to_end(&mut all);
+        let end = all.windows(4).position(|w| w == b"\r\n\r\n").unwrap_or(all.len());
+        let head = String::from_utf8_lossy(&all[..end]).into_owned();
+        let status = head.split(' ').nth(1).and_then(|code| code.parse().ok()).unwrap_or(0);
+        Answer {
+            status,
+            head,
+            body: all.get(end + 4..).unwrap_or_default().to_vec(),
+        }
+    }
+
+    /// A request with the headers of an honest page, and more.
+    pub(crate) fn send(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> Answer {
+        let own = format!("127.0.0.1:{}", self.port);
+        let mut head = format!(
+            "{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n",
+            body.len()
+        );
+        if !headers.iter().any(|h| h.0 == "Host") {
+            head.push_str(&format!("Host: {own}\r\n"));
+        }
+        for (name, value) in headers {
+            head.push_str(&format!("{name}: {value}\r\n"));
+        }
+        head.push_str("\r\n");
+        self.raw(&[head.as_bytes(), body].concat())
+    }
+
+    /// A request with the token.
+    pub(crate) fn ask(&self, method: &str, path: &str, body: &[u8]) -> Answer {
+        self.send(method, &format!("/{}/{path}", self.token), &[], body)
+    }
+
+    pub(crate) fn state(&self) -> serde_json::Value {
+        self.ask("GET", "api/session", b"").json()
+    }
+
+    /// Does something and waits until the job it starts has ended.
+    pub(crate) fn act(&self, deed: &str) -> Answer {
+        let revision = self.state()["revision"].as_u64().unwrap();
+        let answer = self.ask(
+            "POST",
+            "api/do",
+            format!("{{\"revision\":{revision},\"do\":{deed}}}").as_bytes(),
+        );
+        self.wait();
+        answer
+    }
+
+    /// Waits for the job by asking for news.
+    pub(crate) fn wait(&self) -> serde_json::Value {
+        let mut state = self.state();
+        while state["job"]["running"].as_bool().unwrap() {
+            state = self
+                .ask("GET", &format!("api/session?seen={}", state["tick"]), b"")
+                .json();
+        }
+        state
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,254 @@
+//! The whole way in the browser, on the demo stage and on measured data, and with a million samples.
+
+use crate::browser::{Browser, there};
+use crate::server::Server;
+use fantoccini::Locator;
+use serde_json::{Value, json};
+use std::path::Path;
+
+fn in_browser(test: impl Future<Output = ()>) {
+    tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(1)
+        .enable_all()
+        .build()
+        .unwrap()
+        .block_on(test);
+}
+
+fn hysteron(folder: &Path, arguments: &[&str]) -> Value {
+    let out = assert_cmd::Command::new(env!("CARGO_BIN_EXE_hysteron"))
+        .current_dir(folder)
+        .args(arguments)
+        .assert()
+        .success();
+    serde_json::from_slice(&out.get_output().stdout).unwrap()
+}
+
+/// Three significant digits, as the page writes them.
+fn three(value: f64) -> String {
+    let text: f64 = format!("{value:.2e}").parse().unwrap();
+    text.to_string()
+}
+
+/// Fit, compare, diagnose, add, ladder, export; asserts on what is seen, against the command line.
+async fn the_way(browser: &Browser, session: &Path, name: &str, model: &str) {
+    browser.click("#to-fit").await;
+    browser.choose("#model", model).await;
+    browser.accessible("fit").await;
+    browser.click("#fit").await;
+    browser.see_text("Beside the measurement").await;
+    let said = hysteron(session, &["compare", "data", "models/1.toml", "--json"]);
+    let error = three(said["validate"]["nrmse_percent"].as_f64().unwrap());
+    let tiles = browser.see(".tiles").await;
+    assert!(tiles.contains(&format!("{error} %")), "{tiles} should say {error}");
+    browser.see("#residual canvas").await;
+    select_error(browser).await;
+    browser.picture(&format!("{name}-compare")).await;
+    browser.accessible("compare").await;
+
+    browser.click("a[href='#diagnose'].button").await;
+    browser.click("#diagnose").await;
+    let verdict = browser.see("#verdict").await;
+    let said = hysteron(session, &["diagnose", "data", "models/1.toml", "--json"]);
+    let first = said["ranking"][0]["effect"].as_str().unwrap().to_owned();
+    let told = said["verdict"].as_str().unwrap();
+    assert!(
+        told == "unknown" || verdict.to_lowercase().contains(&told.replace('-', " ")),
+        "{told}: {verdict}"
+    );
+    let card = browser.see(".cards article h3").await;
+    assert_eq!(
+        card.to_lowercase(),
+        format!("1. {}", first.replace('-', " ").replace("first order", "first-order"))
+    );
+    browser.picture(&format!("{name}-diagnose")).await;
+    browser.accessible("diagnose").await;
+
+    browser.click(&format!("#add-{first}")).await;
+    browser.see_text("How the error fell").await;
+    browser.see("#step-1").await;
+    let said = hysteron(session, &["compare", "data", "models/2.toml", "--json"]);
+    let error = three(said["validate"]["nrmse_percent"].as_f64().unwrap());
+    let rung = browser.see(".rung.here .figure").await;
+    assert_eq!(rung, format!("{error} %"));
+    browser.click("#undo").await;
+    browser.see("#step-0[aria-current]").await;
+    // A branch: what if it is a lag?
+    let other = if first == "first-order-lag" {
+        "delay"
+    } else {
+        "first-order-lag"
+    };
+    browser.choose("#effect", other).await;
+    browser.click("#add").await;
+    browser.see("#step-2[aria-current]").await;
+    browser.see_text("Branches beside each other").await;
+    browser.picture(&format!("{name}-ladder")).await;
+    browser.accessible("ladder").await;
+    browser.click("#undo").await;
+    browser.see("#step-0[aria-current]").await;
+    browser.click("#redo").await;
+    browser.see("#step-2[aria-current]").await;
+
+    browser.click("#way a[href='#export']").await;
+    browser.see("#export-model").await;
+    let get =
+        "const done = arguments[1]; fetch(document.querySelector(arguments[0]).href).then((r) => r.text()).then(done)";
+    let model = browser.run_async(get, vec![json!("#export-model")]).await;
+    assert_eq!(
+        model.as_str().unwrap(),
+        std::fs::read_to_string(session.join("models/3.toml")).unwrap()
+    );
+    browser.picture(&format!("{name}-export")).await;
+    browser.accessible("export").await;
+
+    browser.click("#way a[href='#effects']").await;
+    browser.click("a[href='#effects/delay']").await;
+    let before = browser.see("#parameter-0").await;
+    drop(before);
+    let slide = "const s = document.querySelector('#parameter-0'); const was = document.querySelector('output').textContent; s.value = 0.5; s.dispatchEvent(new Event('input')); return [was, document.querySelector('output').textContent]";
+    let moved = browser.run(slide, vec![]).await;
+    assert_ne!(moved[0], moved[1], "the parameter follows the slider");
+    browser.picture(&format!("{name}-effect")).await;
+    browser.accessible("effects").await;
+}
+
+/// Drags over the error and reads what it is there.
+async fn select_error(browser: &Browser) {
+    browser.drag("#residual .u-over", 0.2, 0.5).await;
+    browser.see("#selection strong").await;
+    let said = browser.see("#selection").await;
+    assert!(said.contains("times the noise floor"), "{said}");
+}
+
+#[test]
+fn val_the_whole_way_on_the_demo_stage() {
+    if !there() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let session = folder.path().join("session");
+    let server = Server::start(&session, &[]);
+    in_browser(async {
+        let browser = Browser::open(&server.address(), false).await;
+        browser.accessible("start").await;
+        browser.picture("demo-start").await;
+        browser.click("#start-demo").await;
+        browser.see_text("The data: paper-rate").await;
+        browser.picture("demo-data").await;
+        browser.accessible("data").await;
+        the_way(&browser, &session, "demo", "mpi").await;
+        browser.close().await;
+    });
+}
+
+#[test]
+fn val_the_whole_way_on_measured_data() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/cubespec-fsm-lowband");
+    if !data.exists() {
+        println!("skipped: ../shared/data/cubespec-fsm-lowband is not there");
+        return;
+    }
+    if !there() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let session = folder.path().join("session");
+    let server = Server::start(&session, &[]);
+    in_browser(async {
+        let browser = Browser::open(&server.address(), true).await;
+        browser.see("#files").await;
+        let mut files: Vec<String> = std::fs::read_dir(&data)
+            .unwrap()
+            .flatten()
+            .map(|e| e.path())
+            .filter(|p| p.extension().is_some_and(|e| e == "csv" || e == "toml"))
+            .map(|p| p.canonicalize().unwrap().display().to_string())
+            .collect();
+        files.sort();
+        browser
+            .client
+            .find(Locator::Css("#files"))
+            .await
+            .unwrap()
+            .send_keys(&files.join("\n"))
+            .await
+            .unwrap();
+        browser.see("#use:not([disabled])").await;
+        browser.see_text("u2-300mv-test0.csv").await;
+        browser.picture("cubespec-files").await;
+        browser.accessible("files").await;
+        browser.click("#use").await;
+        browser.see_text("The data: cubespec-fsm-lowband").await;
+        the_way(&browser, &session, "cubespec", "pi").await;
+        browser.close().await;
+    });
+}
+
+#[test]
+fn val_a_million_samples_are_fluid() {
+    if !there() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("session"), &[]);
+    let mut csv = String::with_capacity(40_000_000);
+    csv.push_str("time_s,voltage_v,position_um\n");
+    for k in 0..1_000_000_u32 {
+        use std::fmt::Write;
+        let v = 13.0 - 13.0 * (f64::from(k) * 1e-3).cos();
+        // One sample stands out by itself.
+        let spike = if k == 777_777 { 100.0 } else { 0.0 };
+        let _ = writeln!(
+            csv,
+            "{:.5},{v:.4},{:.5}",
+            f64::from(k) * 2e-5,
+            v * 2.5 + (f64::from(k) * 1e-3).sin() + spike
+        );
+    }
+    let file = folder.path().join("million.csv");
+    std::fs::write(&file, csv).unwrap();
+    in_browser(async {
+        let browser = Browser::open(&server.address(), false).await;
+        browser.see("#files").await;
+        browser.run("document.querySelector('#files').addEventListener('change', () => { window.brought = performance.now(); }, true)", vec![]).await;
+        browser
+            .client
+            .find(Locator::Css("#files"))
+            .await
+            .unwrap()
+            .send_keys(file.to_str().unwrap())
+            .await
+            .unwrap();
+        browser.see("body[data-first-picture] .plot canvas").await;
+        let first_ms = browser
+            .run(
+                "return Number(document.body.dataset.firstPicture) - window.brought",
+                vec![],
+            )
+            .await
+            .as_f64()
+            .unwrap();
+        let highest = browser
+            .run(
+                "return Math.max(...document.querySelector('.plot').chart.data[2])",
+                vec![],
+            )
+            .await
+            .as_f64()
+            .unwrap();
+        assert!(highest > 90.0, "the spike is drawn: {highest}");
+        let fluid = "const done = arguments[0]; const chart = document.querySelector('.plot').chart; let n = 0; const from = performance.now(); \
+            const frame = () => { if (n < 60) chart.zoomBy(0.96); else chart.pan(n % 40 < 20 ? 0.03 : -0.03); n += 1; if (n < 180) requestAnimationFrame(frame); else done(1000 * n / (performance.now() - from)); }; requestAnimationFrame(frame);";
+        let per_second = browser.run_async(fluid, vec![]).await.as_f64().unwrap();
+        let memory = server.peak_memory();
+        println!(
+            "a million samples: first picture after {first_ms:.0} ms, {per_second:.0} frames a second, server memory {memory:?} bytes"
+        );
+        browser.picture("million").await;
+        assert!(first_ms < 2000.0, "first picture after {first_ms} ms");
+        assert!(per_second >= 30.0, "{per_second} frames a second");
+        assert!(memory.is_none_or(|bytes| bytes < 1_000_000_000), "{memory:?} bytes");
+        browser.close().await;
+    });
+}

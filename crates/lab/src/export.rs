@@ -1,0 +1,96 @@
+//! What is taken home: model, report, the whole session.
+
+use crate::App;
+use crate::error::Refusal;
+use crate::work;
+use hysteron_diagnose::diagnosis::Diagnosis;
+use hysteron_identify::Direction;
+use hysteron_report::{Findings, frozen, hashes};
+use std::io::{Cursor, Write};
+use std::path::Path;
+
+/// A file to download: name, type, bytes.
+pub(crate) type Download = (String, &'static str, Vec<u8>);
+
+/// The model of a step.
+pub(crate) fn model(app: &App, number: usize) -> Result<Download, Refusal> {
+    let session = app.session();
+    let file = session.folder.join(&session.step(number)?.model);
+    let bytes = std::fs::read(&file).map_err(|error| Refusal::disk(&file, &error))?;
+    Ok((format!("model-{}.toml", number + 1), "application/toml", bytes))
+}
+
+/// The voltage of the record to take next.
+pub(crate) fn next_record(app: &App, number: usize) -> Result<Download, Refusal> {
+    let session = app.session();
+    session.step(number)?;
+    let bytes = std::fs::read(session.next_record_file(number))
+        .map_err(|_| Refusal::absent("no record to take next; diagnose this step first"))?;
+    Ok((format!("next-{}.csv", number + 1), "text/csv", bytes))
+}
+
+/// The report on a step; the same bytes as `hysteron report` leaves in the session's folder.
+pub(crate) fn report(app: &App, number: usize) -> Result<Download, Refusal> {
+    let comparison = work::comparison(app, number)?;
+    let (dataset, model, data, model_file, folder) = {
+        let session = app.session();
+        let data = session.book.data.clone().unwrap_or_default();
+        (
+            session.data()?,
+            session.model(number)?,
+            data,
+            session.step(number)?.model.clone(),
+            session.folder.clone(),
+        )
+    };
+    let diagnosis: Option<Diagnosis> =
+        (model.direction == Direction::Forward).then(|| hysteron_diagnose::diagnose(&dataset, &model, &|_, _| ()));
+    let hashes = hashes(&folder.join(&data), &folder.join(&model_file), &dataset)
+        .map_err(|(path, error)| Refusal::disk(&path, &error))?;
+    let findings = Findings {
+        model: &model,
+        comparison: &comparison,
+        diagnosis: diagnosis.as_ref(),
+        hashes: &hashes,
+    };
+    let page = frozen(
+        &[data, model_file, "report.html".to_owned()],
+        &dataset,
+        &findings,
+        app.version,
+    );
+    Ok(("report.html".to_owned(), "text/html; charset=utf-8", page.into_bytes()))
+}
+
+/// The session's folder as a zip archive.
+pub(crate) fn session(app: &App) -> Result<Download, Refusal> {
+    let session = app.session();
+    let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    let options = zip::write::SimpleFileOptions::default();
+    let zipped = |error: &dyn std::fmt::Display| Refusal::disk(&session.folder, error);
+    for part in ["", "data", "models", "diagnoses"] {
+        let folder = session.folder.join(part);
+        let mut files: Vec<_> = std::fs::read_dir(&folder)
+            .into_iter()
+            .flatten()
+            .flatten()
+            .map(|entry| entry.path())
+            .filter(|path| path.is_file())
+            .collect();
+        files.sort();
+        for file in files {
+            let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            if name.starts_with('.') {
+                continue;
+            }
+            let inside = Path::new("session").join(part).join(name);
+            archive
+                .start_file(inside.to_string_lossy(), options)
+                .map_err(|error| zipped(&error))?;
+            let bytes = std::fs::read(&file).map_err(|error| Refusal::disk(&file, &error))?;
+            archive.write_all(&bytes).map_err(|error| zipped(&error))?;
+        }
+    }
+    let bytes = archive.finish().map_err(|error| zipped(&error))?.into_inner();
+    Ok(("session.zip".to_owned(), "application/zip", bytes))
+}

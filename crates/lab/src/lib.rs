@@ -1,0 +1,171 @@
+//! The workbench: a page on loopback in which a person goes the whole way, from recordings to a model that explains
+//! them, without typing a command.
+//!
+//! [`Lab::open`] takes a session folder and a port, [`Lab::run`] answers until the program ends. Every answer is computed
+//! by the same functions as on the command line.
+#![forbid(unsafe_code)]
+
+mod api;
+mod assets;
+mod error;
+mod explain;
+mod export;
+mod guard;
+mod jobs;
+mod series;
+mod session;
+mod state;
+mod uploads;
+mod work;
+
+pub use error::LabError;
+
+use guard::Guard;
+use hysteron_data::Dataset;
+use jobs::Job;
+use session::Session;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tokio::sync::watch;
+
+/// A dataset that one can begin with when there are no recordings at hand.
+pub struct StartingPoint {
+    /// Its name in the address and in commands.
+    pub name: &'static str,
+    /// What the button says.
+    pub title: String,
+    /// What it is, one sentence.
+    pub about: String,
+    /// The command that makes the same dataset as `data`.
+    pub command: String,
+    /// Makes it.
+    #[expect(clippy::type_complexity, reason = "a maker with its progress")]
+    pub make: Box<dyn Fn(&(dyn Fn(f64) + Sync)) -> Result<Dataset, String> + Send + Sync>,
+}
+
+/// How the workbench is opened.
+pub struct Options {
+    /// Dataset folder, or one file in the native format, to begin with.
+    pub data: Option<PathBuf>,
+    /// Folder of the session, new or used.
+    pub session: PathBuf,
+    /// Port; 0 for a free one.
+    pub port: u16,
+    /// Datasets that one can begin with.
+    pub starts: Vec<StartingPoint>,
+    /// Version of the program.
+    pub version: &'static str,
+}
+
+/// The workbench, listening.
+pub struct Lab {
+    listener: TcpListener,
+    guard: Guard,
+    app: Arc<App>,
+}
+
+/// What requests share.
+pub(crate) struct App {
+    session: Mutex<Session>,
+    job: Mutex<Job>,
+    tick: watch::Sender<u64>,
+    pub(crate) starts: Vec<StartingPoint>,
+    pub(crate) version: &'static str,
+}
+
+impl App {
+    /// The session. A request that failed while it held the lock has changed nothing half: the book is saved as a whole.
+    pub(crate) fn session(&self) -> MutexGuard<'_, Session> {
+        self.session.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn job(&self) -> MutexGuard<'_, Job> {
+        self.job.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Tells every page that there is something new to see.
+    pub(crate) fn changed(&self) {
+        self.tick.send_modify(|tick| *tick += 1);
+    }
+
+    pub(crate) fn ticks(&self) -> watch::Receiver<u64> {
+        self.tick.subscribe()
+    }
+}
+
+impl Lab {
+    /// Opens the session and takes the port, on loopback only.
+    ///
+    /// # Errors
+    /// - A session folder that cannot be written, that another server holds, or whose `session.json` cannot be read.
+    /// - Data that cannot be read; a port that is taken.
+    pub fn open(options: Options) -> Result<Self, LabError> {
+        let mut session = Session::open(&options.session)?;
+        if let Some(data) = &options.data {
+            begin_with(&mut session, data)?;
+        }
+        let address = SocketAddr::from((Ipv4Addr::LOCALHOST, options.port));
+        let listener = TcpListener::bind(address).map_err(|source| LabError::Listen {
+            port: options.port,
+            source,
+        })?;
+        let guard = Guard::new(listener.local_addr()?.port())?;
+        let app = App {
+            session: Mutex::new(session),
+            job: Mutex::default(),
+            tick: watch::Sender::new(1),
+            starts: options.starts,
+            version: options.version,
+        };
+        Ok(Self {
+            listener,
+            guard,
+            app: Arc::new(app),
+        })
+    }
+
+    /// The address with the token, for the browser.
+    pub fn address(&self) -> String {
+        self.guard.address()
+    }
+
+    /// Answers requests until the program ends.
+    ///
+    /// # Errors
+    /// The system takes the port or the threads away.
+    pub fn run(self) -> Result<(), LabError> {
+        self.listener.set_nonblocking(true)?;
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(2)
+            .enable_all()
+            .build()?;
+        runtime.block_on(async {
+            let listener = tokio::net::TcpListener::from_std(self.listener)?;
+            axum::serve(listener, api::router(self.app, self.guard)).await
+        })?;
+        Ok(())
+    }
+}
+
+/// Takes the data given at the start, unless the session is about them already.
+fn begin_with(session: &mut Session, data: &Path) -> Result<(), LabError> {
+    let whole = std::path::absolute(data)?;
+    let shown = whole.display().to_string();
+    if session.book.data.as_ref() == Some(&shown) {
+        return Ok(());
+    }
+    if session.book.data.is_some() && !session.book.steps.is_empty() {
+        return Err(LabError::Session {
+            folder: session.folder.display().to_string(),
+            reason: "it has models of other data; give another folder with --session, or leave DATA out to go on"
+                .to_owned(),
+        });
+    }
+    let dataset = hysteron_data::read_dataset(data)?;
+    let taken = session.take_data(shown, String::new(), dataset);
+    taken.map_err(|refusal| LabError::Session {
+        folder: session.folder.display().to_string(),
+        reason: refusal.message,
+    })
+}

@@ -1,0 +1,313 @@
+//! Files that were brought: kept as they came, read with options that can be corrected.
+
+use crate::error::Refusal;
+use hysteron_data::import::{ColumnChoice, Gaps, ImportOptions, Jitter, Missing, import};
+use hysteron_data::{Dataset, Overwrite, Record, Role, write_dataset};
+use serde::Deserialize;
+use std::io::{Read, Seek, Write};
+use std::path::{Component, Path, PathBuf};
+
+/// Largest file taken, bytes: some twenty million samples as text.
+pub(crate) const FILE_LIMIT: u64 = 512 << 20;
+
+/// Most files in one session.
+const FILES: usize = 500;
+
+/// How the files are read; one for all, as on the command line.
+#[derive(Debug, Clone, Deserialize, Default, PartialEq)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct Reading {
+    /// `voltage=CH1:mV*20`, as `--column`.
+    pub(crate) columns: Vec<String>,
+    /// As `--rate`.
+    pub(crate) rate_hz: Option<f64>,
+    /// As `--missing`, `--gaps`, `--jitter`; `refuse` if empty.
+    pub(crate) missing: String,
+    pub(crate) gaps: String,
+    pub(crate) jitter: String,
+    /// Files that models are judged on.
+    pub(crate) validate: Vec<String>,
+}
+
+/// A file, read or refused.
+pub(crate) struct Upload {
+    pub(crate) name: String,
+    pub(crate) bytes: u64,
+    pub(crate) read: Result<(Vec<Record>, String), String>,
+    /// What the page shows of its records.
+    pub(crate) shown: Vec<serde_json::Value>,
+}
+
+/// The files of a session.
+pub(crate) struct Uploads {
+    pub(crate) folder: PathBuf,
+    pub(crate) files: Vec<Upload>,
+    pub(crate) reading: Reading,
+}
+
+impl Uploads {
+    /// The files of a folder that is there; read when they are asked for.
+    pub(crate) fn open(folder: &Path) -> Self {
+        Self {
+            folder: folder.to_owned(),
+            files: Vec::new(),
+            reading: Reading::default(),
+        }
+    }
+
+    /// Takes files into the list in place of those of the same name.
+    pub(crate) fn take(&mut self, new: Vec<Upload>) -> Result<(), Refusal> {
+        for upload in new {
+            self.files.retain(|file| file.name != upload.name);
+            if self.files.len() >= FILES {
+                return Err(Refusal::unusable(format!(
+                    "more than {FILES} files; take some away first"
+                )));
+            }
+            self.files.push(upload);
+        }
+        self.files.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(())
+    }
+
+    /// Whether the files are a dataset of ours.
+    pub(crate) fn is_dataset(&self) -> bool {
+        self.files.iter().any(|file| file.name == "dataset.toml")
+    }
+}
+
+impl Reading {
+    /// The options of the importer.
+    pub(crate) fn options(&self, role: Role) -> Result<ImportOptions, Refusal> {
+        let columns = self.columns.iter().filter(|text| !text.trim().is_empty());
+        let unknown =
+            |what: &str, value: &str, known: &str| Refusal::bad(format!("{what} `{value}`: known are {known}"));
+        Ok(ImportOptions {
+            role,
+            columns: columns
+                .map(|text| text.parse::<ColumnChoice>().map_err(Refusal::unusable))
+                .collect::<Result<_, _>>()?,
+            rate_hz: self.rate_hz,
+            missing: match self.missing.as_str() {
+                "" | "refuse" => Missing::Refuse,
+                "trim" => Missing::Trim,
+                "interpolate" => Missing::Interpolate,
+                other => return Err(unknown("missing", other, "refuse, trim, interpolate")),
+            },
+            gaps: match self.gaps.as_str() {
+                "" | "refuse" => Gaps::Refuse,
+                "split" => Gaps::Split,
+                other => return Err(unknown("gaps", other, "refuse, split")),
+            },
+            jitter: match self.jitter.as_str() {
+                "" | "refuse" => Jitter::Refuse,
+                "clock" => Jitter::Clock,
+                "interpolate" => Jitter::Interpolate,
+                other => return Err(unknown("jitter", other, "refuse, clock, interpolate")),
+            },
+            ..ImportOptions::default()
+        })
+    }
+
+    fn role(&self, name: &str) -> Role {
+        if self.validate.iter().any(|file| file == name) {
+            Role::Validate
+        } else {
+            Role::Identify
+        }
+    }
+
+    /// The import as it is typed in the session's folder.
+    pub(crate) fn command(&self, files: &[String]) -> String {
+        let mut command = "hysteron import".to_owned();
+        for file in files.iter().filter(|file| self.role(file) == Role::Identify) {
+            command.push_str(&format!(" {}", quoted(&format!("uploads/{file}"))));
+        }
+        for file in files.iter().filter(|file| self.role(file) == Role::Validate) {
+            command.push_str(&format!(" --validate {}", quoted(&format!("uploads/{file}"))));
+        }
+        for column in self.columns.iter().filter(|text| !text.trim().is_empty()) {
+            command.push_str(&format!(" --column {}", quoted(column)));
+        }
+        if let Some(rate) = self.rate_hz {
+            command.push_str(&format!(" --rate {rate}"));
+        }
+        for (option, value) in [
+            ("missing", &self.missing),
+            ("gaps", &self.gaps),
+            ("jitter", &self.jitter),
+        ] {
+            if !value.is_empty() && value != "refuse" {
+                command.push_str(&format!(" --{option} {value}"));
+            }
+        }
+        command + " -o data"
+    }
+}
+
+/// A word as a shell reads it.
+pub(crate) fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-=:+,".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
+}
+
+/// Reads a file that was brought.
+pub(crate) fn read(folder: &Path, name: &str, reading: &Reading) -> Upload {
+    let path = folder.join(name);
+    let bytes = std::fs::metadata(&path).map_or(0, |data| data.len());
+    let read = reading
+        .options(reading.role(name))
+        .map_err(|refusal| refusal.message)
+        .and_then(|options| {
+            // The importer is built never to panic; should it, the file is at fault and the server goes on.
+            let read =
+                std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| import(&path, &options, &mut |_, _| ())));
+            match read {
+                Err(_) => Err(format!(
+                    "{name}: the reader failed on this file; please report it with the file"
+                )),
+                Ok(Err(error)) => Err(error.to_string().replace(&format!("{}/", folder.display()), "")),
+                Ok(Ok(imported)) => {
+                    let preview = imported
+                        .preview
+                        .to_string()
+                        .replace(&format!("{}/", folder.display()), "");
+                    Ok((imported.records, preview))
+                }
+            }
+        });
+    let shown = read.iter().flat_map(|read| &read.0).map(crate::state::record).collect();
+    Upload {
+        name: name.to_owned(),
+        bytes,
+        read,
+        shown,
+    }
+}
+
+/// Reads the files of a dataset of ours.
+pub(crate) fn read_native(folder: &Path) -> Result<Dataset, Refusal> {
+    hysteron_data::read_dataset(folder)
+        .map_err(|error| Refusal::unusable(error.to_string().replace(&format!("{}/", folder.display()), "")))
+}
+
+/// Writes records as the dataset `data/` of a session, and reads it back: what the command line will read.
+pub(crate) fn write_data(
+    session: &Path,
+    name: &str,
+    mut records: Vec<Record>,
+    known: &Dataset,
+) -> Result<Dataset, Refusal> {
+    let folder = session.join("data");
+    name_apart(&mut records);
+    let dataset = Dataset {
+        name: name.to_owned(),
+        description: if known.description.is_empty() {
+            "imported".to_owned()
+        } else {
+            known.description.clone()
+        },
+        known: known.known,
+        records,
+        notices: Vec::new(),
+    };
+    write_dataset(&dataset, &folder, Overwrite::Allow).map_err(Refusal::unusable)?;
+    hysteron_data::read_dataset(&folder).map_err(Refusal::unusable)
+}
+
+/// Files of one name get numbers: `run.csv`, `run-2.csv`; as `hysteron import` does.
+fn name_apart(records: &mut [Record]) {
+    let mut taken = std::collections::HashSet::new();
+    for record in records {
+        let stem = record.file.trim_end_matches(".csv").to_owned();
+        let mut number = 1;
+        while !taken.insert(record.file.clone()) {
+            number += 1;
+            record.file = format!("{stem}-{number}.csv");
+        }
+    }
+}
+
+/// The name under which a file is kept: one component, nothing hidden, nothing that a folder or a shell takes amiss.
+pub(crate) fn safe_name(given: &str) -> Result<String, Refusal> {
+    let refuse = || {
+        Refusal::bad(format!(
+            "`{}` is no name of a recording",
+            given.chars().take(80).collect::<String>()
+        ))
+    };
+    let path = Path::new(given);
+    if path.components().any(|part| !matches!(part, Component::Normal(_))) || given.contains(['\\', '\0']) {
+        return Err(refuse());
+    }
+    let name = path.file_name().and_then(|name| name.to_str()).ok_or_else(refuse)?;
+    let unfit = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
+    if name.starts_with('.') || name.len() > 200 || name.contains(unfit) {
+        return Err(refuse());
+    }
+    Ok(name.to_owned())
+}
+
+/// Takes the recordings out of a zip archive; other files in it stay in it.
+pub(crate) fn unzip(archive: impl Read + Seek, into: &Path) -> Result<Vec<String>, Refusal> {
+    let mut archive =
+        zip::ZipArchive::new(archive).map_err(|error| Refusal::unusable(format!("zip archive: {error}")))?;
+    if archive.len() > 10 * FILES {
+        return Err(Refusal::unusable(format!(
+            "zip archive of {} entries; at most {} are looked at",
+            archive.len(),
+            10 * FILES
+        )));
+    }
+    let mut names = Vec::new();
+    let mut left = FILE_LIMIT;
+    for index in 0..archive.len() {
+        let mut entry = archive
+            .by_index(index)
+            .map_err(|error| Refusal::unusable(format!("zip archive: {error}")))?;
+        let given = entry
+            .name()
+            .map_err(|error| Refusal::unusable(format!("zip archive: {error}")))?
+            .into_owned();
+        if entry.is_dir() || !is_recording(&given) {
+            continue;
+        }
+        let name = safe_name(&given)?;
+        let path = into.join(&name);
+        let mut file = std::fs::File::create(&path).map_err(|error| Refusal::disk(&path, &error))?;
+        let written = std::io::copy(&mut (&mut entry).take(left + 1), &mut file)
+            .map_err(|error| Refusal::unusable(format!("zip archive, {name}: {error}")))?;
+        file.flush().map_err(|error| Refusal::disk(&path, &error))?;
+        if written > left {
+            // What was unpacked beyond the limit is not kept.
+            let _ = std::fs::remove_file(&path);
+            return Err(Refusal::new(
+                axum::http::StatusCode::PAYLOAD_TOO_LARGE,
+                format!("the zip archive unpacks to more than {} MB", FILE_LIMIT >> 20),
+            ));
+        }
+        left -= written;
+        names.push(name);
+    }
+    if names.is_empty() {
+        return Err(Refusal::unusable(
+            "the zip archive holds no recording (.csv, .tsv, .txt, .dat, .mat, dataset.toml)",
+        ));
+    }
+    Ok(names)
+}
+
+/// Whether a file of a folder or an archive is looked at.
+fn is_recording(name: &str) -> bool {
+    let lower = name.to_ascii_lowercase();
+    let file = lower.rsplit('/').next().unwrap_or("");
+    !file.starts_with('.')
+        && (file == "dataset.toml"
+            || [".csv", ".tsv", ".txt", ".dat", ".mat", ".asc"]
+                .iter()
+                .any(|end| file.ends_with(end)))
+}

@@ -1,0 +1,24 @@
+// The server, as the page sees it. All addresses are relative, so that the token in the address goes with each.
+
+export class Refused extends Error {}
+
+async function answer(response) {
+  const body = (response.headers.get("content-type") || "").includes("json") ? await response.json() : await response.text();
+  if (!response.ok) throw new Refused((body && body.error) || `the server answered ${response.status}`);
+  return body;
+}
+
+export async function ask(path, parameters = {}, signal = undefined) {
+  const query = new URLSearchParams(parameters).toString();
+  return answer(await fetch(`api/${path}${query ? `?${query}` : ""}`, { signal }));
+}
+
+export async function tell(path, body) {
+  return answer(await fetch(`api/${path}`, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) }));
+}
+
+export async function send(file) {
+  return answer(await fetch(`api/upload?${new URLSearchParams({ name: file.name })}`, { method: "POST", body: file }));
+}
+
+export const download = (what, step) => `api/export/${what}?step=${step}`;

@@ -1,0 +1,85 @@
+// The ladder: how the error fell, step by step, branches beside each other, down to the noise floor.
+import { el, table, command, percent, num } from "./dom.js";
+import { effects } from "./diagnose.js";
+
+const error = (step) => step.validate_percent ?? step.identify_percent;
+
+/** The steps in the order of a tree: each behind its parent, branches indented. */
+function order(steps) {
+  const rows = [];
+  const walk = (number, depth) => {
+    rows.push([number, depth]);
+    const children = steps.map((_, k) => k).filter((k) => steps[k].parent === number);
+    for (const child of children) walk(child, depth + 1);
+  };
+  steps.forEach((step, number) => { if (step.parent === null) walk(number, 0); });
+  return rows;
+}
+
+/** From the root to a step. */
+function way(steps, number) {
+  const path = [];
+  for (let at = number; at !== null; at = steps[at].parent) path.unshift(at);
+  return path;
+}
+
+function rung(lab, number, depth, most) {
+  const step = lab.state.steps[number];
+  const here = number === lab.state.current;
+  const value = error(step);
+  const bar = el("span", { class: "bar" });
+  bar.style.width = `${Math.max(0.5, 100 * (value || 0) / most)}%`;
+  const floor = el("span", { class: "floor", title: "noise floor" });
+  floor.style.left = `${100 * (step.noise_percent || 0) / most}%`;
+  const row = el("li", { class: here ? "rung here" : "rung" },
+    el("button", { type: "button", id: `step-${number}`, "aria-current": here ? "step" : null, click: () => lab.act({ what: "go-to", step: number }) }, `${number + 1}: ${step.title}`),
+    el("span", { class: "track", role: "img", "aria-label": `error ${percent(value)} of peak to peak, noise floor ${percent(step.noise_percent)}` }, bar, floor),
+    el("span", { class: "figure" }, percent(value)));
+  row.style.marginLeft = `${1.4 * depth}rem`;
+  return row;
+}
+
+function beside(steps, a, b, titles) {
+  const rows = steps[b].records.map(([file, after], index) => {
+    const before = (steps[a].records[index] || [])[1] ?? null;
+    return [file, before, after, before && after !== null ? `${num(100 * after / before)} %` : "–"];
+  });
+  rows.unshift(["pooled, records not fitted to", steps[a].validate_percent, steps[b].validate_percent, steps[a].validate_percent ? `${num(100 * steps[b].validate_percent / steps[a].validate_percent)} %` : "–"]);
+  return table(`Error of each record, % of peak to peak: ${titles.join(" and ")}`, ["Record", titles[0], titles[1], "Of the first"], rows);
+}
+
+let branch = null;
+
+export async function ladderPage(lab) {
+  const { steps, current } = lab.state;
+  const known = await effects();
+  const most = Math.max(...steps.map((step) => error(step) || 0)) || 1;
+  const step = steps[current];
+  const judged = step.validate_percent !== null;
+  const page = el("div", {},
+    el("h2", {}, "How the error fell"),
+    el("p", { class: "lead" }, way(steps, current).map((k) => `${steps[k].title}: ${percent(error(steps[k]))}`).join(" → "),
+      step.noise_percent ? `; the noise floor is ${percent(step.noise_percent)}.` : "."),
+    el("p", {}, judged ? "Pooled error on records not fitted to, percent of peak to peak. The stroke is the noise floor." : "Pooled error on the records fitted to; no record was kept to judge by, so a fall here proves nothing."),
+    el("ol", { class: "rungs" }, order(steps).map(([number, depth]) => rung(lab, number, depth, most))),
+    command(way(steps, current).map((k) => steps[k].command).join(" && ")));
+  if (step.parent !== null) {
+    const [a, b] = [step.parent, current];
+    page.append(el("h2", {}, `Before and after ${step.title}`), beside(steps, a, b, ["before", "after"]));
+    if (judged && step.validate_percent >= steps[a].validate_percent) page.append(el("p", { class: "notice", id: "no-support" }, "The records not fitted to do not support it: their error did not fall. Undo it, or try another."));
+  }
+  const select = el("select", { id: "effect" }, known.map((k) => el("option", { value: k.name }, k.name)));
+  page.append(el("h2", {}, "What if it is another?"),
+    el("p", {}, el("label", { for: "effect" }, `Add to ${step.title} `), select, " ",
+      el("button", { type: "button", id: "add", class: "main", disabled: lab.state.job.running, click: () => lab.act({ what: "add", effect: select.value }, "ladder") }, "Add"),
+      " ", el("a", { href: "#diagnose" }, "Or ask which")));
+  if (steps.length > 1) {
+    const others = steps.map((_, k) => k).filter((k) => k !== current);
+    branch = others.includes(branch) ? branch : others.at(-1);
+    const to = el("select", { id: "branch", change: () => { branch = Number(to.value); holder.replaceChildren(pair()); } }, others.map((k) => el("option", { value: k, selected: k === branch }, `${k + 1}: ${steps[k].title}`)));
+    const pair = () => beside(steps, current, branch, [`${current + 1}: ${step.title}`, `${branch + 1}: ${steps[branch].title}`]);
+    const holder = el("div", {}, pair());
+    page.append(el("h2", {}, "Branches beside each other"), el("p", {}, el("label", { for: "branch" }, "Set this step beside "), to), holder);
+  }
+  return page;
+}

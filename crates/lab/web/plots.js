@@ -1,0 +1,157 @@
+// Charts by uPlot, with zoom, pan, a shared cursor, and finer points fetched once the view rests.
+import uPlot from "./vendor/uPlot.esm.js";
+
+const style = getComputedStyle(document.documentElement);
+const dark = matchMedia("(prefers-color-scheme: dark)");
+/** Colours by Okabe and Ito, told apart by the colour-blind; as in the reports. */
+export const COLOURS = {
+  get measured() { return dark.matches ? "#6cbef0" : "#0072b2"; },
+  get model() { return dark.matches ? "#f59a4c" : "#d55e00"; },
+  get residual() { return dark.matches ? "#33bd97" : "#008f69"; },
+  get noise() { return dark.matches ? "#9aa4af" : "#6e7781"; },
+  get input() { return dark.matches ? "#df9cc4" : "#b25e92"; },
+};
+
+const ink = () => style.getPropertyValue("--muted").trim();
+const rule = () => style.getPropertyValue("--rule").trim();
+const axis = (label, scale, extra = {}) => ({ label, scale, stroke: ink, grid: { stroke: rule, width: 1 }, ticks: { stroke: rule, width: 1 }, size: 62, font: "12px system-ui", labelFont: "12px system-ui", ...extra });
+const width = (host) => Math.max(280, host.clientWidth || 600);
+const settle = 120;
+
+/** Follows the width of its host. */
+function fit(chart, host, height) {
+  new ResizeObserver(() => chart.setSize({ width: width(host), height })).observe(host);
+}
+
+/** Wheel zooms about the pointer, drag with Shift pans, arrow keys pan, plus and minus zoom, 0 shows all. */
+function hands(chart, host, whole, moved) {
+  const set = (min, max) => {
+    const span = Math.min(max - min, whole[1] - whole[0]);
+    const low = Math.max(whole[0], Math.min(min, whole[1] - span));
+    chart.setScale("x", { min: low, max: low + span });
+    moved(low, low + span);
+  };
+  const view = () => [chart.scales.x.min, chart.scales.x.max];
+  const zoom = (factor, at) => { const [a, b] = view(); const m = at ?? (a + b) / 2; set(m - (m - a) * factor, m + (b - m) * factor); };
+  const pan = (share) => { const [a, b] = view(); set(a + share * (b - a), b + share * (b - a)); };
+  chart.over.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    if (event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY)) pan((event.deltaX || event.deltaY) / 800);
+    else zoom(Math.exp(event.deltaY / 500), chart.posToVal(event.offsetX, "x"));
+  }, { passive: false });
+  host.tabIndex = 0;
+  host.setAttribute("role", "application");
+  host.addEventListener("keydown", (event) => {
+    const deed = { ArrowLeft: () => pan(-0.2), ArrowRight: () => pan(0.2), "+": () => zoom(0.6), "-": () => zoom(1 / 0.6), "0": () => set(...whole) }[event.key];
+    if (deed) { event.preventDefault(); deed(); }
+  });
+  chart.over.addEventListener("dblclick", () => set(...whole));
+  chart.pan = pan;
+  chart.zoomBy = zoom;
+  chart.setView = set;
+}
+
+/** Series over time. `finer(from, to)` is called once the view rests. */
+export function timePlot(host, points, series, finer, options = {}) {
+  const height = options.height || 260;
+  const data = [points.x, ...points.y];
+  const whole = [points.x[0], points.x.at(-1)];
+  const scales = { x: { time: false } };
+  for (const one of series) scales[one.scale] = {};
+  const sides = [...new Set(series.map((one) => one.scale))];
+  const chart = new uPlot({
+    width: width(host), height, scales,
+    cursor: { sync: options.sync ? { key: options.sync } : undefined, drag: { x: true, y: false, setScale: !options.select }, focus: { prox: 20 } },
+    series: [{ label: "time, s" }, ...series.map((one) => ({ label: one.label, stroke: one.colour, scale: one.scale, width: 1.2, points: { show: false }, value: (_, v) => (v === null ? "–" : Number(v.toPrecision(5))) }))],
+    axes: [axis("time, s", "x", { size: 44 }), ...sides.map((scale, index) => axis(series.find((one) => one.scale === scale).label, scale, index ? { side: 1, grid: { show: false } } : {}))],
+    hooks: { setSelect: [(u) => { if (options.select && u.select.width > 3) options.select(u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")); }] },
+  }, data, host);
+  let timer = 0;
+  const moved = (from, to) => {
+    if (options.follow) for (const other of options.follow()) if (other !== chart) other.setScale("x", { min: from, max: to });
+    clearTimeout(timer);
+    timer = setTimeout(() => finer(from, to), settle);
+  };
+  hands(chart, host, whole, moved);
+  host.setAttribute("aria-label", `${series.map((one) => one.label).join(", ")} over time. Arrow keys pan, plus and minus zoom, 0 shows all.`);
+  chart.renew = (more, pick = (y) => y) => {
+    const { min, max } = chart.scales.x;
+    chart.setData([more.x, ...pick(more.y)], false);
+    chart.setScale("x", { min, max });
+  };
+  host.chart = chart;
+  fit(chart, host, height);
+  return chart;
+}
+
+/** Loops: points that run to and fro over the abscissa. */
+export function loopPlot(host, curves, xTitle, yTitle, height = 300) {
+  const series = curves.map((curve) => ({ label: curve.label, stroke: curve.colour, facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }], paths: trace, width: 1.2 }));
+  const range = (index) => () => {
+    let low = Infinity; let high = -Infinity;
+    for (const { path } of curves) for (const v of index ? path.y : path.x) if (v !== null) { low = Math.min(low, v); high = Math.max(high, v); }
+    const room = 0.03 * (high - low || 1);
+    return [low - room, high + room];
+  };
+  const chart = new uPlot({
+    mode: 2, width: width(host), height, legend: { show: false }, cursor: { drag: { x: false, y: false } },
+    scales: { x: { time: false, range: range(0) }, y: { range: range(1) } },
+    series: [null, ...series], axes: [axis(xTitle, "x", { size: 44 }), axis(yTitle, "y")],
+  }, [null, ...curves.map((curve) => [curve.path.x, curve.path.y])], host);
+  const key = document.createElement("p");
+  key.className = "key";
+  for (const curve of curves) {
+    const dot = document.createElement("span");
+    dot.style.background = curve.colour;
+    const name = document.createElement("span");
+    name.textContent = curve.label;
+    key.append(dot, name);
+  }
+  host.append(key);
+  host.setAttribute("role", "img");
+  host.setAttribute("aria-label", `${curves.map((curve) => curve.label).join(" and ")}: ${yTitle} over ${xTitle}`);
+  fit(chart, host, height);
+  chart.renew = (paths) => { paths.forEach((path, index) => { curves[index].path = path; }); chart.setData([null, ...paths.map((path) => [path.x, path.y])]); };
+  host.chart = chart;
+  return chart;
+}
+
+function trace(u, index) {
+  const [xs, ys] = u.data[index];
+  const { ctx } = u;
+  const one = u.series[index];
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
+  ctx.clip();
+  ctx.strokeStyle = typeof one.stroke === "function" ? one.stroke(u, index) : one.stroke;
+  ctx.lineWidth = one.width * devicePixelRatio;
+  ctx.beginPath();
+  let down = false;
+  for (let k = 0; k < xs.length; k++) {
+    if (xs[k] === null) { down = false; continue; }
+    const x = u.valToPos(xs[k], "x", true);
+    const y = u.valToPos(ys[k], "y", true);
+    if (down) ctx.lineTo(x, y); else ctx.moveTo(x, y);
+    down = true;
+  }
+  ctx.stroke();
+  ctx.restore();
+  return null;
+}
+
+/** Spectra on logarithmic axes. */
+export function spectrumPlot(host, spectrum, outputUnit) {
+  const keep = spectrum.frequency_hz.map((f, k) => [f, k]).filter(([f]) => f > 0).map(([, k]) => k);
+  const positive = (values) => keep.map((k) => (values[k] > 0 ? values[k] : null));
+  const line = (label, colour, dash) => ({ label, stroke: colour, width: 1.2, dash, points: { show: false }, value: (_, v) => (v === null || v === undefined ? "–" : v.toPrecision(3)) });
+  const chart = new uPlot({
+    width: width(host), height: 280, scales: { x: { time: false, distr: 3 }, y: { distr: 3 } }, cursor: { drag: { x: true, y: false } },
+    series: [{ label: "frequency, Hz" }, line("measured", COLOURS.measured), line("error", COLOURS.residual), line("noise floor", COLOURS.noise, [6, 4])],
+    axes: [axis("frequency, Hz", "x", { size: 44 }), axis(`${outputUnit}/√Hz`, "y", { values: (_, ticks) => ticks.map((v) => (Math.abs(Math.log10(v) % 1) < 1e-9 ? v.toExponential(0) : "")) })],
+  }, [keep.map((k) => spectrum.frequency_hz[k]), positive(spectrum.measured_um_per_rthz), positive(spectrum.residual_um_per_rthz), positive(spectrum.noise_um_per_rthz)], host);
+  host.setAttribute("role", "img");
+  host.setAttribute("aria-label", "Spectrum of the error, against the measurement and the noise floor");
+  fit(chart, host, 280);
+  return chart;
+}

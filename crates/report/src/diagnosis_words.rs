@@ -1,0 +1,133 @@
+//! A diagnosis in plain sentences.
+
+use hysteron_diagnose::diagnosis::Diagnosis;
+
+/// The verdict in one sentence.
+pub fn verdict_sentence(diagnosis: &Diagnosis) -> String {
+    if !diagnosis.cannot_answer.is_empty() {
+        return "These records cannot say which effect is missing.".to_owned();
+    }
+    match diagnosis.verdict.as_str() {
+        "none" => "Nothing is missing: what is left is sensor noise and the known coarseness of the model.".to_owned(),
+        "unknown" => "Structure remains that no effect of the catalogue explains.".to_owned(),
+        "hysteresis-shape" => {
+            "Nothing physical is missing; the family of plays is too poor for the shape of these loops.".to_owned()
+        }
+        name if diagnosis.also_possible.is_empty() => format!("{} is missing.", effect_name(name, true)),
+        name => format!(
+            "{} is missing, or {}: these records cannot tell them apart.",
+            effect_name(name, true),
+            list(&diagnosis.also_possible, "or")
+        ),
+    }
+}
+
+/// Everything a diagnosis says besides its verdict and its figures, a sentence each.
+pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut lines: Vec<String> = diagnosis
+        .cannot_answer
+        .iter()
+        .map(|reason| sentence(reason_in_words(reason)))
+        .collect();
+    if !diagnosis.further.is_empty() {
+        lines.push(format!(
+            "With it in the model, there is still {}.",
+            list(&diagnosis.further, "and")
+        ));
+    }
+    if diagnosis.shape_too_poor {
+        lines.push(
+            "The model's family of plays is too poor for these loops: a play-polynomial model may follow them."
+                .to_owned(),
+        );
+    }
+    if let Some(next) = &diagnosis.next_record {
+        let mut line = format!("Record to take next: {}", next.excitation);
+        if !next.separates.is_empty() {
+            line.push_str(&format!(
+                "; it would separate {} by {:.1} times what is left unexplained",
+                list(&next.separates, "from"),
+                next.expected_sigma
+            ));
+        }
+        lines.push(line + ".");
+    }
+    let locked: Vec<String> = diagnosis
+        .unexplained
+        .locked_to
+        .iter()
+        .filter(|lock| lock.share > LOCK_NAMED)
+        .map(|lock| format!("{} ({:.0}\u{a0}%)", lock.to, 100.0 * lock.share))
+        .collect();
+    if !locked.is_empty() {
+        lines.push(format!("What is left unexplained goes with {}.", list(&locked, "and")));
+    }
+    lines
+}
+
+/// Share of the remaining squared error from which what it goes with is named; as on the command line.
+const LOCK_NAMED: f64 = 0.1;
+
+/// Why records cannot answer, in words.
+pub fn reason_in_words(reason: &str) -> &str {
+    match reason {
+        "nothing-moves" => "the voltage stands still in every record",
+        "no-validation" => "no record that moves has role validate: an effect could be judged only where it was fitted",
+        "no-identification" => "no record that moves has role identify",
+        "all-noise" => "the stroke is less than 30 times the noise: a medium effect drowns in it",
+        "clipped" => {
+            "the position stands on its largest or smallest value in over 5 % of the samples while the voltage moves"
+        }
+        "one-excitation" => "only one sine was played: at one frequency and amplitude all effects look alike",
+        "too-short" => "the records that move last too short a time",
+        other => other,
+    }
+}
+
+/// An effect's name as a word of a sentence: `First-order lag`.
+pub(crate) fn effect_name(name: &str, opening: bool) -> String {
+    let words = match name.strip_prefix("first-order-") {
+        Some(rest) => format!("first-order {rest}"),
+        None => name.replace('-', " "),
+    };
+    if opening { capital(&words) } else { words }
+}
+
+fn capital(text: &str) -> String {
+    let mut characters = text.chars();
+    characters
+        .next()
+        .map_or_else(String::new, |first| first.to_uppercase().chain(characters).collect())
+}
+
+fn sentence(text: &str) -> String {
+    capital(text) + "."
+}
+
+/// `a`, `a or b`, `a, b or c`.
+fn list(names: &[String], before_last: &str) -> String {
+    let names: Vec<String> = names.iter().map(|name| effect_name(name, false)).collect();
+    match names.split_last() {
+        None => String::new(),
+        Some((last, [])) => last.clone(),
+        Some((last, others)) => format!("{} {before_last} {last}", others.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{effect_name, list};
+
+    #[test]
+    fn golden_names_and_lists_read_as_words() {
+        assert_eq!(effect_name("first-order-lag", true), "First-order lag");
+        assert_eq!(effect_name("slew-limit", false), "slew limit");
+        let names = |n: &[&str]| n.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>();
+        assert_eq!(list(&names(&[]), "or"), "");
+        assert_eq!(list(&names(&["delay"]), "or"), "delay");
+        assert_eq!(
+            list(&names(&["delay", "slew-limit", "creep"]), "or"),
+            "delay, slew limit or creep"
+        );
+    }
+}
