@@ -1,8 +1,8 @@
 //! The commands; each has its arguments and its help in its own file.
 
 use crate::commands::{
-    compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs, fit::FitArgs, import::ImportArgs, lab::LabArgs,
-    paper::PaperArgs, report::ReportArgs, simulate::SimulateArgs,
+    add::AddArgs, compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs, fit::FitArgs, import::ImportArgs,
+    lab::LabArgs, ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs, report::ReportArgs, simulate::SimulateArgs,
 };
 use clap::{Parser, Subcommand};
 
@@ -34,6 +34,12 @@ pub(crate) enum Command {
     Lab(LabArgs),
     /// Freeze comparison, diagnosis and ladder of a model into one page to send to a colleague
     Report(ReportArgs),
+    /// Add an effect to a model and fit everything anew: the error before and after, on every record
+    Add(AddArgs),
+    /// Show how the error of a model fell, step by step, down to the noise floor
+    Ladder(LadderArgs),
+    /// Fit, diagnose and add by itself until nothing more is missing or nothing more can be told
+    Learn(LearnArgs),
     /// Redo the paper on the simulated stages, its figures beside ours
     Paper(PaperArgs),
     /// Run the main job on the simulated stage and leave a page with pictures

@@ -27,6 +27,9 @@ fn main() -> ExitCode {
         Command::Diagnose(args) => commands::diagnose::run(&args),
         Command::Lab(args) => commands::lab::run(&args),
         Command::Report(args) => commands::report::run(&args),
+        Command::Add(args) => commands::add::run(&args),
+        Command::Ladder(args) => commands::ladder::run(&args),
+        Command::Learn(args) => commands::learn::run(&args),
         Command::Paper(args) => commands::paper::run(&args),
         Command::Demo(args) => commands::demo::run(&args),
     };

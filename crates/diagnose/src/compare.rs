@@ -2,6 +2,7 @@
 
 use crate::breakdown::{Sample, breakdowns};
 use crate::comparison::{Comparison, NoiseSource, Pooled, RecordComparison, Series};
+use crate::straight_line::StraightLine;
 use crate::{error_map, noise, spectrum};
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::family::peak_to_peak;
@@ -35,11 +36,18 @@ pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)
         .zip(&records)
         .map(|(r, c)| Sample::new(r, c))
         .collect();
+    let line = StraightLine::fit(&records);
+    let judged = if dataset.with_role(Role::Validate).next().is_some() {
+        Role::Validate
+    } else {
+        Role::Identify
+    };
     let comparison = Comparison {
         noise_rms_um: noise_rms,
         noise_source: floor.source,
-        identify: pool(&records, Role::Identify),
-        validate: pool(&records, Role::Validate),
+        identify: of_role(&records, Role::Identify),
+        validate: of_role(&records, Role::Validate),
+        straight_line: line.and_then(|line| line.pooled(&records, judged)),
         r#where: breakdowns(&samples, model.direction),
         error_map: error_map::error_map(&samples),
         spectrum: spectrum::spectrum(&records, noise_rms),
@@ -69,23 +77,17 @@ fn output_per_um(dataset: &Dataset, direction: Direction) -> f64 {
 fn compare_record(record: &Record, model: &Model, noise_rms: f64) -> RecordComparison {
     let simulation = model.simulate(record);
     let measured = model.direction.output(record);
-    let n = measured.len() as f64;
-    let errors = || measured.iter().zip(&simulation.output).map(|(y, m)| y - m);
-    let rms = (errors().map(|e| e * e).sum::<f64>() / n).sqrt();
-    let largest = errors().fold(0.0, |largest: f64, e| largest.max(e.abs()));
-    let stroke = peak_to_peak(measured);
-    let mean = measured.iter().sum::<f64>() / n;
-    let deviation = (measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt();
     // A record at constant voltage has no stroke to be a percentage of, only noise.
-    let moves = stroke > 0.0 && peak_to_peak(&record.voltage_v) > 0.0;
+    let moves = peak_to_peak(&record.voltage_v) > 0.0;
+    let errors = Errors::new(measured, simulation.output.iter().copied(), moves);
     RecordComparison {
         file: record.file.clone(),
         role: record.role,
-        nrmse_percent: moves.then_some(100.0 * rms / stroke),
-        fit_percent: moves.then_some(100.0 * (1.0 - rms / deviation)),
-        rms_um: rms,
-        max_um: largest,
-        noise_ratio: rms / noise_rms,
+        nrmse_percent: errors.percent.map(|percent| percent.0),
+        fit_percent: errors.percent.map(|percent| percent.1),
+        rms_um: errors.rms,
+        max_um: errors.largest,
+        noise_ratio: errors.rms / noise_rms,
         samples: measured.len(),
         initial_state: simulation.initial.to_string(),
         series: Series {
@@ -99,11 +101,34 @@ fn compare_record(record: &Record, model: &Model, noise_rms: f64) -> RecordCompa
     }
 }
 
-fn pool(records: &[RecordComparison], role: Role) -> Option<Pooled> {
-    let pool: Vec<_> = records
-        .iter()
-        .filter(|record| record.role == role)
-        .filter_map(|record| Some((record.nrmse_percent?, record.fit_percent?, record.rms_um)))
+/// How far a modelled series is off, in the output's unit and in percent.
+pub(crate) struct Errors {
+    rms: f64,
+    largest: f64,
+    /// Eq. 19 and fit, where the output moves.
+    percent: Option<(f64, f64)>,
+}
+
+impl Errors {
+    pub(crate) fn new(measured: &[f64], modelled: impl Iterator<Item = f64> + Clone, moves: bool) -> Self {
+        let n = measured.len() as f64;
+        let errors = || measured.iter().zip(modelled.clone()).map(|(y, m)| y - m);
+        let rms = (errors().map(|e| e * e).sum::<f64>() / n).sqrt();
+        let stroke = peak_to_peak(measured);
+        let mean = measured.iter().sum::<f64>() / n;
+        let deviation = (measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt();
+        Self {
+            rms,
+            largest: errors().fold(0.0, |largest: f64, e| largest.max(e.abs())),
+            percent: (moves && stroke > 0.0).then(|| (100.0 * rms / stroke, 100.0 * (1.0 - rms / deviation))),
+        }
+    }
+}
+
+/// Root mean square over the records that move; `None` where none does.
+pub(crate) fn pool(errors: impl Iterator<Item = Errors>) -> Option<Pooled> {
+    let pool: Vec<_> = errors
+        .filter_map(|errors| errors.percent.map(|(nrmse, fit)| (nrmse, fit, errors.rms)))
         .collect();
     let n = pool.len() as f64;
     let root_mean_square = |values: &mut dyn Iterator<Item = f64>| (values.map(|v| v * v).sum::<f64>() / n).sqrt();
@@ -113,6 +138,20 @@ fn pool(records: &[RecordComparison], role: Role) -> Option<Pooled> {
         rms_um: root_mean_square(&mut pool.iter().map(|p| p.2)),
         records: pool.len(),
     })
+}
+
+/// Pooled errors of the records of a role.
+fn of_role(records: &[RecordComparison], role: Role) -> Option<Pooled> {
+    pool(
+        records
+            .iter()
+            .filter(|record| record.role == role)
+            .map(|record| Errors {
+                rms: record.rms_um,
+                largest: record.max_um,
+                percent: record.nrmse_percent.zip(record.fit_percent),
+            }),
+    )
 }
 
 fn notices(dataset: &Dataset, model: &Model, records: &[RecordComparison], source: NoiseSource) -> Vec<String> {

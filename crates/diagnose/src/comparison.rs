@@ -80,6 +80,24 @@ pub struct Series {
     pub modelled: Vec<f64>,
 }
 
+impl Comparison {
+    /// What the model takes away of a straight line's error, in one sentence.
+    pub fn beside_a_straight_line(&self) -> Option<String> {
+        let (line, judged) = (self.straight_line?, self.validate.or(self.identify)?);
+        let kept = judged.nrmse_percent / line.nrmse_percent;
+        let takes = format!("the model takes away {:.0} % of that error", 100.0 * (1.0 - kept));
+        let verdict = match kept {
+            1.0.. => "the model is no better".to_owned(),
+            0.7.. => format!("{takes}: hysteresis of this kind barely helps"),
+            _ => takes,
+        };
+        Some(format!(
+            "a straight line is off by {:.2} % there: {verdict}",
+            line.nrmse_percent
+        ))
+    }
+}
+
 /// The share of the squared error in one bin of one quantity.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Bin {
@@ -145,6 +163,9 @@ pub struct Comparison {
     pub identify: Option<Pooled>,
     /// Pooled over the records that the role `validate` marks.
     pub validate: Option<Pooled>,
+    /// What a straight line from input to output reaches on the records that judge the model (role `validate`, else
+    /// `identify`), fitted to those with role `identify`: what the model adds to it is what hysteresis explains.
+    pub straight_line: Option<Pooled>,
     /// Each record.
     pub records: Vec<RecordComparison>,
     /// Where the error is.

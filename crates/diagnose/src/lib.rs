@@ -7,14 +7,19 @@ pub mod compare;
 pub mod comparison;
 pub mod diagnosis;
 mod error_map;
+pub mod ladder;
+pub mod learn;
 mod missing;
 pub mod noise;
 mod region;
 mod spectrum;
+mod straight_line;
 
 pub use compare::compare;
 pub use comparison::{
     Bin, Breakdown, Comparison, ErrorMap, NoiseFloor, NoiseSource, Pooled, RecordComparison, Series, Spectrum,
 };
+pub use ladder::{Ladder, Rung, add, ladder};
+pub use learn::{Attempt, Learned, Stop, learn, learn_from};
 pub use missing::diagnose;
 pub use region::{GoesWith, Region, region};

@@ -4,6 +4,7 @@ use crate::chain_trace::Trace;
 use crate::columns::{Design, fill, output};
 use crate::effects::rate_dependence::NARROW;
 use crate::effects::{Acts, Effect, Signals};
+use crate::initial::InitialState;
 use hysteron_core::envelope::Envelope;
 use hysteron_core::play;
 use std::sync::Arc;
@@ -23,6 +24,12 @@ pub(crate) struct Chain {
     pub links: Vec<Link>,
     /// Plays narrower than this, volts, do not take part in a rate dependence that is a link.
     pub narrow_v: f64,
+}
+
+/// The hysteresis' part of an answer, on the whole grid.
+pub(crate) struct Stroke {
+    pub stack_v: Vec<f64>,
+    pub position_um: Vec<f64>,
 }
 
 /// The answer of a chain at the recorded samples, and how it changes with each coefficient.
@@ -52,7 +59,7 @@ impl Chain {
     }
 
     /// The voltage at the stack.
-    fn stack(&self, trace: &Trace<'_>) -> Vec<f64> {
+    pub(crate) fn stack(&self, trace: &Trace<'_>) -> Vec<f64> {
         let mut voltage_v = trace.voltage_v.clone();
         for (i, link) in self.links.iter().enumerate() {
             let signals = signals(trace, &[], i);
@@ -100,19 +107,30 @@ impl Chain {
 
     /// The modelled position at the recorded samples, free simulation.
     pub(crate) fn respond(&self, coefficients: &[f64], trace: &Trace<'_>) -> Vec<f64> {
+        self.respond_from(coefficients, trace, &self.stroke(coefficients, trace))
+    }
+
+    /// What the hysteresis makes of the command, before the effects on the position.
+    pub(crate) fn stroke(&self, coefficients: &[f64], trace: &Trace<'_>) -> Stroke {
         let stack_v = self.stack(trace);
-        let mut position = vec![0.0; stack_v.len()];
+        let mut position_um = vec![0.0; stack_v.len()];
         // The offset is the sensor's: it comes after the linear effects.
         let mut moving = coefficients.to_vec();
         moving[0] = 0.0;
         self.plays(trace, &stack_v, |k, input, rate, outputs| {
-            position[k] = output(self.design.family, &moving, input, rate, outputs);
+            position_um[k] = output(self.design.family, &moving, input, rate, outputs);
         });
+        Stroke { stack_v, position_um }
+    }
+
+    /// The modelled position at the recorded samples from what the hysteresis made of the command.
+    pub(crate) fn respond_from(&self, coefficients: &[f64], trace: &Trace<'_>, stroke: &Stroke) -> Vec<f64> {
+        let (stack_v, mut position) = (&stroke.stack_v, stroke.position_um.clone());
         for nonlinear in [false, true] {
             for (i, link) in self.links.iter().enumerate() {
                 if (link.effect.acts() == Acts::Nonlinearly) == nonlinear {
                     link.effect
-                        .on_position(&link.values, &signals(trace, &stack_v, i), &mut position);
+                        .on_position(&link.values, &signals(trace, stack_v, i), &mut position);
                 }
             }
             if !nonlinear {
@@ -194,24 +212,16 @@ impl Chain {
             trace.own[i] = own;
         }
     }
-
-    /// Squared error of a record from its first fitted sample on.
-    pub(crate) fn squared_error(&self, coefficients: &[f64], trace: &Trace<'_>) -> f64 {
-        let modelled = self.respond(coefficients, trace);
-        let measured = &trace.record.position_um;
-        measured
-            .iter()
-            .zip(&modelled)
-            .skip(trace.fit_from)
-            .map(|(y, m)| (y - m).powi(2))
-            .sum()
-    }
 }
 
 fn signals<'a>(trace: &'a Trace<'_>, stack_v: &'a [f64], link: usize) -> Signals<'a> {
     Signals {
         period_s: trace.period_s,
         run_in: trace.run_in,
+        fraction: match trace.initial {
+            InitialState::Remanent { fraction } => fraction,
+            InitialState::Periodic { .. } => 0.0,
+        },
         at_stack_v: stack_v,
         temperature_c: trace.temperature_c.as_deref(),
         voltage2_v: trace.voltage2_v.as_deref(),

@@ -1,20 +1,25 @@
 //! Adds an effect to a model: all parameters fitted anew, errors before and after on every record.
 
 use crate::chain::{Chain, Link};
+use crate::chain_facts::facts;
 use crate::chain_fit::{Fitted, Problem, prepare};
+use crate::chain_start::best_of_starts;
 use crate::chain_trace::Trace;
 use crate::columns::Design;
 use crate::effects::{self, Bounds, Effect, Facts, Shape};
 use crate::error::IdentifyError;
-use crate::family::{Direction, Family, peak_to_peak, range};
+use crate::family::{Direction, Family, range};
+use crate::history::{self, record_errors};
 use crate::initial::{self, InitialState};
-use crate::model::{FittedEffect, FittedRecord, Model, Parameter, RecordError, Step};
+use crate::model::{Change, FittedEffect, FittedRecord, Model, Parameter, Step};
+use crate::normal::Normal;
 use crate::objective::runs;
+use crate::placement::{Placement, thresholds};
+use crate::separable;
 use hysteron_core::envelope::Envelope;
 use hysteron_data::{Dataset, Role};
 use rayon::prelude::*;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What adding an effect did.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,15 +37,6 @@ const SEARCH_ROWS: usize = 6_000;
 
 /// Rows of the final solution: a quarter of a million say as much of fifty parameters as any more.
 const FINAL_ROWS: usize = 250_000;
-
-/// Starts that are followed some steps towards the bottom of their valley; the best goes all the way.
-const FOLLOWED: usize = 4;
-
-/// Those steps.
-const FIRST_STEPS: usize = 4;
-
-/// Up to so many starts get a step before they are compared; a longer list is a grid that stands close enough without.
-const STEP_EACH: usize = 14;
 
 /// Adds an effect of the catalogue to a model and fits all parameters anew to the records with role `identify`.
 /// `progress` is called with the share done, 0 to 1.
@@ -76,27 +72,64 @@ pub fn add_effect(
         return Err(IdentifyError::NothingToFit);
     }
     let facts = facts(dataset, model.family);
-    let plan = plan(model, &effect, &facts).map_err(refuse)?;
-    let before = step(
-        model
-            .history
-            .last()
-            .map_or_else(|| model.family.name().to_owned(), |step| step.added.clone()),
-        record_errors(dataset, model),
-    );
+    let plan = plan(dataset, model, &effect, &facts).map_err(refuse)?;
+    Ok(carry_out(dataset, model, &plan, Change::Added, name, progress))
+}
+
+/// Takes an effect out of a model again and fits all other parameters anew to the records with role `identify`.
+///
+/// # Errors
+/// - An effect that is not in the model's chain; a change of the hysteresis family cannot be taken back.
+/// - No record to identify.
+pub fn remove_effect(
+    dataset: &Dataset,
+    model: &Model,
+    name: &str,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Added, IdentifyError> {
+    if !model.effects.iter().any(|fitted| fitted.name == name) {
+        return Err(IdentifyError::EffectNotThere {
+            effect: name.to_owned(),
+        });
+    }
+    if dataset.with_role(Role::Identify).next().is_none() {
+        return Err(IdentifyError::NothingToFit);
+    }
+    let facts = facts(dataset, model.family);
+    let mut chain = model.chain_with(Vec::new());
+    chain.links.retain(|link| link.effect.description().name != name);
+    let plan = Plan {
+        bounds: bounds(&chain, &facts),
+        chain,
+        starts: vec![Vec::new()],
+        link: None,
+    };
+    Ok(carry_out(dataset, model, &plan, Change::Removed, name, progress))
+}
+
+/// Searches, and writes the step into the history.
+fn carry_out(
+    dataset: &Dataset,
+    model: &Model,
+    plan: &Plan,
+    change: Change,
+    name: &str,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Added {
+    let before = history::present(dataset, model);
     progress(0.05);
-    let mut new = search(dataset, model, &plan, progress);
-    let after = step(name.to_owned(), record_errors(dataset, &new));
+    let mut new = search(dataset, model, plan, progress);
+    let after = history::step(change, name.to_owned(), record_errors(dataset, &new));
     if new.history.is_empty() {
         new.history.push(before.clone());
     }
     new.history.push(after.clone());
     progress(1.0);
-    Ok(Added {
+    Added {
         model: new,
         before,
         after,
-    })
+    }
 }
 
 /// What is searched: the chain with the effect in it, and where to start.
@@ -109,18 +142,25 @@ struct Plan {
     link: Option<usize>,
 }
 
-fn plan(model: &Model, effect: &Arc<dyn Effect>, facts: &Facts) -> Result<Plan, String> {
+fn plan(dataset: &Dataset, model: &Model, effect: &Arc<dyn Effect>, facts: &Facts) -> Result<Plan, String> {
     let name = effect.description().name;
     let there = model.effects.iter().any(|fitted| fitted.name == name);
     let shape = Shape {
         family: model.family,
         thresholds: model.thresholds.clone(),
     };
+    let place = |plays| {
+        let inputs: Vec<&[f64]> = dataset
+            .with_role(Role::Identify)
+            .map(|record| record.voltage_v.as_slice())
+            .collect();
+        thresholds(Placement::Data, plays, &inputs)
+    };
     let mut chain = model.chain_with(Vec::new());
     let own = effect.bounds(facts)?;
     if own.is_empty() {
         let shape = effect
-            .reshape(&shape, facts)
+            .reshape(&shape, facts, &place)
             .ok_or_else(|| "the model's family of plays has it already".to_owned())?;
         chain.design.family = shape.family;
         chain.design.thresholds = shape.thresholds;
@@ -134,15 +174,7 @@ fn plan(model: &Model, effect: &Arc<dyn Effect>, facts: &Facts) -> Result<Plan, 
     }
     let position = |link: &Link| link.effect.description().name == name;
     let link = chain.links.iter().position(position);
-    let mut bounds = Vec::new();
-    for link in &chain.links {
-        let mut of_link = link.effect.bounds(facts).unwrap_or_else(|_| {
-            // Records that cannot show an effect of the model leave it as it is.
-            link.values.iter().map(|&value| Bounds::fixed(value)).collect()
-        });
-        link.effect.free(&link.values, &mut of_link);
-        bounds.push(of_link);
-    }
+    let mut bounds = bounds(&chain, facts);
     let starts = match link {
         None => vec![Vec::new()],
         Some(i) if there => {
@@ -161,6 +193,19 @@ fn plan(model: &Model, effect: &Arc<dyn Effect>, facts: &Facts) -> Result<Plan, 
         starts,
         link,
     })
+}
+
+/// Bounds of every link's parameters.
+fn bounds(chain: &Chain, facts: &Facts) -> Vec<Vec<Bounds>> {
+    let of_link = |link: &Link| {
+        let mut of_link = link.effect.bounds(facts).unwrap_or_else(|_| {
+            // Records that cannot show an effect of the model leave it as it is.
+            link.values.iter().map(|&value| Bounds::fixed(value)).collect()
+        });
+        link.effect.free(&link.values, &mut of_link);
+        of_link
+    };
+    chain.links.iter().map(of_link).collect()
 }
 
 /// The records to fit to, with the states that the given model finds.
@@ -194,24 +239,49 @@ fn traces<'a>(dataset: &'a Dataset, model: &Model, chain: &Chain) -> Vec<Trace<'
 
 fn search(dataset: &Dataset, model: &Model, plan: &Plan, progress: &(dyn Fn(f64) + Sync)) -> Model {
     let mut traces = traces(dataset, model, &plan.chain);
+    // A step out of an unknown state tells nothing about the plays, but all about what rings or lags after it.
+    let settled: Vec<usize> = traces.iter().map(|trace| trace.fit_from).collect();
+    let unsettled = plan.chain.dynamic() && settled.iter().any(|&from| from > 0);
+    if unsettled {
+        traces.iter_mut().for_each(|trace| trace.fit_from = 0);
+    }
     let rows: usize = traces.iter().map(|trace| trace.record.len() - trace.fit_from).sum();
-    let ridge = match plan.chain.design.family {
-        // A free shape extrapolates badly without; what cross-validation finds on most sets.
-        Family::PlayPolynomial => model.fitted_on.ridge.max(1e-7),
-        _ => model.fitted_on.ridge,
-    };
     let coarse = rows.div_ceil(SEARCH_ROWS).max(1);
     let start = Fitted {
         coefficients: start_coefficients(model, &plan.chain),
         chain: plan.chain.clone(),
         error: f64::INFINITY,
     };
-    let mut best = {
-        settle(&start, &mut traces);
-        let problem = problem(&traces, plan, ridge, coarse);
-        best_of_starts(&problem, &start, plan, progress)
+    let reshaped = plan.chain.design.columns() != model.coefficients.len();
+    let ridge = match plan.chain.design.family {
+        // A free shape extrapolates badly without.
+        Family::PlayPolynomial if reshaped => {
+            settle(&start, &mut traces);
+            let problem = problem(&traces, plan, model.fitted_on.ridge, coarse);
+            let normals: Vec<Normal> = traces.iter().map(|t| problem.of_trace(&start, t, false)).collect();
+            let weights: Vec<f64> = traces.iter().map(|t| t.weight).collect();
+            separable::choose_ridge(&normals, &weights)
+        }
+        _ => model.fitted_on.ridge,
     };
-    for round in 0..2_u32 {
+    let look = |traces: &mut [Trace<'_>]| {
+        settle(&start, traces);
+        let problem = problem(traces, plan, ridge, coarse);
+        best_of_starts(&problem, &start, plan.link, &plan.starts, progress)
+    };
+    let mut best = look(&mut traces);
+    if plan
+        .link
+        .is_some_and(|link| plan.chain.links[link].effect.outlasts_records())
+    {
+        // What repeats now may not have come to its end: records that begin at rest are tried from there as well.
+        let mut from_rest: Vec<Trace<'_>> = traces.iter().map(|trace| at_rest(trace, &plan.chain)).collect();
+        let other = look(&mut from_rest);
+        if other.error < best.error {
+            (best, traces) = (other, from_rest);
+        }
+    }
+    for round in 0..4_u32 {
         settle(&best, &mut traces);
         best = problem(&traces, plan, ridge, coarse).descend(best, usize::MAX);
         // States before the records under the new model.
@@ -224,18 +294,25 @@ fn search(dataset: &Dataset, model: &Model, plan: &Plan, progress: &(dyn Fn(f64)
                 changed = true;
             }
         }
-        progress(0.75 + 0.08 * f64::from(round));
+        progress(0.75 + 0.04 * f64::from(round));
         if !changed && best.chain.links.iter().all(|link| link.effect.own_numbers() == 0) {
             break;
         }
         best.error = f64::INFINITY;
     }
     settle(&best, &mut traces);
-    let last = problem(&traces, plan, ridge, rows.div_ceil(FINAL_ROWS).max(1));
+    let of_effects = unsettled.then(|| problem(&traces, plan, ridge, coarse).standard_errors(&best).1);
     best.error = f64::INFINITY;
-    let best = last.descend(last.project(best), 3);
+    for (trace, from) in traces.iter_mut().zip(settled) {
+        trace.fit_from = from;
+    }
+    let last = problem(&traces, plan, ridge, rows.div_ceil(FINAL_ROWS).max(1));
+    // The plays from where they have settled; the effects as all samples have shown them.
+    let best = last.descend(last.project(best), if unsettled { 0 } else { 3 });
     progress(0.95);
-    assemble(dataset, model, &last, &best)
+    let (of_coefficients, of_links) = last.standard_errors(&best);
+    let errors = (of_coefficients, of_effects.unwrap_or(of_links));
+    assemble(dataset, model, &last, &best, errors)
 }
 
 fn problem<'a>(traces: &'a [Trace<'a>], plan: &'a Plan, ridge: f64, stride: usize) -> Problem<'a> {
@@ -253,38 +330,25 @@ fn settle(fitted: &Fitted, traces: &mut [Trace<'_>]) {
         .for_each(|trace| fitted.chain.settle(&fitted.coefficients, trace));
 }
 
-fn choose(fitted: &Fitted, trace: &Trace<'_>) -> InitialState {
-    let fine = fitted.chain.dynamic();
-    initial::choose_by(trace.initial, |initial| {
-        let mut other = trace.starting_at(initial, fine);
-        other.fit_from = 0;
-        fitted.chain.settle(&fitted.coefficients, &mut other);
-        fitted.chain.squared_error(&fitted.coefficients, &other)
-    })
+/// A record whose drive begins at the low end of its range, from rest there; others as they are.
+fn at_rest<'a>(trace: &Trace<'a>, chain: &Chain) -> Trace<'a> {
+    let (low, high) = range(trace.record.voltage_v.iter().copied());
+    if trace.record.voltage_v[0] - low <= 1e-3 * (high - low) {
+        trace.starting_at(InitialState::Remanent { fraction: 0.0 }, chain.dynamic())
+    } else {
+        trace.clone()
+    }
 }
 
-/// A first look at every start, then the best few to the bottom of their valleys.
-fn best_of_starts(problem: &Problem<'_>, start: &Fitted, plan: &Plan, progress: &(dyn Fn(f64) + Sync)) -> Fitted {
-    let done = AtomicUsize::new(0);
-    let mut looked: Vec<Fitted> = plan
-        .starts
-        .iter()
-        .map(|values| {
-            let mut at = start.clone();
-            if let Some(link) = plan.link {
-                at.chain.links[link].values.clone_from(values);
-            }
-            let at = problem.descend(problem.project(at), usize::from(plan.starts.len() <= STEP_EACH));
-            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(0.05 + 0.5 * count as f64 / plan.starts.len() as f64);
-            at
-        })
-        .collect();
-    looked.sort_by(|a, b| a.error.total_cmp(&b.error));
-    looked.truncate(FOLLOWED);
-    let mut followed: Vec<Fitted> = looked.into_iter().map(|at| problem.descend(at, FIRST_STEPS)).collect();
-    followed.sort_by(|a, b| a.error.total_cmp(&b.error));
-    followed.into_iter().next().unwrap_or_else(|| start.clone())
+fn choose(fitted: &Fitted, trace: &Trace<'_>) -> InitialState {
+    let fine = fitted.chain.dynamic();
+    let record = trace.record;
+    let guess = initial::guess(&record.voltage_v, &record.position_um);
+    initial::choose_by(guess, &record.position_um, |initial| {
+        let mut other = trace.starting_at(initial, fine);
+        fitted.chain.settle(&fitted.coefficients, &mut other);
+        fitted.chain.respond(&fitted.coefficients, &other)
+    })
 }
 
 /// The model's own coefficients where the family stays, else those of a straight line.
@@ -299,8 +363,16 @@ fn start_coefficients(model: &Model, chain: &Chain) -> Vec<f64> {
     }
 }
 
-fn assemble(dataset: &Dataset, model: &Model, problem: &Problem<'_>, best: &Fitted) -> Model {
-    let (standard_errors, of_links) = problem.standard_errors(best);
+/// Standard errors of the linear coefficients, and of each link's parameters.
+type Errors = (Vec<Option<f64>>, Vec<Vec<Option<f64>>>);
+
+fn assemble(
+    dataset: &Dataset,
+    model: &Model,
+    problem: &Problem<'_>,
+    best: &Fitted,
+    (standard_errors, of_links): Errors,
+) -> Model {
     let mut new = model.clone();
     new.family = best.chain.design.family;
     new.thresholds.clone_from(&best.chain.design.thresholds);
@@ -367,91 +439,4 @@ fn notices(model: &Model, problem: &Problem<'_>) -> Vec<String> {
         }
     }
     notices
-}
-
-/// What the effects may know of a dataset.
-pub(crate) fn facts(dataset: &Dataset, family: Family) -> Facts {
-    let records = || dataset.with_role(Role::Identify);
-    let (v_low, v_high) = range(records().flat_map(|r| r.voltage_v.iter().copied()));
-    let (y_low, y_high) = range(records().flat_map(|r| r.position_um.iter().copied()));
-    let rate = |v: &[f64], period_s: f64| v.windows(2).map(|w| (w[1] - w[0]).abs() / period_s).fold(0.0, f64::max);
-    let with_temperature = records().all(|r| r.temperature_c.is_some());
-    let temperatures: Vec<f64> = records()
-        .filter_map(|r| r.temperature_c.as_ref())
-        .flatten()
-        .copied()
-        .collect();
-    let voltages2: Vec<f64> = records()
-        .filter_map(|r| r.voltage2_v.as_ref())
-        .flatten()
-        .copied()
-        .collect();
-    let (t_low, t_high) = range(temperatures.iter().copied());
-    let (v2_low, v2_high) = range(voltages2.iter().copied());
-    Facts {
-        voltage_v: [v_low, v_high],
-        position_um: [y_low, y_high],
-        finest_period_s: records().map(|r| r.period_s).fold(f64::INFINITY, f64::min),
-        longest_s: records().map(|r| r.duration_s()).fold(0.0, f64::max),
-        peak_rate_v_per_s: records().map(|r| rate(&r.voltage_v, r.period_s)).fold(0.0, f64::max),
-        temperature_c: (with_temperature && !temperatures.is_empty()).then(|| {
-            [
-                t_low,
-                temperatures.iter().sum::<f64>() / temperatures.len() as f64,
-                t_high,
-            ]
-        }),
-        voltage2_v: (v2_high > v2_low).then_some([v2_low, v2_high]),
-        family,
-    }
-}
-
-/// The error of a model on every record of a dataset, free simulation.
-pub fn record_errors(dataset: &Dataset, model: &Model) -> Vec<RecordError> {
-    dataset
-        .records
-        .par_iter()
-        .map(|record| {
-            let modelled = model.simulate(record).output;
-            let measured = model.direction.output(record);
-            let n = measured.len() as f64;
-            let rms = (measured
-                .iter()
-                .zip(&modelled)
-                .map(|(y, m)| (y - m).powi(2))
-                .sum::<f64>()
-                / n)
-                .sqrt();
-            let mean = measured.iter().sum::<f64>() / n;
-            let own = (measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt();
-            let stroke = peak_to_peak(measured);
-            let moves = stroke > 0.0 && peak_to_peak(&record.voltage_v) > 0.0;
-            RecordError {
-                file: record.file.clone(),
-                role: record.role,
-                rms,
-                percent: moves.then(|| 100.0 * rms / stroke),
-                relative_percent: moves.then(|| 100.0 * rms / own),
-            }
-        })
-        .collect()
-}
-
-/// A step of a history from its records' errors, pooled as root mean square over the records that move.
-pub(crate) fn step(added: String, records: Vec<RecordError>) -> Step {
-    let pool = |role: Role| {
-        let squares: Vec<f64> = records
-            .iter()
-            .filter(|r| r.role == role)
-            .filter_map(|r| r.percent)
-            .map(|p| p * p)
-            .collect();
-        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
-    };
-    Step {
-        added,
-        identify_percent: pool(Role::Identify),
-        validate_percent: pool(Role::Validate),
-        records,
-    }
 }

@@ -328,7 +328,9 @@ pub(crate) fn prepare<'a>(chain: &Chain, coefficients: &[f64], record: &'a Recor
         chain.settle(coefficients, &mut other);
         other
     };
-    let chosen = initial::choose_by(guess, |initial| chain.squared_error(coefficients, &from(initial)));
+    let chosen = initial::choose_by(guess, &record.position_um, |initial| {
+        chain.respond(coefficients, &from(initial))
+    });
     from(chosen)
 }
 

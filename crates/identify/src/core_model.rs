@@ -48,6 +48,7 @@ impl Model {
     /// # Units
     /// Limits in the model's input unit.
     /// # Errors
+    /// - Effects around the hysteresis: the table does not have them, and leaving them out would not be this model.
     /// - Another number of plays than N.
     /// - What the core refuses: limits that do not ascend, coefficients that the number type cannot hold.
     pub fn to_core<T: Real, const N: usize>(
@@ -56,6 +57,12 @@ impl Model {
         input_max: f64,
         sample_rate_hz: f64,
     ) -> Result<CoreModel<T, N>, IdentifyError> {
+        if !self.effects.is_empty() {
+            let names: Vec<&str> = self.effects.iter().map(|effect| effect.name.as_str()).collect();
+            return Err(IdentifyError::CoreEffects {
+                effects: names.join(", "),
+            });
+        }
         let number = T::from_f64;
         let powers = self.family.input_powers().len();
         let columns = 1 + powers + N * self.family.coefficients_a_play();
@@ -180,7 +187,9 @@ mod tests {
             };
             let model = fit(&dataset, &options, &|_| ()).unwrap().model;
             let input = &dataset.records[0].position_um;
-            let wanted = model.simulate_input(input, 20e-6, InitialState::Remanent { fraction: 0.0 });
+            let wanted = model
+                .simulate_input(input, 20e-6, InitialState::Remanent { fraction: 0.0 })
+                .unwrap();
             let table = model
                 .to_core::<f64, 10>(model.input_min, model.input_max, 50e3)
                 .unwrap();
@@ -201,5 +210,25 @@ mod tests {
             "the model has 10 plays, the control table has 12; fit with --plays 12"
         );
         assert!(model.to_core::<f32, 10>(26.0, 0.0, 50e3).is_err());
+    }
+
+    /// A table that left the delay out would not be the model.
+    #[test]
+    fn refuse_to_leave_effects_out() {
+        let dataset = dataset();
+        let model = fit(&dataset, &FitOptions::new(Family::Mpi), &|_| ()).unwrap().model;
+        let delayed = crate::add_effect(&dataset, &model, "delay", &|_| ()).unwrap().model;
+        let refused = delayed.to_core::<f64, 10>(0.0, 26.0, 50e3).unwrap_err().to_string();
+        assert!(refused.contains("the model has delay around it"), "{refused}");
+
+        let input = &dataset.records[0].voltage_v;
+        let start = InitialState::Periodic { samples: 500 };
+        let with = delayed.simulate_input(input, 20e-6, start).unwrap();
+        let record = delayed.simulate(&dataset.records[0]);
+        assert_eq!(record.initial, start);
+        assert_eq!(with, record.output);
+        let hummed = crate::add_effect(&dataset, &model, "mains-hum", &|_| ()).unwrap().model;
+        let refused = hummed.simulate_input(input, 20e-6, start).unwrap_err().to_string();
+        assert!(refused.contains("`mains-hum` needs more than a voltage"), "{refused}");
     }
 }

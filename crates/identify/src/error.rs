@@ -52,6 +52,29 @@ pub enum IdentifyError {
         /// Why, and what to do.
         reason: String,
     },
+    /// An effect that is to be taken out of a model that does not have it.
+    #[error(
+        "the model's chain has no `{effect}` to take out; a change of the hysteresis family is made by fitting anew"
+    )]
+    EffectNotThere {
+        /// The effect.
+        effect: String,
+    },
+    /// A model with effects where the hysteresis alone can run.
+    #[error(
+        "the control table has the hysteresis alone, the model has {effects} around it; build the table from the model \
+         before they were added, and put their compensators beside it"
+    )]
+    CoreEffects {
+        /// The effects.
+        effects: String,
+    },
+    /// An effect that a voltage alone does not determine.
+    #[error("`{effect}` needs more than a voltage (other columns, or phases of a record); simulate a whole record")]
+    EffectNeedsRecord {
+        /// The effect.
+        effect: String,
+    },
     /// A model with another number of plays than the table it is to fill.
     #[error("the model has {plays} plays, the control table has {wanted}; fit with --plays {wanted}")]
     CorePlays {

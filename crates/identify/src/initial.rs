@@ -55,18 +55,33 @@ impl core::fmt::Display for InitialState {
 /// peak. A virgin first quarter lies 5 to 8 % off, 3 % over the period; a noisy small stroke scatters by one.
 const SAME_RESPONSE: f64 = 0.02;
 
+/// A slow drift moves a whole period by much the same, while what a start leaves behind dies away (3 to 1 for a logarithm):
+/// the change from the first period to the second may fall by this share of its mean from the first quarter to the last.
+const EVEN: f64 = 0.5;
+
+/// Whether a response repeats: first against second period of `samples`, but for a drift that shifts it as a whole.
+fn repeats(output: &[f64], samples: usize) -> bool {
+    let response = peak_to_peak(output);
+    let change: Vec<f64> = (0..samples).map(|k| output[k + samples] - output[k]).collect();
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len().max(1) as f64;
+    let rms_about = |middle: f64| mean(&change.iter().map(|d| (d - middle).powi(2)).collect::<Vec<_>>()).sqrt();
+    if rms_about(0.0) < SAME_RESPONSE * response {
+        return true;
+    }
+    let (shift, quarter) = (mean(&change), samples / 4);
+    let dies_away = (mean(&change[..quarter]) - mean(&change[samples - quarter..])) * shift.signum();
+    rms_about(shift) < SAME_RESPONSE * response && dies_away < EVEN * shift.abs()
+}
+
 /// A first guess from the record alone: periodic where drive and response both repeat from the first sample on, else
 /// the virgin start where the input begins at the low end of its range, else half way.
 pub(crate) fn guess(input: &[f64], output: &[f64]) -> InitialState {
-    let (span, response) = (peak_to_peak(input), peak_to_peak(output));
+    let span = peak_to_peak(input);
     if let Some(found) = period::detect(input)
         && found.from == 0
+        && repeats(output, found.samples)
     {
-        let samples = found.samples;
-        let difference: f64 = (0..samples).map(|k| (output[k + samples] - output[k]).powi(2)).sum();
-        if (difference / samples as f64).sqrt() < SAME_RESPONSE * response {
-            return InitialState::Periodic { samples };
-        }
+        return InitialState::Periodic { samples: found.samples };
     }
     let low = input.iter().copied().fold(f64::INFINITY, f64::min);
     let starts_low = input.first().is_some_and(|&first| first - low <= 1e-3 * span);
@@ -77,6 +92,17 @@ pub(crate) fn guess(input: &[f64], output: &[f64]) -> InitialState {
 
 /// The error must fall by this share before another state than the guess is believed.
 const BELIEVED: f64 = 0.02;
+
+/// A periodic guess has been measured: the response repeats. Against it a remanent start must explain this share of what
+/// does not repeat and is no noise, where the model's own shortcomings cancel: a true start explains nearly all of it, a
+/// drift or creep that the model lacks is mimicked in part.
+const BELIEVED_CHANGE: f64 = 0.6;
+
+/// What does not repeat must stand out from the noise in it by this share; a few hundred samples scatter by a tenth.
+const STANDS_OUT: f64 = 0.5;
+
+/// Or this share of the whole error: plays wider than the record's swing, which hold an offset since before the record.
+const BELIEVED_OFFSET: f64 = 0.5;
 
 /// Leaves out of the fit what a record shows before its plays have settled, where its start is not known: neither periodic
 /// nor at the low end of the drive. Less than half is left out; a record that settles later is fitted whole.
@@ -89,47 +115,90 @@ pub(crate) fn skip_unsettled(design: &Design, run: &mut Run<'_>) {
 
 /// Chooses the initial state under which a fitted model explains the record best, from its very first sample.
 pub(crate) fn choose(design: &Design, coefficients: &[f64], run: &Run<'_>) -> InitialState {
-    choose_by(run.initial, |initial| {
-        design.squared_error(
-            coefficients,
-            &Run {
-                initial,
-                fit_from: 0,
-                ..*run
-            },
-        )
+    choose_by(run.initial, run.output, |initial| {
+        let from = Run { initial, ..*run };
+        let mut modelled = Vec::with_capacity(run.input.len());
+        design.simulate(coefficients, &from, |_, y| modelled.push(y));
+        modelled
     })
 }
 
-/// Chooses the initial state with the smallest squared error.
+/// What a state leaves unexplained.
+#[derive(Clone, Copy)]
+struct Misfit {
+    /// Squared error over the record.
+    whole: f64,
+    /// Squared error of the change from the first period to the second, about its mean.
+    change: f64,
+    /// The noise's part of that, from neighbouring samples.
+    noise: f64,
+}
+
+/// Chooses the initial state under which `modelled` is closest to `measured`.
 ///
 /// The guess stands unless a remanent start, found by a scan of its fraction and a golden-section search, explains the
 /// record clearly better. For a periodic guess the scan is coarse: what differs is one period.
-pub(crate) fn choose_by(guess: InitialState, error: impl Fn(InitialState) -> f64) -> InitialState {
-    let remanent = |fraction| error(InitialState::Remanent { fraction });
-    let stands = error(guess);
-    let steps = if matches!(guess, InitialState::Periodic { .. }) {
-        2
-    } else {
-        8
+pub(crate) fn choose_by(
+    guess: InitialState,
+    measured: &[f64],
+    modelled: impl Fn(InitialState) -> Vec<f64>,
+) -> InitialState {
+    let misfit = |initial| {
+        let error: Vec<f64> = measured.iter().zip(modelled(initial)).map(|(y, m)| y - m).collect();
+        let (change, noise) = match guess {
+            InitialState::Periodic { samples } => change(&error, samples),
+            InitialState::Remanent { .. } => (0.0, 0.0),
+        };
+        Misfit {
+            whole: error.iter().map(|e| e * e).sum(),
+            change,
+            noise,
+        }
     };
+    let remanent = |fraction| misfit(InitialState::Remanent { fraction });
+    let stands = misfit(guess);
+    let periodic = matches!(guess, InitialState::Periodic { .. });
+    let steps = if periodic { 2 } else { 8 };
     let scanned = (0..=steps)
         .map(|i| f64::from(i) / f64::from(steps))
-        .map(|fraction| (fraction, remanent(fraction)));
+        .map(|fraction| (fraction, remanent(fraction).whole));
     let (mut best, mut least) = scanned.fold((0.0, f64::INFINITY), |a, b| if b.1 < a.1 { b } else { a });
-    let promising = least < 2.0 * stands || steps > 2;
-    if promising {
+    if least < 1.2 * stands.whole || !periodic {
         let width = 1.0 / f64::from(steps);
-        let refined = golden_section((best - width).max(0.0), (best + width).min(1.0), 12, remanent);
+        let refined = golden_section((best - width).max(0.0), (best + width).min(1.0), 12, |fraction| {
+            remanent(fraction).whole
+        });
         if refined.1 < least {
             (best, least) = refined;
         }
     }
-    if least < (1.0 - BELIEVED) * stands {
+    let share = match guess {
+        InitialState::Periodic { .. } => BELIEVED_OFFSET,
+        InitialState::Remanent { .. } => BELIEVED,
+    };
+    let better = least < (1.0 - share) * stands.whole;
+    let explains_change = || {
+        let structure = stands.change - stands.noise;
+        periodic
+            && least < stands.whole
+            && structure > STANDS_OUT * stands.noise
+            && stands.change - remanent(best).change > BELIEVED_CHANGE * structure
+    };
+    if better || explains_change() {
         InitialState::Remanent { fraction: best }
     } else {
         guess
     }
+}
+
+/// Squared change of an error from the first period to the second, about its mean, and what white noise makes of it.
+fn change(error: &[f64], samples: usize) -> (f64, f64) {
+    let n = samples.min(error.len().saturating_sub(samples));
+    let changes: Vec<f64> = (0..n).map(|k| error[k + samples] - error[k]).collect();
+    let mean = changes.iter().sum::<f64>() / n.max(1) as f64;
+    let about_mean = changes.iter().map(|d| (d - mean).powi(2)).sum();
+    let noise = changes.windows(2).map(|d| 0.5 * (d[1] - d[0]).powi(2)).sum();
+    (about_mean, noise)
 }
 
 /// Golden-section search for the minimum of a function of one variable; `(argument, value)`.

@@ -6,7 +6,9 @@
 
 mod chain;
 pub mod chain_add;
+mod chain_facts;
 mod chain_fit;
+mod chain_start;
 mod chain_trace;
 mod columns;
 pub mod core_model;
@@ -14,6 +16,7 @@ pub mod effects;
 pub mod error;
 pub mod family;
 pub mod fit;
+mod history;
 pub mod initial;
 pub mod loop_opening;
 pub mod model;
@@ -26,11 +29,12 @@ pub mod placement;
 mod separable;
 mod uncertainty;
 
-pub use chain_add::{Added, add_effect, record_errors};
+pub use chain_add::{Added, add_effect, remove_effect};
 pub use core_model::CoreModel;
 pub use error::IdentifyError;
 pub use family::{Direction, Family};
 pub use fit::{FitOptions, FitReport, Method, fit};
+pub use history::record_errors;
 pub use initial::InitialState;
-pub use model::{FittedEffect, Model, Parameter, RecordError, Step};
+pub use model::{Change, FittedEffect, Model, Parameter, RecordError, Step};
 pub use placement::Placement;

@@ -2,8 +2,10 @@
 
 use crate::chain::{Chain, Link};
 use crate::chain_fit;
+use crate::chain_trace::Trace;
 use crate::columns::{Design, Run};
 use crate::effects;
+use crate::error::IdentifyError;
 use crate::family::{Direction, Family};
 use crate::fit::Method;
 use crate::initial::{self, InitialState};
@@ -61,6 +63,9 @@ pub struct FittedOn {
     pub seed: Option<u64>,
     /// Ridge on the scaled columns.
     pub ridge: f64,
+    /// Noise floor of the records, output unit, rms; known once a step of the history has been measured against it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_rms: Option<f64>,
     /// The records.
     #[serde(rename = "record", default)]
     pub records: Vec<FittedRecord>,
@@ -95,12 +100,26 @@ pub struct FittedEffect {
     pub parameters: Vec<Parameter>,
 }
 
-/// One step of a model's history: what was fitted or added, and the errors it left.
+/// What a step of a model's history did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Change {
+    /// A hysteresis family was fitted.
+    Fitted,
+    /// An effect was added, everything fitted anew.
+    Added,
+    /// An effect was taken out again, everything fitted anew.
+    Removed,
+}
+
+/// One step of a model's history: what was fitted, added or removed, and the errors it left.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
-    /// The effect that was added; the hysteresis family in the first step.
-    pub added: String,
+    /// What was done.
+    pub change: Change,
+    /// The effect; the hysteresis family where one was fitted.
+    pub what: String,
     /// Pooled error (eq. 19) on the records it was fitted to, percent of peak to peak.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub identify_percent: Option<f64>,
@@ -128,6 +147,10 @@ pub struct RecordError {
     /// Error over the output's own rms about its mean, percent; absent where the drive stands still.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relative_percent: Option<f64>,
+    /// The same of the last period alone, error and output each about its mean; absent where the drive is not periodic
+    /// from the first sample on. A drift from period to period does not count in it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub last_period_percent: Option<f64>,
 }
 
 /// A named parameter with its unit.
@@ -170,8 +193,19 @@ impl Model {
         self.simulate_from(&design, &run)
     }
 
-    /// Runs the hysteresis over an input alone, from a given state, without the effects around it.
-    pub fn simulate_input(&self, input: &[f64], period_s: f64, initial: InitialState) -> Vec<f64> {
+    /// Runs the model over an input alone, from a given state, with the effects around the hysteresis.
+    ///
+    /// # Errors
+    /// An effect that an input alone does not determine: heat, another axis, the mains' phases.
+    pub fn simulate_input(
+        &self,
+        input: &[f64],
+        period_s: f64,
+        initial: InitialState,
+    ) -> Result<Vec<f64>, IdentifyError> {
+        if let Some(chain) = self.chain() {
+            return self.simulate_voltage(&chain, input, period_s, initial);
+        }
         let run = Run {
             input,
             output: &[],
@@ -180,7 +214,35 @@ impl Model {
             weight: 1.0,
             fit_from: 0,
         };
-        self.simulate_from(&self.design(), &run).output
+        Ok(self.simulate_from(&self.design(), &run).output)
+    }
+
+    fn simulate_voltage(
+        &self,
+        chain: &Chain,
+        voltage_v: &[f64],
+        period_s: f64,
+        initial: InitialState,
+    ) -> Result<Vec<f64>, IdentifyError> {
+        let beyond = |link: &&Link| link.effect.description().place == effects::Place::Coupling;
+        if let Some(link) = chain.links.iter().find(beyond) {
+            return Err(IdentifyError::EffectNeedsRecord {
+                effect: link.effect.description().name.to_owned(),
+            });
+        }
+        let record = Record {
+            file: String::new(),
+            role: Role::Validate,
+            excitation: String::new(),
+            start_s: 0.0,
+            period_s,
+            voltage_v: voltage_v.to_vec(),
+            position_um: vec![0.0; voltage_v.len()],
+            reference_um: None,
+            temperature_c: None,
+            voltage2_v: None,
+        };
+        Ok(chain.respond(&self.coefficients, &Trace::new(&record, initial, chain.dynamic())))
     }
 
     fn simulate_from(&self, design: &Design, run: &Run<'_>) -> Simulation {

@@ -47,7 +47,7 @@ pub(crate) fn solve(family: Family, thresholds: Vec<f64>, runs: &[Run<'_>], prog
     }
     let normals = normals(&design, runs, 1);
     let ridge = if family == Family::PlayPolynomial {
-        choose_ridge(&normals, runs)
+        choose_ridge(&normals, &runs.iter().map(|run| run.weight).collect::<Vec<_>>())
     } else {
         RIDGE
     };
@@ -81,18 +81,21 @@ pub(crate) fn pooled(normals: &[Normal], runs: &[Run<'_>]) -> Normal {
 }
 
 /// The ridge under which coefficients fitted to all records but one explain that one best.
-fn choose_ridge(normals: &[Normal], runs: &[Run<'_>]) -> f64 {
-    if runs.len() < 3 {
+pub(crate) fn choose_ridge(normals: &[Normal], weights: &[f64]) -> f64 {
+    if normals.len() < 3 {
         return POLYNOMIAL_RIDGE;
     }
-    let all = pooled(normals, runs);
+    let mut all = Normal::new(normals[0].matrix().nrows());
+    for (normal, &weight) in normals.iter().zip(weights) {
+        all.add_scaled(normal, weight);
+    }
     let mut errors = [0.0; POLYNOMIAL_RIDGES.len()];
-    for (normal, run) in normals.iter().zip(runs) {
+    for (normal, &weight) in normals.iter().zip(weights) {
         let mut rest = all.clone();
-        rest.add_scaled(normal, -run.weight);
+        rest.add_scaled(normal, -weight);
         let spectrum = rest.spectrum();
         for (error, &ridge) in errors.iter_mut().zip(&POLYNOMIAL_RIDGES) {
-            *error += run.weight * normal.squared_error(&spectrum.solve(ridge));
+            *error += weight * normal.squared_error(&spectrum.solve(ridge));
         }
     }
     let best = (0..errors.len())

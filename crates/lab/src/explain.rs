@@ -136,6 +136,7 @@ fn facts(model: &Model, record: &Record) -> Facts {
         voltage_v: [model.input_min, model.input_max],
         position_um: [low, high],
         finest_period_s: record.period_s,
+        finest_grid_s: record.period_s,
         longest_s: record.duration_s(),
         peak_rate_v_per_s: step / record.period_s,
         temperature_c: None,

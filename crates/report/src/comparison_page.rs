@@ -109,6 +109,13 @@ fn summary(comparison: &Comparison) -> Section {
             note: format!("rms, {}", noise_source(comparison.noise_source)),
         });
     }
+    if let Some(line) = &comparison.straight_line {
+        tiles.push(Tile {
+            label: "A straight line's error".to_owned(),
+            value: percent_text(line.nrmse_percent),
+            note: "of peak to peak: what a model without hysteresis reaches".to_owned(),
+        });
+    }
     let notices = comparison.notices.iter().map(|notice| sentence_case(notice)).collect();
     Section::new("Summary")
         .with(Block::Tiles(tiles))

@@ -1,6 +1,6 @@
 //! The part of a page that says how the error fell, step by step.
 
-use hysteron_identify::{Model, Step};
+use hysteron_identify::{Change, Model, Step};
 
 use crate::canvas::{LegendEntry, Swatch};
 use crate::diagnosis_words::effect_name;
@@ -21,15 +21,14 @@ pub(crate) fn section(model: &Model) -> Section {
     };
     let rows: Vec<Bar> = steps
         .iter()
-        .enumerate()
-        .filter_map(|(index, step)| {
+        .filter_map(|step| {
             let value = if judged {
                 step.validate_percent
             } else {
                 step.identify_percent
             }?;
             Some(Bar {
-                label: name(index, step),
+                label: name(step),
                 value,
                 text: percent(value),
                 reference: None,
@@ -37,11 +36,11 @@ pub(crate) fn section(model: &Model) -> Section {
             })
         })
         .collect();
-    let table = steps.iter().enumerate().fold(
+    let table = steps.iter().fold(
         Table::new("The steps", &["Step", "Fitted to, % p-p", "Not fitted to, % p-p"]),
-        |table, (index, step)| {
+        |table, step| {
             table.row(vec![
-                Cell::text(name(index, step)),
+                Cell::text(name(step)),
                 Cell::number(step.identify_percent),
                 Cell::number(step.validate_percent),
             ])
@@ -60,10 +59,10 @@ pub(crate) fn section(model: &Model) -> Section {
         .with(Block::Table(table))
 }
 
-fn name(index: usize, step: &Step) -> String {
-    if index == 0 {
-        step.added.clone()
-    } else {
-        format!("+ {}", effect_name(&step.added, false))
+fn name(step: &Step) -> String {
+    match step.change {
+        Change::Fitted => step.what.clone(),
+        Change::Added => format!("+ {}", effect_name(&step.what, false)),
+        Change::Removed => format!("− {}", effect_name(&step.what, false)),
     }
 }

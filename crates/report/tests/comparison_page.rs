@@ -55,6 +55,7 @@ fn comparison(records: Vec<RecordComparison>) -> Comparison {
         noise_source: NoiseSource::QuietRecord,
         identify: Some(pooled(0.5, 0.05)),
         validate: Some(pooled(1.3, 0.08)),
+        straight_line: Some(pooled(5.2, 0.3)),
         records,
         r#where: vec![Breakdown {
             by: "frequency",
@@ -139,7 +140,13 @@ fn golden_the_headline_and_the_figures_are_said() {
     );
     assert_eq!(
         texts(&html, "dl.tiles dd.value"),
-        ["1.30\u{a0}%", "0.500\u{a0}%", "2.00\u{a0}%", "2.00\u{a0}nm"]
+        [
+            "1.30\u{a0}%",
+            "0.500\u{a0}%",
+            "2.00\u{a0}%",
+            "2.00\u{a0}nm",
+            "5.20\u{a0}%"
+        ]
     );
     assert_eq!(
         texts(&html, "h2"),
@@ -214,6 +221,7 @@ fn prop_poor_comparisons_still_make_a_page_without_empty_parts() {
     let mut nothing = comparison(Vec::new());
     nothing.identify = None;
     nothing.validate = None;
+    nothing.straight_line = None;
     nothing.r#where = Vec::new();
     nothing.error_map = ErrorMap {
         position_edges_um: vec![],

@@ -147,6 +147,9 @@ fn text(comparison: &Comparison) -> String {
             );
         }
     }
+    if let Some(sentence) = comparison.beside_a_straight_line() {
+        let _ = writeln!(text, "{sentence}");
+    }
     text.push_str("\nwhere the error is:\n");
     for breakdown in &comparison.r#where {
         let _ = writeln!(text, "  by {:<12} {}", breakdown.by, breakdown.finding);

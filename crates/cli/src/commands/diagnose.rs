@@ -121,7 +121,8 @@ fn verdict(d: &Diagnosis) -> String {
     }
 }
 
-fn reason_in_words(reason: &str) -> &str {
+/// Why records cannot answer.
+pub(super) fn reason_in_words(reason: &str) -> &str {
     match reason {
         "nothing-moves" => "the voltage stands still in every record",
         "no-validation" => {

@@ -1,5 +1,6 @@
 //! One file a command.
 
+pub(crate) mod add;
 pub(crate) mod campaign;
 pub(crate) mod compare;
 pub(crate) mod demo;
@@ -8,6 +9,8 @@ pub(crate) mod excitation;
 pub(crate) mod fit;
 pub(crate) mod import;
 pub(crate) mod lab;
+pub(crate) mod ladder;
+pub(crate) mod learn;
 pub(crate) mod load;
 pub(crate) mod paper;
 pub(crate) mod report;

@@ -118,7 +118,9 @@ impl<'a> Bench<'a> {
             (0..all.len())
                 .map(|out| {
                     let x = self.pooled(&all, Some(out), n).solve(self.base.columns(), ridge, &[]);
-                    self.weight_of(all[out].0, &all[out].1) * all[out].1.squared_error(&x)
+                    // The logarithm: where an effect is missing, the records that it spoils must not choose for the others.
+                    let mean = all[out].1.squared_error(&x) / all[out].1.rows.max(1) as f64;
+                    (self.noise_um.powi(2) + mean).ln()
                 })
                 .sum()
         };
@@ -171,7 +173,7 @@ impl<'a> Bench<'a> {
             .sum::<f64>()
     }
 
-    /// Fits a trial exactly: all rows, weights from its own residuals, each record once left out.
+    /// Fits a trial exactly: all rows, ridge of its own, weights from its own residuals, each record once left out.
     pub(crate) fn fit(&self, effects: &[Effect], reweigh: Option<usize>) -> Trial {
         let n = chain::width(&self.base, effects);
         let parts: Vec<(DMatrix<f64>, DVector<f64>, Gram)> = self
@@ -187,13 +189,17 @@ impl<'a> Bench<'a> {
             })
             .collect();
         let identify: Vec<usize> = self.identify().collect();
+        let mut base = self.base.clone();
+        if base.shape == Shape::Free {
+            base.ridge = self.choose_ridge(effects);
+        }
         let mut weights = self.weights.clone();
         let pool = |weights: &[f64], without: Option<usize>| {
             let mut sum = Gram::zeros(n);
             for &i in identify.iter().filter(|&&i| Some(i) != without) {
                 sum.add(&parts[i].2, weights[i] / parts[i].2.rows.max(1) as f64);
             }
-            solve_signed(&sum, &self.base, effects)
+            solve_signed(&sum, &base, effects)
         };
         let mut coefficients = pool(&weights, None);
         for _ in 0..reweigh.unwrap_or(0) {

@@ -50,6 +50,9 @@ pub(crate) const PHYSICAL: [Candidate; 9] = [
     },
 ];
 
+/// Largest alpha and beta, seconds: fifty times the paper's.
+pub(crate) const LARGEST_ENVELOPE_S: f64 = 1e-3;
+
 /// Longest delay or lag searched, seconds: slow sensor filters reach 2 ms.
 const LONGEST_S: f64 = 3e-3;
 
@@ -223,8 +226,8 @@ fn rate(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
         return Vec::new();
     }
     let peak = chain::peak_rate(&bench.traces.each).max(f64::MIN_POSITIVE);
-    // The shift at the peak rate between a thousandth and half of the span.
-    let range = |exponent: f64| (2e-3 / peak.powf(exponent), 1.0 / peak.powf(exponent));
+    // From a shift of a thousandth of the span at the peak rate to the longest envelope at a rate of one in its time.
+    let range = |exponent: f64| (2e-3 / peak.powf(exponent), LARGEST_ENVELOPE_S.powf(exponent));
     let shift = |exponent: f64, narrow: f64| rate_shift(bench, given, range(exponent), exponent, narrow);
     vec![
         shift(1.0, chain::NARROW),
@@ -248,7 +251,7 @@ fn rate_shift(bench: &Bench<'_>, given: &[Effect], (low, high): (f64, f64), expo
             },
         )
     };
-    let (both, _) = least(low, high, 5, 6, |x| bench.objective(&form(x, x)));
+    let (both, _) = least(low, high, 6, 6, |x| bench.objective(&form(x, x)));
     // One branch may be slower than the other: their ratio, then both again.
     let (ratio, _) = least(0.25, 4.0, 3, 5, |q| {
         bench.objective(&form(both * q.sqrt(), both / q.sqrt()))
@@ -262,7 +265,7 @@ fn rate_shift(bench: &Bench<'_>, given: &[Effect], (low, high): (f64, f64), expo
 /// The rate dependence of a model that has one, fitted anew on a base.
 pub(crate) fn rate_of_model(bench: &Bench<'_>, given: &[Effect]) -> Vec<Effect> {
     let peak = chain::peak_rate(&bench.traces.each).max(f64::MIN_POSITIVE);
-    rate_shift(bench, given, (2e-3 / peak, 1.0 / peak), 1.0, chain::NARROW)
+    rate_shift(bench, given, (2e-3 / peak, LARGEST_ENVELOPE_S), 1.0, chain::NARROW)
 }
 
 fn slew(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {

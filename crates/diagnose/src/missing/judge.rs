@@ -21,6 +21,12 @@ const LEAST_GAIN: f64 = 10.0;
 /// An effect that takes less of the squared error than this beyond what the coarseness explains leaves the main thing unnamed.
 const LEAST_SHARE: f64 = 0.6;
 
+/// An error of which more than this is left, percent of peak to peak, hides a medium effect (1 to 2 %) as large as a name.
+const MUCH_LEFT_PERCENT: f64 = 1.2;
+
+/// Then this share of the squared error must be taken.
+const LARGE_SHARE: f64 = 0.8;
+
 /// What an effect takes, rms over the records that move, must reach this, percent of peak to peak: an effect of 0.3 %
 /// leaves 0.1 after its best mimic has absorbed what it can.
 const TAKEN_PERCENT: f64 = 0.1;
@@ -95,6 +101,9 @@ impl Judge {
                 .partial_cmp(&(a.1.significant, a.1.statistic))
                 .unwrap_or(std::cmp::Ordering::Equal)
         });
+        let least = AS_FAR * ranked.first().map_or(f64::INFINITY, |r| r.1.statistic);
+        let close = ranked.partition_point(|r| r.1.significant && r.1.statistic > least);
+        ranked[..close].sort_by(|a, b| b.1.log_likelihood_gain.total_cmp(&a.1.log_likelihood_gain));
         ranked
     }
 
@@ -145,8 +154,8 @@ impl Judge {
         trial.is_some_and(|t| self.excess(&t.held_out) > 0.05 * self.excess(&self.start))
     }
 
-    /// Whether what was found takes most of the structure.
-    pub(crate) fn explains_enough(&self, last: &Trial, hum: Option<&Hum>) -> bool {
+    /// Whether what was found takes most of the structure, and so much that no larger thing than itself can be left.
+    pub(crate) fn explains_enough(&self, last: &Trial, hum: Option<&Hum>, left_percent: f64) -> bool {
         let mut left = last.held_out.clone();
         if let Some(hum) = hum {
             left.iter_mut()
@@ -154,7 +163,13 @@ impl Judge {
                 .for_each(|(l, t)| *l = (*l - t).max(0.0));
         }
         let was = self.excess(&self.start);
-        was <= 0.0 || 1.0 - self.excess(&left) / was > LEAST_SHARE
+        let share = if was > 0.0 { 1.0 - self.excess(&left) / was } else { 1.0 };
+        share
+            > if left_percent > MUCH_LEFT_PERCENT {
+                LARGE_SHARE
+            } else {
+                LEAST_SHARE
+            }
     }
 
     /// Hum as an entry of the ranking.
@@ -221,7 +236,11 @@ impl Judge {
         ranking
             .iter()
             .filter(|r| r.effect != verdict && r.significant && r.level == first.level && r.effect != "mains-hum")
-            .filter(|r| (first.statistic - r.statistic).abs() < UNDECIDED)
+            .filter(|r| {
+                (first.statistic - r.statistic).abs() < UNDECIDED
+                    || r.statistic > AS_FAR * first.statistic
+                        && r.log_likelihood_gain > AS_LIKELY * first.log_likelihood_gain
+            })
             .map(|r| r.effect.clone())
             .collect()
     }
@@ -230,8 +249,12 @@ impl Judge {
 /// Rivals closer than this in the statistic are not told apart: one record's squared error by a factor of 1.3.
 const UNDECIDED: f64 = 0.25;
 
-/// Largest alpha and beta, seconds: beyond what any stack shows, and where an envelope begins to imitate a delay.
-const LARGEST_ENVELOPE_S: f64 = 5e-4;
+/// Rivals whose statistic reaches this share of the best are ranked by likelihood instead: it counts how white a residual
+/// is, which the fall of the squared error does not see (a delay beside a lag of the same length).
+const AS_FAR: f64 = 0.9;
+
+/// Of those, gains in log-likelihood above this share of the first one's are not told apart.
+const AS_LIKELY: f64 = 0.9;
 
 /// Physical bounds on what was found.
 fn plausible(bench: &Bench<'_>, effect: &Effect, trial: &Trial) -> bool {
@@ -244,7 +267,7 @@ fn plausible(bench: &Bench<'_>, effect: &Effect, trial: &Trial) -> bool {
         Effect::Mode { zeta, .. } => *zeta < 0.999 * super::candidates::MOST_DAMPING,
         Effect::RateShift { up, down, exponent, .. } => {
             let peak = super::chain::peak_rate(&bench.traces.each);
-            up.max(*down) * peak.powf(*exponent) <= LARGEST_ENVELOPE_S * peak
+            up.max(*down) * peak.powf(*exponent) <= super::candidates::LARGEST_ENVELOPE_S * peak
         }
         // The position at the start carries over one to one.
         Effect::StartOffset => (0.5..2.0).contains(&last),

@@ -13,6 +13,7 @@ mod regression;
 mod remains;
 mod ringing;
 mod shape;
+mod structure;
 mod traces;
 
 use crate::diagnosis::{Before, Diagnosis, RankedEffect};
@@ -240,7 +241,12 @@ fn conclude(
         }
     }
     if !names.iter().any(|n| n == "resonance")
-        && let Some(entry) = ringing::find(bench, last, &residuals)
+        && let Some(entry) = ringing::find(
+            bench,
+            last,
+            &residuals,
+            remains.percent / 100.0 * bench.traces.stroke_um,
+        )
     {
         ranking.retain(|r| r.effect != "resonance");
         names.push("resonance".to_owned());
@@ -248,7 +254,11 @@ fn conclude(
     }
     let shape = shape::shape(dataset, model, bench, last);
     let physical = names.first().cloned();
-    let enough = judge.explains_enough(last, hum.as_ref());
+    // Jumps between levels move the zero at the records' starts too.
+    let by_starts = last.effects.contains(&Effect::StartOffset);
+    let jumps = by_starts && structure::jumps(bench.traces, &residuals, 0.3 * traces::start_scatter_um(bench.traces));
+    let enough = judge.explains_enough(last, hum.as_ref(), remains.percent) && !jumps;
+    let structured = structure::more_than_noise(bench.traces, &residuals);
     let verdict = if !reasons.is_empty() {
         "unknown".to_owned()
     } else if let Some(name) = physical {
@@ -258,7 +268,8 @@ fn conclude(
         } else {
             "unknown".to_owned()
         }
-    } else if remains.percent > judge::MATTERS_PERCENT.max(2.0 * remains.noise_percent) {
+    } else if remains.percent > judge::MATTERS_PERCENT && (remains.percent > 2.0 * remains.noise_percent || structured)
+    {
         "unknown".to_owned()
     } else if let Some(effect) = shape.ranking.first().filter(|r| r.significant) {
         effect.effect.clone()

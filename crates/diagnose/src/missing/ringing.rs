@@ -2,7 +2,6 @@
 
 use crate::diagnosis::{EffectParameter, Level, RankedEffect};
 use crate::missing::bench::{Bench, Trial};
-use crate::missing::candidates::MOST_DAMPING;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 
@@ -18,6 +17,10 @@ const TIMES_NOISE: f64 = 5.0;
 /// The decaying sine must take this share of what else is in the window.
 const LEAST_SHARE: f64 = 0.5;
 
+/// Largest damping ratio of what is seen as ringing: beyond it, less than a sixth is left after four cycles, and
+/// relaxation of the hysteresis after the step passes for it.
+const MOST_RINGING: f64 = 0.07;
+
 struct Ring {
     frequency_hz: f64,
     zeta: f64,
@@ -27,7 +30,9 @@ struct Ring {
 }
 
 /// The clearest ring after any step, as an entry of the ranking.
-pub(crate) fn find(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>]) -> Option<RankedEffect> {
+///
+/// `left_um` is the error, rms, that remains over all records.
+pub(crate) fn find(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>], left_um: f64) -> Option<RankedEffect> {
     let mut best: Option<Ring> = None;
     for (trace, residual) in bench.traces.each.iter().zip(residuals) {
         let steps = (trace.from + 1..trace.len()).filter(|&k| (trace.drive[k] - trace.drive[k - 1]).abs() > 2.0 * STEP);
@@ -44,7 +49,8 @@ pub(crate) fn find(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>]) -> O
             }
         }
     }
-    let ring = best?;
+    // Beside an error as large as itself it may be that error's own beginning.
+    let ring = best.filter(|ring| ring.amplitude_um > left_um)?;
     let parameter = |name: &str, value: f64, unit: &str| EffectParameter {
         name: name.to_owned(),
         value,
@@ -107,7 +113,7 @@ fn fit(window: &[f64], period_s: f64, noise_um: f64) -> Option<Ring> {
     let noise = noise_um.powi(2) * n as f64;
     let share = (line - error) / (line - noise).max(line * 0.1);
     let cycles = n as f64 * period_s * frequency_hz;
-    (share > LEAST_SHARE && amplitude_um > TIMES_NOISE * noise_um && zeta < MOST_DAMPING && cycles > 3.0).then_some(
+    (share > LEAST_SHARE && amplitude_um > TIMES_NOISE * noise_um && zeta <= MOST_RINGING && cycles > 4.0).then_some(
         Ring {
             frequency_hz,
             zeta,

@@ -202,3 +202,17 @@ pub(crate) fn range<'a>(values: impl IntoIterator<Item = &'a f64>) -> (f64, f64)
             (low.min(v), high.max(v))
         })
 }
+
+/// Scatter of the records' start offsets about their mean, rms.
+pub(crate) fn start_scatter_um(traces: &Traces) -> f64 {
+    let known = || {
+        traces
+            .each
+            .iter()
+            .filter(|t| t.start_error_um.is_finite())
+            .map(|t| t.start_offset_um)
+    };
+    let n = known().count().max(1) as f64;
+    let mean = known().sum::<f64>() / n;
+    (known().map(|offset| (offset - mean).powi(2)).sum::<f64>() / n).sqrt()
+}

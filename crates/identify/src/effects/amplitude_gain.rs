@@ -34,7 +34,7 @@ impl Effect for AmplitudeGain {
         Ok(Vec::new())
     }
 
-    fn reshape(&self, shape: &Shape, facts: &Facts) -> Option<Shape> {
+    fn reshape(&self, shape: &Shape, facts: &Facts, _: &dyn Fn(usize) -> Vec<f64>) -> Option<Shape> {
         let mut thresholds = shape.thresholds.clone();
         for i in 0..ADDED {
             let new = facts.span_v() * SMALLEST * 10f64.powf(i as f64 / 3.0);

@@ -1,6 +1,6 @@
 //! `backlash`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals, run};
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals};
 use hysteron_core::effects::Block;
 use hysteron_core::effects::backlash;
 
@@ -49,8 +49,15 @@ impl Effect for Backlash {
     }
 
     fn on_position(&self, values: &[f64], signals: &Signals<'_>, position_um: &mut [f64]) {
-        if let Ok(backlash) = backlash::Backlash::new(values[0]) {
-            run::block(&backlash, signals.run_in, position_um);
+        let (Ok(backlash), Some(&first)) = (backlash::Backlash::new(values[0]), position_um.first()) else {
+            return;
+        };
+        let mut state = backlash.rest_at(before(values, signals, first));
+        for &y in &position_um[..signals.run_in] {
+            backlash.step(&mut state, y);
+        }
+        for y in position_um {
+            *y = backlash.step(&mut state, *y);
         }
     }
 
@@ -59,8 +66,9 @@ impl Effect for Backlash {
         let (Ok(backlash), Some(&first)) = (backlash::Backlash::new(values[0]), position_um.first()) else {
             return;
         };
-        let mut state = backlash.rest_at(first);
-        let (mut last, mut held) = (first, change.first().copied().unwrap_or(0.0));
+        let start = before(values, signals, first);
+        let mut state = backlash.rest_at(start);
+        let (mut last, mut held) = (start, change.first().copied().unwrap_or(0.0));
         for k in 0..signals.run_in {
             let now = backlash.step(&mut state, position_um[k]);
             if now != last {
@@ -75,4 +83,9 @@ impl Effect for Backlash {
             *change = held;
         }
     }
+}
+
+/// The output before the first sample: where the last motion has left the contact in its play.
+fn before(values: &[f64], signals: &Signals<'_>, first_um: f64) -> f64 {
+    first_um + (0.5 - signals.fraction) * values[0]
 }

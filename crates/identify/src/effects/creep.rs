@@ -70,6 +70,10 @@ impl Effect for Creep {
         Acts::Linearly
     }
 
+    fn outlasts_records(&self) -> bool {
+        true
+    }
+
     fn on_position(&self, values: &[f64], signals: &Signals<'_>, position_um: &mut [f64]) {
         let now = position_um.to_vec();
         let mut element = vec![0.0; now.len()];

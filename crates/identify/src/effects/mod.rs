@@ -142,6 +142,8 @@ pub struct Facts {
     pub position_um: [f64; 2],
     /// Shortest sample period, seconds.
     pub finest_period_s: f64,
+    /// Shortest step of the grids on which chains run, seconds: finer than the samples where the drive between them is known.
+    pub finest_grid_s: f64,
     /// Longest record, seconds.
     pub longest_s: f64,
     /// Largest rate of the command, volts per second.
@@ -172,6 +174,9 @@ pub struct Signals<'a> {
     pub period_s: f64,
     /// Samples of run-in, one period of the record; 0 where it does not start periodically (it then starts at rest).
     pub run_in: usize,
+    /// Where in its play everything with a play stands before the first sample: 0 after coming down from above, 1 after
+    /// coming up from below.
+    pub fraction: f64,
     /// Voltage at the stack, volts: after all effects that act on the command.
     pub at_stack_v: &'a [f64],
     /// Stage temperature, degrees Celsius.
@@ -277,9 +282,15 @@ pub trait Effect: Send + Sync {
         false
     }
 
-    /// The hysteresis family it stands for, where it is a matter of the family.
-    fn reshape(&self, shape: &Shape, facts: &Facts) -> Option<Shape> {
-        let _ = (shape, facts);
+    /// Whether it remembers longer than records usually last, so that a response that repeats need not be the steady one.
+    fn outlasts_records(&self) -> bool {
+        false
+    }
+
+    /// The hysteresis family it stands for, where it is a matter of the family; `place` puts so many thresholds where the
+    /// records exercise them.
+    fn reshape(&self, shape: &Shape, facts: &Facts, place: &dyn Fn(usize) -> Vec<f64>) -> Option<Shape> {
+        let _ = (shape, facts, place);
         None
     }
 }

@@ -54,8 +54,8 @@ impl Effect for Resonance {
     }
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
-        // A slow record tells of a mode above its own Nyquist frequency by the gain's rise, up to some ten times it.
-        let highest = (5.0 / facts.finest_period_s).min(HIGHEST_HZ);
+        // Ringing at the grid's Nyquist frequency and above would come back folded.
+        let highest = (0.45 / facts.finest_grid_s).min(HIGHEST_HZ);
         let lowest = 20.0_f64.min(0.1 * highest);
         let frequency = |neutral: f64| Bounds::new(lowest, highest, 0.02 * highest, neutral);
         // More damping than 0.1 imitates lag and delay.
@@ -93,10 +93,10 @@ impl Effect for Resonance {
     fn starts(&self, _: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
         let (lowest, highest) = (bounds[0].min, bounds[0].max);
         let one = |f: f64, zeta: f64| vec![f, zeta, highest, 0.02, 0.0];
-        // A light mode's valley is as narrow as its peak is seen: a record of 0.1 s resolves 10 Hz.
-        let steps = 48;
-        (0..=steps)
-            .map(|i| lowest * (highest / lowest).powf(f64::from(i) / f64::from(steps)))
+        // A light mode's valley is as narrow as its peak: 2 zeta of the frequency.
+        let steps = ((highest / lowest).ln() / 0.05).ceil();
+        (0..=steps as u32)
+            .map(|i| lowest * (highest / lowest).powf(f64::from(i) / steps))
             .map(|f| one(f, 0.03))
             .collect()
     }

@@ -68,8 +68,9 @@ impl Effect for Saturation {
             .iter()
             .enumerate()
         {
-            for depth in [0.003, 0.01, 0.02, 0.04, 0.08, 0.15, 0.25] {
-                let inside = depth * (range[1] - range[0]);
+            // Two a factor of two, from 0.3 % of the range to 27 %.
+            for k in 0..14 {
+                let inside = 0.003 * 2_f64.powf(f64::from(k) / 2.0) * (range[1] - range[0]);
                 let mut start = neutral.clone();
                 start[i] = if i % 2 == 0 {
                     range[0] + inside

@@ -1,0 +1,183 @@
+//! `hysteron add`.
+
+use crate::commands::load;
+use crate::error::CliError;
+use crate::exit::Done;
+use crate::{output, progress};
+use clap::Args;
+use hysteron_data::Role;
+use hysteron_identify::{Added, FittedEffect, Model, RecordError, Step};
+use std::fmt::Write;
+use std::path::PathBuf;
+
+#[derive(Args)]
+#[command(after_help = "Example:\n  hysteron add delay stage model.toml -o model2.toml\n  \
+    hysteron add resonance stage model2.toml -o model3.toml\n  hysteron ladder model3.toml\n\n\
+    Effects: delay, first-order-lag, slew-limit, saturation, rate-dependence, asymmetry, amplitude-gain,\n\
+    hysteresis-shape, creep, resonance, cross-coupling, thermal-drift, mains-hum, backlash, sensor-nonlinearity.\n\
+    A resonance may be added a second time: a second mode.")]
+pub(crate) struct AddArgs {
+    /// The effect to add
+    pub effect: String,
+    /// Dataset folder, or one CSV
+    pub data: PathBuf,
+    /// The model to add it to; it stays as it is
+    pub model: PathBuf,
+    /// Where to write the new model
+    #[arg(short, long, value_name = "MODEL2")]
+    pub output: PathBuf,
+    /// Print the answer as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+pub(crate) fn run(args: &AddArgs) -> Result<Done, CliError> {
+    let model = Model::read(&args.model)?;
+    let dataset = load::dataset(&args.data)?;
+    let bar = progress::bar(&format!("adding {}", args.effect));
+    let added = hysteron_diagnose::add(&dataset, &model, &args.effect, &|share| {
+        progress::advance(&bar, share);
+    })?;
+    bar.finish_and_clear();
+    added.model.write(&args.output)?;
+    if args.json {
+        output::print_json(&json(args, &added))?;
+    } else {
+        output::print(&text(args, &added))?;
+    }
+    Ok(Done::Answered)
+}
+
+fn text(args: &AddArgs, added: &Added) -> String {
+    let mut text = format!("{} added, everything fitted anew\n\n", args.effect);
+    match added.model.effects.iter().find(|effect| effect.name == args.effect) {
+        Some(effect) => parameters(&mut text, effect),
+        None => {
+            // Writing to a String does not fail.
+            let _ = writeln!(
+                text,
+                "  the hysteresis is now {} with {} plays",
+                added.model.family,
+                added.model.thresholds.len()
+            );
+        }
+    }
+    errors(&mut text, &added.before, &added.after);
+    for notice in &added.model.notices {
+        let _ = write!(text, "\nnote: {notice}");
+    }
+    if !added.model.notices.is_empty() {
+        text.push('\n');
+    }
+    let _ = write!(
+        text,
+        "\nwritten to {}\nnext: hysteron ladder {}\n",
+        args.output.display(),
+        args.output.display()
+    );
+    text
+}
+
+fn parameters(text: &mut String, effect: &FittedEffect) {
+    let _ = writeln!(
+        text,
+        "  {:<16} {:>13}  {:>11}  unit",
+        "parameter", "value", "std. error"
+    );
+    for p in &effect.parameters {
+        let error = p.standard_error.map_or_else(|| "-".to_owned(), |e| format!("{e:.2e}"));
+        let _ = writeln!(text, "  {:<16} {:>13.5e}  {error:>11}  {}", p.name, p.value, p.unit);
+    }
+}
+
+/// The errors of every record, before and after.
+pub(super) fn errors(text: &mut String, before: &Step, after: &Step) {
+    let widest = before
+        .records
+        .iter()
+        .map(|r| r.file.chars().count())
+        .max()
+        .unwrap_or(0)
+        .max(18);
+    let _ = writeln!(
+        text,
+        "\n{:<9} {:<widest$} {:>17}  {:>21}",
+        "", "error:", "% of peak to peak", "rms, % of output's rms"
+    );
+    let _ = writeln!(
+        text,
+        "{:<9} {:<widest$} {:>8} {:>8}  {:>12} {:>9}",
+        "role", "record", "before", "after", "before", "after"
+    );
+    let figure = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
+    let absolute = |r: &RecordError| format!("{:.2e} um", r.rms);
+    for (b, a) in before.records.iter().zip(&after.records) {
+        let (pb, pa) = match (b.percent, a.percent) {
+            (None, None) => (absolute(b), absolute(a)),
+            _ => (figure(b.percent), figure(a.percent)),
+        };
+        let _ = writeln!(
+            text,
+            "{:<9} {:<widest$} {pb:>8} {pa:>8}  {:>12} {:>9}",
+            role(b.role),
+            b.file,
+            figure(b.relative_percent),
+            figure(a.relative_percent)
+        );
+    }
+    text.push('\n');
+    for (name, b, a) in [
+        ("records fitted to", before.identify_percent, after.identify_percent),
+        ("records not fitted to", before.validate_percent, after.validate_percent),
+    ] {
+        if let (Some(b), Some(a)) = (b, a) {
+            let _ = writeln!(text, "pooled over the {name}: {b:.3} -> {a:.3} % of peak to peak");
+        }
+    }
+    if after.validate_percent.is_none() {
+        text.push_str("no record was kept to judge by: give some the role validate, or a fall here proves nothing\n");
+    } else if after.validate_percent >= before.validate_percent {
+        text.push_str("the records not fitted to do not support it: their error did not fall\n");
+    }
+}
+
+fn role(role: Role) -> &'static str {
+    match role {
+        Role::Identify => "identify",
+        Role::Validate => "validate",
+    }
+}
+
+fn json(args: &AddArgs, added: &Added) -> serde_json::Value {
+    let records: Vec<_> = added
+        .before
+        .records
+        .iter()
+        .zip(&added.after.records)
+        .map(|(b, a)| {
+            serde_json::json!({
+                "file": b.file,
+                "role": b.role,
+                "before": {"percent": b.percent, "relative_percent": b.relative_percent, "rms_um": b.rms},
+                "after": {"percent": a.percent, "relative_percent": a.relative_percent, "rms_um": a.rms},
+            })
+        })
+        .collect();
+    let pooled = |step: &Step| {
+        serde_json::json!({
+            "identify_percent": step.identify_percent,
+            "validate_percent": step.validate_percent,
+        })
+    };
+    serde_json::json!({
+        "effect": args.effect,
+        "file": args.output,
+        "model": added.model.family.name(),
+        "effects": added.model.effects,
+        "noise_rms_um": added.model.fitted_on.noise_rms,
+        "before": pooled(&added.before),
+        "after": pooled(&added.after),
+        "records": records,
+        "notices": added.model.notices,
+    })
+}

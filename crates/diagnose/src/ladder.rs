@@ -1,0 +1,134 @@
+//! How the error of a model fell, step by step, down to the noise floor.
+
+use crate::noise::noise_floor;
+use hysteron_data::{Dataset, Role};
+use hysteron_identify::{Added, Change, IdentifyError, Model, RecordError, Step};
+use serde::Serialize;
+
+/// A model's history, measured against the noise floor.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Ladder {
+    /// Family of the hysteresis as it is now.
+    pub model: String,
+    /// The effects around it, in the order of the chain.
+    pub effects: Vec<String>,
+    /// What it was fitted on.
+    pub dataset: String,
+    /// Noise floor, micrometres rms.
+    pub noise_rms_um: Option<f64>,
+    /// The error that the noise alone would leave on the records it was fitted to, percent of peak to peak.
+    pub noise_identify_percent: Option<f64>,
+    /// The same on validation records.
+    pub noise_validate_percent: Option<f64>,
+    /// The steps in their order.
+    pub steps: Vec<Rung>,
+}
+
+/// One step of a ladder.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Rung {
+    /// What was done, and the errors it left.
+    #[serde(flatten)]
+    pub step: Step,
+    /// Its error over that of the step before: on validation records, else on those it was fitted to.
+    pub of_before: Option<f64>,
+    /// Its error over the noise floor, on the same records.
+    pub times_noise: Option<f64>,
+}
+
+impl Rung {
+    /// The error that counts: on validation records, else on those it was fitted to, percent of peak to peak.
+    pub fn percent(&self) -> Option<f64> {
+        percent(&self.step)
+    }
+
+    /// The step in a few characters: `mpi`, `+ delay`, `- delay`.
+    pub fn name(&self) -> String {
+        match self.step.change {
+            Change::Fitted => self.step.what.clone(),
+            Change::Added => format!("+ {}", self.step.what),
+            Change::Removed => format!("- {}", self.step.what),
+        }
+    }
+}
+
+impl Ladder {
+    /// The error that the noise alone would leave, on the records that count.
+    pub fn noise_percent(&self) -> Option<f64> {
+        self.noise_validate_percent.or(self.noise_identify_percent)
+    }
+}
+
+/// Adds an effect to a model, as [`hysteron_identify::add_effect`] does, and notes the noise floor for its ladder.
+///
+/// # Errors
+/// As [`hysteron_identify::add_effect`].
+pub fn add(
+    dataset: &Dataset,
+    model: &Model,
+    effect: &str,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Added, IdentifyError> {
+    let mut added = hysteron_identify::add_effect(dataset, model, effect, progress)?;
+    added.model.fitted_on.noise_rms = Some(noise_floor(dataset).rms_um);
+    Ok(added)
+}
+
+/// The ladder of a model; `None` where it has no history, because nothing was ever added to it.
+///
+/// # Example
+/// ```
+/// # fn show(dataset: &hysteron_data::Dataset, model: &hysteron_identify::Model) -> Result<(), hysteron_identify::IdentifyError> {
+/// let added = hysteron_diagnose::add(dataset, model, "delay", &|_| ())?;
+/// let ladder = hysteron_diagnose::ladder(&added.model).expect("a step was just added");
+/// assert_eq!(ladder.steps[1].name(), "+ delay");
+/// # Ok(())
+/// # }
+/// ```
+pub fn ladder(model: &Model) -> Option<Ladder> {
+    let last = model.history.last()?;
+    let noise_rms_um = model.fitted_on.noise_rms;
+    let noise_of = |role| noise_rms_um.and_then(|noise_um| noise_percent(&last.records, role, noise_um));
+    let (identify, validate) = (noise_of(Role::Identify), noise_of(Role::Validate));
+    let floor = validate.or(identify);
+    let mut before = None;
+    let steps = model.history.iter().map(|step| {
+        let here = percent(step);
+        let rung = Rung {
+            step: step.clone(),
+            of_before: ratio(here, before),
+            times_noise: ratio(here, floor),
+        };
+        before = here;
+        rung
+    });
+    let steps = steps.collect();
+    Some(Ladder {
+        model: model.family.name().to_owned(),
+        effects: model.effects.iter().map(|effect| effect.name.clone()).collect(),
+        dataset: model.fitted_on.dataset.clone(),
+        noise_rms_um,
+        noise_identify_percent: identify,
+        noise_validate_percent: validate,
+        steps,
+    })
+}
+
+/// The error of a step that counts: on validation records, else on those it was fitted to.
+pub(crate) fn percent(step: &Step) -> Option<f64> {
+    step.validate_percent.or(step.identify_percent)
+}
+
+fn ratio(here: Option<f64>, to: Option<f64>) -> Option<f64> {
+    here.zip(to).filter(|&(_, to)| to > 0.0).map(|(here, to)| here / to)
+}
+
+/// The noise floor in percent of each record's peak to peak, pooled like the errors.
+fn noise_percent(records: &[RecordError], role: Role, noise_um: f64) -> Option<f64> {
+    let squares: Vec<f64> = records
+        .iter()
+        .filter(|record| record.role == role && record.rms > 0.0)
+        .filter_map(|record| record.percent.map(|percent| (percent * noise_um / record.rms).powi(2)))
+        .collect();
+    (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+}

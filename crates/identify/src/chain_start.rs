@@ -1,0 +1,116 @@
+//! Where the search for an effect's parameters begins: the best few of its starts.
+
+use crate::chain::{Chain, Stroke};
+use crate::chain_fit::{Fitted, Problem};
+use crate::chain_trace::Trace;
+use crate::normal::Normal;
+use rayon::prelude::*;
+
+/// Starts that are compared with all coefficients fitted anew and a step down their valley; of a longer list the best of a
+/// quick look.
+const COMPARED: usize = 12;
+
+/// Starts that are followed some steps towards the bottom of their valley; the best goes all the way.
+const FOLLOWED: usize = 4;
+
+/// Those steps.
+const FIRST_STEPS: usize = 4;
+
+/// A quick look at every start, a closer one at the best of them, then the best few towards the bottom of their valleys.
+pub(crate) fn best_of_starts(
+    problem: &Problem<'_>,
+    start: &Fitted,
+    link: Option<usize>,
+    starts: &[Vec<f64>],
+    progress: &(dyn Fn(f64) + Sync),
+) -> Fitted {
+    let mut starts = starts.to_vec();
+    if let Some(link) = link
+        && starts.len() > COMPARED
+    {
+        starts = quick_look(problem, start, link, starts, &|share| progress(0.05 + 0.3 * share));
+    }
+    let count = starts.len().max(1);
+    let mut looked: Vec<Fitted> = starts
+        .iter()
+        .enumerate()
+        .map(|(i, values)| {
+            let mut at = start.clone();
+            if let Some(link) = link {
+                at.chain.links[link].values.clone_from(values);
+            }
+            let at = problem.descend(problem.project(at), 1);
+            progress(0.35 + 0.2 * (i + 1) as f64 / count as f64);
+            at
+        })
+        .collect();
+    looked.sort_by(|a, b| a.error.total_cmp(&b.error));
+    looked.truncate(FOLLOWED);
+    let mut followed: Vec<Fitted> = looked.into_iter().map(|at| problem.descend(at, FIRST_STEPS)).collect();
+    followed.sort_by(|a, b| a.error.total_cmp(&b.error));
+    followed.into_iter().next().unwrap_or_else(|| start.clone())
+}
+
+/// The starts whose change of the modelled position explains most of what the model leaves, up to a factor and a gain.
+fn quick_look(
+    problem: &Problem<'_>,
+    start: &Fitted,
+    link: usize,
+    starts: Vec<Vec<f64>>,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Vec<Vec<f64>> {
+    let before: Vec<(Stroke, Vec<f64>)> = problem
+        .traces
+        .par_iter()
+        .map(|trace| {
+            let stroke = start.chain.stroke(&start.coefficients, trace);
+            let modelled = start.chain.respond_from(&start.coefficients, trace, &stroke);
+            (stroke, modelled)
+        })
+        .collect();
+    let count = starts.len() as f64;
+    let mut scored: Vec<(f64, Vec<f64>)> = Vec::with_capacity(starts.len());
+    for (i, values) in starts.into_iter().enumerate() {
+        let mut chain = start.chain.clone();
+        chain.links[link].values.clone_from(&values);
+        let systems: Vec<Normal> = problem
+            .traces
+            .par_iter()
+            .zip(&before)
+            .map(|(trace, (stroke, modelled))| {
+                let with = respond_again(&chain, link, &start.coefficients, trace, stroke);
+                of_trace(problem, trace, modelled, &with)
+            })
+            .collect();
+        let mut sum = Normal::new(3);
+        for (system, trace) in systems.iter().zip(problem.traces) {
+            sum.add_scaled(system, trace.weight);
+        }
+        scored.push((sum.squared_error(&sum.solve(1e-12)), values));
+        progress((i + 1) as f64 / count);
+    }
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    scored.truncate(COMPARED);
+    scored.into_iter().map(|(_, values)| values).collect()
+}
+
+/// The response of a changed link; where the voltage at the stack and the plays stay, they are not run again.
+fn respond_again(chain: &Chain, link: usize, coefficients: &[f64], trace: &Trace<'_>, before: &Stroke) -> Vec<f64> {
+    let changed = &chain.links[link];
+    let same_plays = changed.effect.envelope(&changed.values).is_none();
+    if same_plays && chain.stack(trace) == before.stack_v {
+        chain.respond_from(coefficients, trace, before)
+    } else {
+        chain.respond(coefficients, trace)
+    }
+}
+
+/// What is left, over an offset, the modelled position and its change.
+fn of_trace(problem: &Problem<'_>, trace: &Trace<'_>, before: &[f64], with: &[f64]) -> Normal {
+    let mut system = Normal::new(3);
+    let measured = &trace.record.position_um;
+    for k in (trace.fit_from..measured.len()).filter(|k| k % problem.stride == 0) {
+        system.add_row(&[1.0, before[k], with[k] - before[k]], measured[k] - before[k]);
+    }
+    system
+}

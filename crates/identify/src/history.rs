@@ -1,0 +1,70 @@
+//! How a model came about: the error on every record, before and after each step.
+
+use crate::family::peak_to_peak;
+use crate::model::{Change, Model, RecordError, Step};
+use crate::period;
+use hysteron_data::{Dataset, Role};
+use rayon::prelude::*;
+
+/// The step at which a model stands, with its errors on this dataset.
+pub(crate) fn present(dataset: &Dataset, model: &Model) -> Step {
+    let (change, what) = model.history.last().map_or_else(
+        || (Change::Fitted, model.family.name().to_owned()),
+        |step| (step.change, step.what.clone()),
+    );
+    step(change, what, record_errors(dataset, model))
+}
+
+/// The error of a model on every record of a dataset, free simulation.
+pub fn record_errors(dataset: &Dataset, model: &Model) -> Vec<RecordError> {
+    dataset
+        .records
+        .par_iter()
+        .map(|record| {
+            let modelled = model.simulate(record).output;
+            let measured = model.direction.output(record);
+            let error: Vec<f64> = measured.iter().zip(&modelled).map(|(y, m)| y - m).collect();
+            let rms = (error.iter().map(|e| e * e).sum::<f64>() / error.len() as f64).sqrt();
+            let stroke = peak_to_peak(measured);
+            let moves = stroke > 0.0 && peak_to_peak(&record.voltage_v) > 0.0;
+            let last = period::detect(&record.voltage_v)
+                .filter(|found| moves && found.from == 0)
+                .map(|found| error.len() - found.samples..error.len());
+            RecordError {
+                file: record.file.clone(),
+                role: record.role,
+                rms,
+                percent: moves.then(|| 100.0 * rms / stroke),
+                relative_percent: moves.then(|| 100.0 * rms / scatter(measured)),
+                last_period_percent: last.map(|last| 100.0 * scatter(&error[last.clone()]) / scatter(&measured[last])),
+            }
+        })
+        .collect()
+}
+
+/// Rms about the mean.
+fn scatter(series: &[f64]) -> f64 {
+    let n = series.len() as f64;
+    let mean = series.iter().sum::<f64>() / n;
+    (series.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+/// A step of a history from its records' errors, pooled as root mean square over the records that move.
+pub(crate) fn step(change: Change, what: String, records: Vec<RecordError>) -> Step {
+    let pool = |role: Role| {
+        let squares: Vec<f64> = records
+            .iter()
+            .filter(|r| r.role == role)
+            .filter_map(|r| r.percent)
+            .map(|p| p * p)
+            .collect();
+        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    };
+    Step {
+        change,
+        what,
+        identify_percent: pool(Role::Identify),
+        validate_percent: pool(Role::Validate),
+        records,
+    }
+}

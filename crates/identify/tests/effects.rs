@@ -1,0 +1,455 @@
+//! Every effect of the catalogue added to a model of a stage that has it: the physics of `hysteron_plant` shares no code
+//! with the blocks that are fitted. The error must come down to what the same model leaves of the stage without the
+//! effect, and the parameters must be the stage's.
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up its stage fails")]
+
+use hysteron_data::{Dataset, Record, Role};
+use hysteron_identify::{Added, Family, FitOptions, Model, add_effect, effects, fit};
+use hysteron_plant::excitation::{Excitation, Multisine, Sine, with_rise};
+use hysteron_plant::hysteresis::{MaxwellSlip, SigmoidPlays};
+use hysteron_plant::{
+    AmplitudeGain, Asymmetry, Backlash, Creep, CrossCoupling, CurrentLimit, EndStop, Hysteresis, Initial,
+    KelvinVoigtElement, MainsHum, Mode, RateDependence, SensorNonlinearity, Stage, StageConfig, Temperature,
+    ThermalDrift,
+};
+use rand::SeedableRng;
+use std::f64::consts::TAU;
+
+const FULL_V: f64 = 100.0;
+const STROKE_UM: f64 = 10.0;
+
+/// A stack of twelve Maxwell elements with 1 nm of sensor noise and nothing else.
+fn stage() -> StageConfig {
+    let slip_v: Vec<f64> = (0..12).map(|i| 5.5 * 1.2_f64.powi(i)).collect();
+    let family = hysteron_plant::Family::MaxwellSlip(MaxwellSlip {
+        loop_opening: 0.12,
+        stiffness: slip_v.iter().map(|_| 1.0).collect(),
+        slip_v,
+    });
+    with_family(family)
+}
+
+fn with_family(family: hysteron_plant::Family) -> StageConfig {
+    let mut config = StageConfig::bare(Hysteresis {
+        stroke_um: STROKE_UM,
+        reference_v: FULL_V,
+        initial: Initial::Conditioned,
+        family,
+    });
+    config.sensor.noise_rms_um = 1e-3;
+    config
+}
+
+/// What is played, each from rest at 0 V: name, role, sample period, voltage.
+fn programme() -> Vec<(&'static str, Role, f64, Vec<f64>)> {
+    let sine = |frequency_hz, high_v, periods, period_s| {
+        let sine = Sine {
+            frequency_hz,
+            low_v: 0.0,
+            high_v,
+            periods,
+        };
+        sine.samples(period_s).unwrap()
+    };
+    let multisine = |seed| {
+        let multisine = Multisine {
+            low_hz: 10.0,
+            high_hz: 2000.0,
+            period_s: 0.1,
+            periods: 2,
+            bias_v: 50.0,
+            peak_v: 20.0,
+            seed,
+        };
+        with_rise(&multisine.samples(2e-5).unwrap(), 0.02, 2e-5).unwrap()
+    };
+    let holds = |levels: &[f64]| levels.iter().flat_map(|&v| vec![v; 2500]).collect::<Vec<_>>();
+    use Role::{Identify, Validate};
+    vec![
+        ("sine-10hz", Identify, 2e-4, sine(10.0, FULL_V, 3.0, 2e-4)),
+        ("sine-10hz-a40", Identify, 2e-4, sine(10.0, 40.0, 3.0, 2e-4)),
+        ("sine-200hz", Identify, 2e-5, sine(200.0, FULL_V, 10.0, 2e-5)),
+        ("multisine", Identify, 2e-5, multisine(1)),
+        ("holds", Identify, 2e-3, holds(&[0.0, 90.0, 30.0])),
+        ("quiet", Identify, 2e-4, vec![0.0; 5000]),
+        ("sine-50hz", Validate, 1e-4, sine(50.0, FULL_V, 5.0, 1e-4)),
+        ("sine-400hz-a70", Validate, 2e-5, sine(400.0, 70.0, 15.0, 2e-5)),
+        ("multisine-2", Validate, 2e-5, multisine(2)),
+        ("holds-2", Validate, 2e-3, holds(&[0.0, 60.0, 10.0])),
+    ]
+}
+
+/// Records the programme on a stage, with rests at 0 V in between.
+fn record(config: &StageConfig) -> Dataset {
+    play(config, programme())
+}
+
+fn play(config: &StageConfig, programme: Vec<(&'static str, Role, f64, Vec<f64>)>) -> Dataset {
+    let mut stage = Stage::new(config, 7).unwrap();
+    let with_axis = config.cross_coupling.is_some();
+    let records = programme.into_iter().map(|(name, role, period_s, voltage_v)| {
+        stage.move_and_rest(FULL_V, 0.05, 0.0).unwrap();
+        stage.move_and_rest(0.0, 0.05, 60.0).unwrap();
+        // The other axis goes its own way.
+        let other: Vec<f64> = (0..voltage_v.len())
+            .map(|k| 50.0 + 40.0 * (TAU * 7.3 * k as f64 / voltage_v.len() as f64).sin())
+            .collect();
+        let run = if with_axis {
+            stage.run_two_axes(&voltage_v, &other, period_s).unwrap()
+        } else {
+            stage.run(&voltage_v, period_s).unwrap()
+        };
+        Record {
+            file: format!("{name}.csv"),
+            role,
+            excitation: name.to_owned(),
+            start_s: 0.0,
+            period_s,
+            voltage_v,
+            position_um: run.position_um,
+            reference_um: None,
+            temperature_c: run.temperature_c,
+            voltage2_v: with_axis.then_some(other),
+        }
+    });
+    Dataset {
+        name: "stage".into(),
+        records: records.collect(),
+        ..Dataset::default()
+    }
+}
+
+fn start(dataset: &Dataset) -> Model {
+    fit(dataset, &FitOptions::new(Family::Pi), &|_| ()).unwrap().model
+}
+
+/// The pooled validation error that a model leaves.
+fn validation_percent(dataset: &Dataset, model: &Model) -> f64 {
+    let errors = hysteron_identify::record_errors(dataset, model);
+    let squares: Vec<f64> = errors
+        .iter()
+        .filter(|e| e.role == Role::Validate)
+        .filter_map(|e| e.percent.map(|p| p * p))
+        .collect();
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+/// Adds an effect to the stage and to the model; checks the error against the stage without the effect.
+fn added(name: &str, with: impl Fn(&mut StageConfig)) -> Added {
+    added_to(&stage(), &FitOptions::new(Family::Pi), name, &[], with)
+}
+
+/// The same from another start; `truth` are the effect's parameters where its equation is not quite the stage's, so that
+/// even these leave more than the noise.
+fn added_to(
+    stage: &StageConfig,
+    options: &FitOptions,
+    name: &str,
+    truth: &[f64],
+    with: impl Fn(&mut StageConfig),
+) -> Added {
+    let start = |dataset: &Dataset| fit(dataset, options, &|_| ()).unwrap().model;
+    let bare = record(stage);
+    let mut known = start(&bare);
+    let mut floor = validation_percent(&bare, &known);
+    let mut config = stage.clone();
+    with(&mut config);
+    let dataset = record(&config);
+    let added = add_effect(&dataset, &start(&dataset), name, &|_| ()).unwrap();
+    if !truth.is_empty() {
+        known.effects.clone_from(&added.model.effects);
+        for (parameter, &value) in known.effects[0].parameters.iter_mut().zip(truth) {
+            parameter.value = value;
+        }
+        floor = floor.max(validation_percent(&dataset, &known));
+    }
+    let (before, after) = (
+        added.before.validate_percent.unwrap(),
+        added.after.validate_percent.unwrap(),
+    );
+    assert!(before > 2.0 * floor, "{name} does not show: {before} {floor}");
+    assert!(
+        after < 1.5 * floor,
+        "{name}: {before} -> {after}, without the effect {floor}"
+    );
+    added
+}
+
+fn value(added: &Added, effect: &str, parameter: &str) -> f64 {
+    let fitted = added.model.effects.iter().find(|e| e.name == effect).unwrap();
+    fitted.parameters.iter().find(|p| p.name == parameter).unwrap().value
+}
+
+fn close(found: f64, wanted: f64, share: f64) {
+    assert!((found - wanted).abs() <= share * wanted.abs(), "{found} {wanted}");
+}
+
+#[test]
+fn val_delay() {
+    let added = added("delay", |stage| stage.delay_s = 60e-6);
+    close(value(&added, "delay", "delay"), 60e-6, 0.03);
+}
+
+#[test]
+fn val_first_order_lag() {
+    let added = added("first-order-lag", |stage| stage.amplifier.lag_s = 80e-6);
+    // Before and after the hysteresis differ by less than a hundredth of it: the sum is determined.
+    let sum = value(&added, "first-order-lag", "amplifier_tau") + value(&added, "first-order-lag", "sensor_tau");
+    close(sum, 80e-6, 0.05);
+}
+
+#[test]
+fn val_slew_limit() {
+    // A full sine of 200 Hz asks for 63 kV/s.
+    let limit = CurrentLimit {
+        current_a: 0.099,
+        capacitance_uf: 1.8,
+    };
+    let pi = FitOptions::new(Family::Pi);
+    let added = added_to(&stage(), &pi, "slew-limit", &[55e3], |stage| {
+        stage.amplifier.current_limit = Some(limit)
+    });
+    close(value(&added, "slew-limit", "slew"), 55e3, 0.02);
+}
+
+#[test]
+fn val_saturation_of_the_amplifier() {
+    let added = added("saturation", |stage| stage.amplifier.max_v = 88.0);
+    close(value(&added, "saturation", "rail_high"), 88.0, 0.01);
+}
+
+#[test]
+fn val_saturation_by_an_end_stop() {
+    let stop = EndStop {
+        min_um: -1.0,
+        max_um: 8.5,
+    };
+    let added = added("saturation", |stage| stage.end_stop = Some(stop));
+    close(value(&added, "saturation", "stop_high"), 8.5, 0.01);
+}
+
+#[test]
+fn val_rate_dependence() {
+    let rate = RateDependence::Envelope {
+        alpha_s: 50e-6,
+        beta_s: 35e-6,
+    };
+    // The stage widens its irreversible part, all of it; the effect the plays wider than a twentieth of the span.
+    let pi = FitOptions::new(Family::Pi);
+    let added = added_to(&stage(), &pi, "rate-dependence", &[50e-6, 35e-6], |stage| {
+        stage.rate_dependence = Some(rate.clone())
+    });
+    // Ten plays stand for twelve: the envelope comes out a little off.
+    close(value(&added, "rate-dependence", "alpha"), 50e-6, 0.2);
+    close(value(&added, "rate-dependence", "beta"), 35e-6, 0.2);
+}
+
+#[test]
+fn val_asymmetry() {
+    let (quadratic, cubic) = (0.06, 0.04);
+    let added = added("asymmetry", |stage| {
+        stage.asymmetry = Some(Asymmetry { quadratic, cubic })
+    });
+    // Against the middle of the voltages, 50 V: b2 = S (c2 / V^2 + 3 c3 50 / V^3).
+    let b2 = STROKE_UM * (quadratic + 1.5 * cubic) / FULL_V.powi(2);
+    close(value(&added, "asymmetry", "quadratic"), b2, 0.05);
+    close(
+        value(&added, "asymmetry", "cubic"),
+        STROKE_UM * cubic / FULL_V.powi(3),
+        0.2,
+    );
+}
+
+/// Five plays from nothing in equal steps: what is narrower than 20 V is a straight line to them.
+fn coarse() -> FitOptions {
+    FitOptions {
+        plays: 5,
+        placement: hysteron_identify::Placement::Eq16,
+        ..FitOptions::new(Family::Pi)
+    }
+}
+
+#[test]
+fn val_amplitude_gain() {
+    let mut config = stage();
+    config.amplitude_gain = Some(AmplitudeGain {
+        gain_at_full_cycle: 0.5,
+    });
+    // Small strokes, below the tenth of the range where the first play of ten in equal steps stands.
+    let small = |high_v, periods| {
+        let sine = Sine {
+            frequency_hz: 10.0,
+            low_v: 0.0,
+            high_v,
+            periods,
+        };
+        sine.samples(2e-4).unwrap()
+    };
+    let mut programme = programme();
+    for (name, role, high_v) in [
+        ("sine-a4", Role::Identify, 4.0),
+        ("sine-a8", Role::Identify, 8.0),
+        ("sine-a6", Role::Validate, 6.0),
+    ] {
+        programme.push((name, role, 2e-4, small(high_v, 3.0)));
+    }
+    let dataset = play(&config, programme);
+    let ten = FitOptions { plays: 10, ..coarse() };
+    let model = fit(&dataset, &ten, &|_| ()).unwrap().model;
+    let added = add_effect(&dataset, &model, "amplitude-gain", &|_| ()).unwrap();
+    let plays = added.model.thresholds.len();
+    assert!(plays > 14, "{plays}");
+    // As many plays where these records exercise them.
+    let options = FitOptions {
+        plays,
+        ..FitOptions::new(Family::Pi)
+    };
+    let known = validation_percent(&dataset, &fit(&dataset, &options, &|_| ()).unwrap().model);
+    let (before, after) = (
+        added.before.validate_percent.unwrap(),
+        added.after.validate_percent.unwrap(),
+    );
+    assert!(after < 0.9 * before && after < 1.5 * known, "{before} {after} {known}");
+}
+
+#[test]
+fn val_hysteresis_shape() {
+    let mut rng = rand_pcg::Pcg64::seed_from_u64(3);
+    let family = hysteron_plant::Family::SigmoidPlays(SigmoidPlays::random(&mut rng, FULL_V));
+    let dataset = record(&with_family(family));
+    let added = add_effect(&dataset, &start(&dataset), "hysteresis-shape", &|_| ()).unwrap();
+    let options = FitOptions {
+        plays: 18,
+        ..FitOptions::new(Family::PlayPolynomial)
+    };
+    let known = fit(&dataset, &options, &|_| ()).unwrap().model;
+    let (after, known) = (
+        added.after.validate_percent.unwrap(),
+        validation_percent(&dataset, &known),
+    );
+    assert_eq!(added.model.family, Family::PlayPolynomial);
+    assert!(after < 1.5 * known && after < 0.5 * added.before.validate_percent.unwrap());
+}
+
+#[test]
+fn val_creep() {
+    let element = |share, time_constant_s| KelvinVoigtElement { share, time_constant_s };
+    let added = added("creep", |stage| {
+        stage.creep = Some(Creep::KelvinVoigt {
+            elements: vec![element(0.03, 0.2), element(0.02, 2.0)],
+        });
+    });
+    // The elements stand a decade apart; which of them are used is the search's choice.
+    let first_tau = value(&added, "creep", "first_tau");
+    for (wanted_share, wanted_tau) in [(0.03, 0.2), (0.02, 2.0)] {
+        let shares = (0..4).filter_map(|i| {
+            let tau = first_tau * 10f64.powi(i);
+            let share = value(&added, "creep", &format!("share_{}", i + 1));
+            ((tau / wanted_tau).ln().abs() < 0.2).then_some(share)
+        });
+        close(shares.sum(), wanted_share, 0.1);
+    }
+}
+
+#[test]
+fn val_resonance() {
+    let mode = Mode {
+        frequency_hz: 800.0,
+        damping: 0.02,
+        share: 1.0,
+    };
+    let added = added("resonance", |stage| stage.modes = vec![mode]);
+    close(value(&added, "resonance", "frequency"), 800.0, 0.005);
+    close(value(&added, "resonance", "damping"), 0.02, 0.1);
+}
+
+#[test]
+fn val_cross_coupling() {
+    let other = Hysteresis {
+        stroke_um: STROKE_UM,
+        reference_v: FULL_V,
+        initial: Initial::Conditioned,
+        family: hysteron_plant::Family::Linear,
+    };
+    let added = added("cross-coupling", |stage| {
+        stage.cross_coupling = Some(CrossCoupling {
+            ratio: 0.03,
+            lag_s: 0.0,
+            hysteresis: other.clone(),
+            mode: None,
+        });
+    });
+    let gain = value(&added, "cross-coupling", "gain") + value(&added, "cross-coupling", "play_weight");
+    close(gain, 0.03 * STROKE_UM / FULL_V, 0.03);
+}
+
+#[test]
+fn val_thermal_drift() {
+    let added = added("thermal-drift", |stage| {
+        stage.temperature = Some(Temperature {
+            start_c: 22.0,
+            drift_k_per_h: 2.0,
+            warm_up_k: 1.5,
+            warm_up_s: 400.0,
+            swing_k: 0.0,
+            swing_period_s: 600.0,
+            noise_rms_k: 0.002,
+            resolution_k: 0.001,
+        });
+        stage.thermal_drift = Some(ThermalDrift {
+            position_um_per_k: 0.2,
+            gain_percent_per_k: 0.0,
+            lag_s: 0.0,
+        });
+    });
+    close(value(&added, "thermal-drift", "shift"), 0.2, 0.05);
+}
+
+#[test]
+fn val_mains_hum() {
+    let added = added("mains-hum", |stage| {
+        stage.mains_hum = Some(MainsHum {
+            frequency_hz: 50.03,
+            amplitudes_um: vec![0.12, 0.0, 0.05],
+        });
+    });
+    // Half a second of the quiet record resolves 0.05 Hz at this noise.
+    assert!((value(&added, "mains-hum", "frequency") - 50.03).abs() < 0.01);
+    close(value(&added, "mains-hum", "amplitude_1"), 0.12, 0.03);
+    close(value(&added, "mains-hum", "amplitude_3"), 0.05, 0.05);
+}
+
+#[test]
+fn val_backlash() {
+    // Narrow plays of a hysteresis would stand in for it: it is one with one large weight.
+    let linear = with_family(hysteron_plant::Family::Linear);
+    let added = added_to(&linear, &coarse(), "backlash", &[], |stage| {
+        stage.backlash = Some(Backlash { width_um: 0.4 });
+    });
+    close(value(&added, "backlash", "width"), 0.4, 0.03);
+}
+
+#[test]
+fn val_sensor_nonlinearity() {
+    let curve = SensorNonlinearity {
+        quadratic: 0.05,
+        cubic: 0.0,
+        full_scale_um: STROKE_UM,
+    };
+    let added = added("sensor-nonlinearity", |stage| stage.sensor.nonlinearity = Some(curve));
+    // At the middle of the stroke the reading's slope is 1.05, with which the model's micrometres are scaled.
+    close(
+        value(&added, "sensor-nonlinearity", "quadratic"),
+        0.05 / STROKE_UM,
+        0.15,
+    );
+}
+
+/// A new effect without a test of its own would stand in no one's way.
+#[test]
+fn val_every_effect_has_a_test_here() {
+    let source = include_str!("effects.rs");
+    for name in effects::names() {
+        assert!(source.contains(&format!("\"{name}\"")), "{name} is not tested");
+    }
+}
