@@ -36,6 +36,9 @@ pub struct GoesWith {
     pub effects: &'static [&'static str],
 }
 
+/// Name, effects, value at a sample.
+type Quantity<'a> = (&'static str, &'static [&'static str], Box<dyn Fn(usize) -> f64 + 'a>);
+
 /// The error of a record in a range of samples; `None` where the range holds fewer than eight.
 ///
 /// Shares are those of a regression on one quantity at a time, the mean taken off first (`1 - |e - c q|^2 / |e|^2`).
@@ -60,7 +63,7 @@ pub fn region(record: &RecordComparison, range: Range<usize>, noise_rms: f64) ->
         series.modelled[(k + 1).min(all - 1)] - 2.0 * series.modelled[k] + series.modelled[k.saturating_sub(1)]
     };
     let middle = range.clone().map(|k| series.modelled[k]).sum::<f64>() / n as f64;
-    let quantities: [(&'static str, &'static [&'static str], Box<dyn Fn(usize) -> f64 + '_>); 5] = [
+    let quantities: [Quantity<'_>; 5] = [
         (
             "speed",
             &["delay", "first-order-lag", "rate-dependence", "slew-limit"],

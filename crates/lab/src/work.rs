@@ -164,8 +164,7 @@ pub(crate) fn add(app: &Arc<App>, effect: &str) -> Result<(), Refusal> {
     let (dataset, number, model) = current(&app.session())?;
     let (own, effect) = (Arc::clone(app), effect.to_owned());
     jobs::start(app, "adding", move |progress| {
-        let added =
-            hysteron_identify::add_effect(&dataset, &model, &effect, &|share| progress.at(0.8 * share, &effect));
+        let added = hysteron_diagnose::add(&dataset, &model, &effect, &|share| progress.at(0.8 * share, &effect));
         let model = added.map_err(Refusal::unusable)?.model;
         let comparison = compare(&dataset, &model, progress);
         let mut session = own.session();

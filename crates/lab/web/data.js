@@ -1,6 +1,6 @@
 // Recordings: dropped, previewed, corrected, taken. And the form that fits a model.
 import { ask, tell, send } from "./api.js";
-import { el, table, command, num, panel } from "./dom.js";
+import { el, table, command, panel } from "./dom.js";
 import { timePlot, loopPlot, COLOURS } from "./plots.js";
 
 const FAMILIES = [
@@ -99,7 +99,7 @@ function fileCard(lab, file) {
     el("h3", {}, file.name),
     file.error ? el("p", { class: "refused" }, file.error) : el("pre", { tabindex: "0", "aria-label": `What was found in ${file.name}` }, file.preview),
     rows.length ? table(`Records in ${file.name}`, ["Record", "Samples", "Rate, Hz", "Seconds", "Period"], rows) : null,
-    file.name === "dataset.toml" || file.error ? null : el("p", {}, el("label", { for: id }, "Used to "), role),
+    lab.state.files.some((one) => one.name === "dataset.toml") || file.error ? null : el("p", {}, el("label", { for: id }, "Used to "), role),
     el("button", { type: "button", click: async () => { try { await tell("forget", { name: file.name }); } catch (error) { lab.say(error); } } }, `Take ${file.name} away`));
 }
 
@@ -167,4 +167,3 @@ export function fitForm(lab) {
   el("p", {}, el("label", { for: "plays" }, "Play operators, 1 to 64 "), plays),
   el("p", {}, el("button", { type: "submit", class: "main", id: "fit", disabled: lab.state.job.running }, "Fit")));
 }
-export { num };

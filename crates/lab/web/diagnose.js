@@ -16,7 +16,7 @@ function card(lab, effect, words, rank) {
   const has = lab.state.steps[lab.state.current] && words;
   return el("article", { class: effect.significant ? "card counts" : "card", id: `card-${effect.effect}` },
     el("h3", {}, `${rank}. ${name(effect.effect)}`),
-    el("p", {}, effect.significant ? "Significant, and large enough to matter." : "Does not count: too little, or no more than chance."),
+    el("p", {}, effect.significant ? "Significant, and large enough to matter." : "Does not count: it fails a test, or another explains the same better."),
     el("dl", { class: "facts" },
       ...[["Takes of the squared error", percent(100 * effect.share)], ["Error with it, records not fitted to", percent(effect.validate_percent)], ["Error with it, records fitted to", percent(effect.identify_percent)],
         ["Statistic", `${num(effect.statistic)}, must exceed ${num(effect.threshold)}`], ["Independent samples", num(effect.effective_samples)], ["Kind", effect.level === "physical" ? "physical" : "a matter of the loops' shape"]]
@@ -53,8 +53,8 @@ export async function diagnosePage(lab) {
 
 /** A slider's place for a value: logarithmic where the range spans decades. */
 function scale(p) {
-  const low = Math.max(p.min, p.max * 1e-6);
-  const log = p.min >= 0 && p.max / low > 100 && p.max > 0;
+  const low = Math.max(p.min, p.max * 1e-3);
+  const log = p.min >= 0 && p.max / low >= 100 && p.max > 0;
   return log
     ? { to: (v) => (v <= low ? 0 : Math.log(v / low) / Math.log(p.max / low)), from: (t) => (t <= 0 ? p.min : low * (p.max / low) ** t) }
     : { to: (v) => (v - p.min) / (p.max - p.min || 1), from: (t) => p.min + t * (p.max - p.min) };

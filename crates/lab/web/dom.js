@@ -12,10 +12,10 @@ export function el(name, attributes = {}, ...children) {
   return element;
 }
 
-/** A number with three significant digits. */
+/** A number with three significant digits; a whole one, such as a count of samples, with all of its own. */
 export function num(value, digits = 3) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
-  if (value === 0) return "0";
+  if (Number.isSafeInteger(value) && Math.abs(value) < 1e9) return String(value).replace("-", "−");
   const size = Math.abs(value);
   if (size >= 1e5 || size < 1e-4) return value.toExponential(digits - 1).replace("-", "−").replace("e", " e");
   return Number(value.toPrecision(digits)).toString().replace("-", "−");

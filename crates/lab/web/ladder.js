@@ -35,7 +35,8 @@ function rung(lab, number, depth, most) {
     el("button", { type: "button", id: `step-${number}`, "aria-current": here ? "step" : null, click: () => lab.act({ what: "go-to", step: number }) }, `${number + 1}: ${step.title}`),
     el("span", { class: "track", role: "img", "aria-label": `error ${percent(value)} of peak to peak, noise floor ${percent(step.noise_percent)}` }, bar, floor),
     el("span", { class: "figure" }, percent(value)));
-  row.style.marginLeft = `${1.4 * depth}rem`;
+  // Only the name is indented: all bars begin at one line, so that they can be compared.
+  row.firstChild.style.marginLeft = `${1.4 * depth}rem`;
   return row;
 }
 

@@ -61,11 +61,18 @@ export function timePlot(host, points, series, finer, options = {}) {
   const sides = [...new Set(series.map((one) => one.scale))];
   const chart = new uPlot({
     width: width(host), height, scales,
-    cursor: { sync: options.sync ? { key: options.sync } : undefined, drag: { x: true, y: false, setScale: !options.select }, focus: { prox: 20 } },
+    cursor: { sync: options.sync ? { key: options.sync, filters: { sub: (type) => type === "mousemove" || type === "mouseleave" } } : undefined, drag: { x: true, y: false, setScale: false }, focus: { prox: 20 } },
     series: [{ label: "time, s" }, ...series.map((one) => ({ label: one.label, stroke: one.colour, scale: one.scale, width: 1.2, points: { show: false }, value: (_, v) => (v === null ? "–" : Number(v.toPrecision(5))) }))],
     axes: [axis("time, s", "x", { size: 44 }), ...sides.map((scale, index) => axis(series.find((one) => one.scale === scale).label, scale, index ? { side: 1, grid: { show: false } } : {}))],
-    hooks: { setSelect: [(u) => { if (options.select && u.select.width > 3) options.select(u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")); }] },
+    hooks: { setSelect: [selected] },
   }, data, host);
+  function selected(u) {
+    if (u.select.width <= 3) return;
+    const [from, to] = [u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")];
+    if (options.select) { options.select(from, to); return; }
+    u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    u.setView(from, to);
+  }
   let timer = 0;
   const moved = (from, to) => {
     if (options.follow) for (const other of options.follow()) if (other !== chart) other.setScale("x", { min: from, max: to });

@@ -31,6 +31,7 @@ const PATIENCE_MS: u64 = 120_000;
 const AXE: &str = include_str!("../vendor/axe.min.js");
 
 /// Whether there is a browser; where there is none, this is said, and `cargo xtask test` installs it.
+#[expect(clippy::print_stdout, reason = "a test that is skipped says so")]
 pub(crate) fn there() -> bool {
     let there = Command::new("chromedriver")
         .arg("--version")

@@ -23,7 +23,7 @@ fn refused(what: &str, answer: &Answer, statuses: &[u16]) {
 fn refuse_fifty_bad_requests() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("secret.txt"), "root: secret").unwrap();
-    let server = Server::start(&folder.path().join("session"), &[]);
+    let server = Server::start(&folder.path().join("session"));
     server.act(r#"{"what":"start","name":"demo"}"#);
     server.act(r#"{"what":"fit","model":"pi","plays":3}"#);
     let before = server.state();
@@ -329,7 +329,7 @@ fn broken() -> Vec<(String, Vec<u8>)> {
 fn refuse_fifty_broken_uploads() {
     let folder = tempfile::tempdir().unwrap();
     let session = folder.path().join("deep/session");
-    let server = Server::start(&session, &[]);
+    let server = Server::start(&session);
     let good: String = (0..400)
         .map(|k| format!("{},{},{}\n", f64::from(k) * 1e-3, (k % 100) - 50, (k % 100) * 2))
         .collect();

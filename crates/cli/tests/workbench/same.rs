@@ -16,7 +16,7 @@ fn hysteron(folder: &Path, arguments: &[&str]) -> String {
 fn val_the_workbench_says_what_the_command_line_says_to_the_digit() {
     let folder = tempfile::tempdir().unwrap();
     let session = folder.path().join("session");
-    let server = Server::start(&session, &[]);
+    let server = Server::start(&session);
     server.act(r#"{"what":"start","name":"demo"}"#);
     server.act(r#"{"what":"fit","model":"mpi","plays":6}"#);
     server.act(r#"{"what":"diagnose"}"#);
@@ -57,7 +57,7 @@ fn regress_a_restart_finds_the_session_and_a_stale_tab_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let session = folder.path().join("session");
     let before = {
-        let server = Server::start(&session, &[]);
+        let server = Server::start(&session);
         server.act(r#"{"what":"start","name":"demo"}"#);
         server.act(r#"{"what":"fit","model":"pi","plays":4}"#);
         server.act(r#"{"what":"fit","model":"mpi","plays":4}"#);
@@ -81,7 +81,7 @@ fn regress_a_restart_finds_the_session_and_a_stale_tab_is_told() {
         assert!(String::from_utf8_lossy(&second.get_output().stderr).contains("has it open"));
         state
     };
-    let server = Server::start(&session, &[]);
+    let server = Server::start(&session);
     let after = server.state();
     for part in ["steps", "current", "data", "diagnosed"] {
         assert_eq!(before[part], after[part], "{part}");
@@ -93,7 +93,7 @@ fn regress_a_restart_finds_the_session_and_a_stale_tab_is_told() {
 #[test]
 fn prop_a_diagnosis_that_is_stopped_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let server = Server::start(&folder.path().join("session"), &[]);
+    let server = Server::start(&folder.path().join("session"));
     server.act(r#"{"what":"start","name":"demo"}"#);
     server.act(r#"{"what":"fit","model":"mpi","plays":6}"#);
     let before = server.state();
