@@ -1,8 +1,9 @@
 //! The commands; each has its arguments and its help in its own file.
 
 use crate::commands::{
-    add::AddArgs, compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs, fit::FitArgs, import::ImportArgs,
-    ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs, simulate::SimulateArgs,
+    add::AddArgs, challenge::ChallengeArgs, compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs,
+    explain::ExplainArgs, fit::FitArgs, import::ImportArgs, ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs,
+    simulate::SimulateArgs,
 };
 use clap::{Parser, Subcommand};
 
@@ -36,6 +37,10 @@ pub(crate) enum Command {
     Ladder(LadderArgs),
     /// Fit, diagnose and add by itself until nothing more is missing or nothing more can be told
     Learn(LearnArgs),
+    /// Explain a physical effect, with pictures, on your own records where given; or list all
+    Explain(ExplainArgs),
+    /// Make a dataset with a sealed effect, answer what it is, see the truth
+    Challenge(ChallengeArgs),
     /// Redo the paper on the simulated stages, its figures beside ours
     Paper(PaperArgs),
     /// Run the main job on the simulated stage and leave a page with pictures

@@ -28,6 +28,8 @@ fn main() -> ExitCode {
         Command::Add(args) => commands::add::run(&args),
         Command::Ladder(args) => commands::ladder::run(&args),
         Command::Learn(args) => commands::learn::run(&args),
+        Command::Explain(args) => commands::explain::run(&args),
+        Command::Challenge(args) => commands::challenge::run(&args),
         Command::Paper(args) => commands::paper::run(&args),
         Command::Demo(args) => commands::demo::run(&args),
     };
