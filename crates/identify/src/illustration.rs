@@ -39,6 +39,8 @@ pub struct Illustration {
 
 /// What the two readings should differ by, percent of peak to peak.
 const TARGET_PERCENT: f64 = 3.0;
+/// The first values whose distance is within this factor of the target are taken: the list begins with what is usual.
+const NEAR: f64 = 1.5;
 const FULL_V: f64 = 100.0;
 const FULL_UM: f64 = 10.0;
 /// Thresholds as shares of the range, and their weights as shares of the gain; the widest leaves the loop open at full stroke.
@@ -85,6 +87,9 @@ pub fn illustrate(effect: &Arc<dyn Effect>) -> Result<Illustration, String> {
         let off = (percent.max(1e-9) / TARGET_PERCENT).ln().abs();
         if best.as_ref().is_none_or(|(least, ..)| off < *least) {
             best = Some((off, values, with));
+        }
+        if off < NEAR.ln() {
+            break;
         }
     }
     let (_, values, with_um) = best.ok_or("no value of its parameters shows it")?;
@@ -176,9 +181,9 @@ fn run(design: &Design, coefficients: &[f64], link: Option<Link>, record: &Recor
     chain.respond(coefficients, &trace)
 }
 
-/// Values to try: where searches start, and each parameter (then all of them) moved away from where it does nothing.
+/// Values to try: where searches start, all parameters together, then each alone, moved away from where it does nothing.
 fn candidates(effect: &dyn Effect, facts: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
-    const SHARES: [f64; 7] = [0.003, 0.01, 0.03, 0.06, 0.1, 0.2, 0.4];
+    const SHARES: [f64; 9] = [0.003, 0.006, 0.01, 0.02, 0.03, 0.06, 0.1, 0.2, 0.4];
     let mut all = effect.starts(facts, bounds);
     let neutral: Vec<f64> = bounds.iter().map(|b| b.neutral).collect();
     let moved = |b: &Bounds, share: f64| {
@@ -187,15 +192,17 @@ fn candidates(effect: &dyn Effect, facts: &Facts, bounds: &[Bounds]) -> Vec<Vec<
         b.neutral + share * if up { b.max - b.neutral } else { b.min - b.neutral }
     };
     for share in SHARES {
-        for (j, b) in bounds.iter().enumerate().filter(|(_, b)| b.fitted) {
-            let mut values = neutral.clone();
-            values[j] = moved(b, share);
-            all.push(values);
-        }
         let together = bounds
             .iter()
             .map(|b| if b.fitted { moved(b, share) } else { b.neutral });
         all.push(together.collect());
+    }
+    for (j, b) in bounds.iter().enumerate().filter(|(_, b)| b.fitted) {
+        for share in SHARES {
+            let mut values = neutral.clone();
+            values[j] = moved(b, share);
+            all.push(values);
+        }
     }
     all
 }
