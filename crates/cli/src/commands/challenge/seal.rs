@@ -59,7 +59,10 @@ fn bytes(hex: &str) -> Option<Vec<u8>> {
         .chars()
         .map(|c| c.to_digit(16).map(|digit| digit as u8))
         .collect::<Option<_>>()?;
-    (digits.len() % 2 == 0).then(|| digits.chunks(2).map(|pair| 16 * pair[0] + pair[1]).collect())
+    digits
+        .len()
+        .is_multiple_of(2)
+        .then(|| digits.chunks(2).map(|pair| 16 * pair[0] + pair[1]).collect())
 }
 
 fn from_hex<const N: usize>(hex: &str) -> Option<[u8; N]> {
