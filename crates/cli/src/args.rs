@@ -1,8 +1,9 @@
 //! The commands; each has its arguments and its help in its own file.
 
 use crate::commands::{
-    add::AddArgs, compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs, fit::FitArgs, import::ImportArgs,
-    lab::LabArgs, ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs, report::ReportArgs, simulate::SimulateArgs,
+    add::AddArgs, challenge::ChallengeArgs, compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs,
+    explain::ExplainArgs, fit::FitArgs, import::ImportArgs, lab::LabArgs, ladder::LadderArgs, learn::LearnArgs,
+    paper::PaperArgs, report::ReportArgs, simulate::SimulateArgs,
 };
 use clap::{Parser, Subcommand};
 
@@ -40,6 +41,10 @@ pub(crate) enum Command {
     Lab(LabArgs),
     /// Freeze comparison, diagnosis and ladder of a model into one page to send to a colleague
     Report(ReportArgs),
+    /// Explain a physical effect, with pictures, on your own records where given; or list all
+    Explain(ExplainArgs),
+    /// Make a dataset with a sealed effect, answer what it is, see the truth
+    Challenge(ChallengeArgs),
     /// Redo the paper on the simulated stages, its figures beside ours
     Paper(PaperArgs),
     /// Run the main job on the simulated stage and leave a page with pictures

@@ -30,6 +30,8 @@ fn main() -> ExitCode {
         Command::Learn(args) => commands::learn::run(&args),
         Command::Lab(args) => commands::lab::run(&args),
         Command::Report(args) => commands::report::run(&args),
+        Command::Explain(args) => commands::explain::run(&args),
+        Command::Challenge(args) => commands::challenge::run(&args),
         Command::Paper(args) => commands::paper::run(&args),
         Command::Demo(args) => commands::demo::run(&args),
     };

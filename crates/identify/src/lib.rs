@@ -17,6 +17,7 @@ pub mod error;
 pub mod family;
 pub mod fit;
 mod history;
+pub mod illustration;
 pub mod initial;
 pub mod loop_opening;
 pub mod model;

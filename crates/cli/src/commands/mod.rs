@@ -2,10 +2,12 @@
 
 pub(crate) mod add;
 pub(crate) mod campaign;
+pub(crate) mod challenge;
 pub(crate) mod compare;
 pub(crate) mod demo;
 pub(crate) mod diagnose;
 pub(crate) mod excitation;
+pub(crate) mod explain;
 pub(crate) mod fit;
 pub(crate) mod import;
 pub(crate) mod lab;

@@ -1,6 +1,6 @@
 //! `amplitude-gain`
 
-use super::{Bounds, Description, Effect, Facts, Place, Shape};
+use super::{Bounds, Description, Effect, Facts, Place, Scene, Shape};
 use crate::fit::MAX_PLAYS;
 
 pub(super) struct AmplitudeGain;
@@ -17,6 +17,7 @@ static DESCRIPTION: Description = Description {
     mistaken_for: "backlash (an opening of constant width), thermal-drift of the gain",
     separated_by: "An amplitude ladder of 1, 2, 5, 10, 25, 50, 100 %.",
     compensated_by: "The same thresholds in the inverse; ten are enough.",
+    scene: Scene::Ladder,
 };
 
 /// Smallest added threshold as a share of the span: below it loops of piezo ceramics close.

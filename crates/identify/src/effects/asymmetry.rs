@@ -1,6 +1,6 @@
 //! `asymmetry`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals};
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
 
 pub(super) struct Asymmetry;
 
@@ -34,6 +34,7 @@ static DESCRIPTION: Description = Description {
     separated_by: "The error drawn over voltage and over position, at a frequency where the two part: which one overlays \
                    the branches? Full-range against half-range records; a second sensor.",
     compensated_by: "A cubic in the inverse, four operations.",
+    scene: Scene::SlowSine,
 };
 
 impl Effect for Asymmetry {

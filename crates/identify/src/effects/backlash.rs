@@ -1,6 +1,6 @@
 //! `backlash`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals};
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
 use hysteron_core::effects::Block;
 use hysteron_core::effects::backlash;
 
@@ -22,6 +22,7 @@ static DESCRIPTION: Description = Description {
     mistaken_for: "the hysteresis' own plays: it is one, with one large weight",
     separated_by: "An amplitude ladder down to 1 %: the loop of the ceramics closes, that of lost motion becomes the whole signal.",
     compensated_by: "A jump of the width at each reversal in the inverse, or repair.",
+    scene: Scene::Ladder,
 };
 
 impl Effect for Backlash {

@@ -1,6 +1,6 @@
 //! `creep`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals, run};
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals, run};
 
 pub(super) struct Creep;
 
@@ -44,6 +44,7 @@ static DESCRIPTION: Description = Description {
     separated_by: "A step held for 100 s or longer, up and down again: creep turns round with the step, heat does not; a \
                    second level: creep scales with the step.",
     compensated_by: "Three to five first-order states in the inverse; integral action for the rest.",
+    scene: Scene::Hold,
 };
 
 const ELEMENTS: usize = 4;

@@ -1,6 +1,6 @@
 //! `cross-coupling`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals};
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
 use hysteron_core::effects::Block;
 use hysteron_core::effects::coupling::Coupling;
 
@@ -38,6 +38,7 @@ static DESCRIPTION: Description = Description {
     mistaken_for: "mains-hum, thermal-drift, crosstalk between sensors (same frequency, no lag)",
     separated_by: "This axis at rest, the other one moving, not in step with anything here.",
     compensated_by: "Feedforward from the other axis, static or with two biquads.",
+    scene: Scene::OtherAxis,
 };
 
 impl Effect for CrossCoupling {

@@ -1,6 +1,6 @@
 //! `delay`
 
-use super::{Bounds, Description, Effect, Facts, Named, Place, Signals, run};
+use super::{Bounds, Description, Effect, Facts, Named, Place, Scene, Signals, run};
 use hysteron_core::effects::delay;
 
 pub(super) struct Delay;
@@ -23,6 +23,7 @@ static DESCRIPTION: Description = Description {
     separated_by: "A small multisine at a bias, up to 1/(5 tau) or higher: gain and phase there belong to the linear path \
                    alone. The edge of a step tells dead time from rounding.",
     compensated_by: "Advance the reference by tau (preview) in the feedforward; in the loop less gain or a Smith predictor.",
+    scene: Scene::FastSine,
 };
 
 /// No controller or sensor is slower, seconds.

@@ -1,6 +1,6 @@
 //! `first-order-lag`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals, run};
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals, run};
 
 pub(super) struct FirstOrderLag;
 
@@ -28,6 +28,7 @@ static DESCRIPTION: Description = Description {
     separated_by: "A small multisine at a bias up to at least 1/(5 tau): there the gains of lag and delay part; or the \
                    amplifier's monitor output.",
     compensated_by: "A lead (1 + tau s) on the reference, whose derivative is clean.",
+    scene: Scene::Edge,
 };
 
 /// Slower is a fault or creep, seconds.

@@ -1,6 +1,6 @@
 //! `hysteresis-shape`
 
-use super::{Bounds, Description, Effect, Facts, Place, Shape};
+use super::{Bounds, Description, Effect, Facts, Place, Scene, Shape};
 use crate::family::Family;
 
 pub(super) struct HysteresisShape;
@@ -17,6 +17,7 @@ static DESCRIPTION: Description = Description {
     mistaken_for: "asymmetry, sensor-nonlinearity, backlash: a free shape absorbs nearly all of them",
     separated_by: "Three equal minor loops at three biases and a decaying triangle, slowly.",
     compensated_by: "A play-polynomial or generalised model in the inverse; more plays.",
+    scene: Scene::Ladder,
 };
 
 /// Graded thresholds at which the free shape reaches the sensor's noise on simulated stages.

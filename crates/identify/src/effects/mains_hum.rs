@@ -1,6 +1,6 @@
 //! `mains-hum`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals};
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
 use hysteron_core::effects::hum::Hum;
 use std::f64::consts::TAU;
 
@@ -49,6 +49,7 @@ static DESCRIPTION: Description = Description {
     mistaken_for: "harmonics of the drive, where its frequency divides the line's (10 Hz!)",
     separated_by: "A record at rest; drives at 11, 97, 503 Hz instead of 10, 100, 500.",
     compensated_by: "A resonator at the line frequency in the loop; better, mend the ground loop.",
+    scene: Scene::OtherAxis,
 };
 
 const HARMONICS: usize = 5;

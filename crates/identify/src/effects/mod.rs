@@ -92,6 +92,25 @@ pub struct Description {
     pub separated_by: &'static str,
     /// How it is compensated.
     pub compensated_by: &'static str,
+    /// The kind of record that shows it best.
+    pub scene: Scene,
+}
+
+/// A kind of record on which an effect is shown; see [`crate::illustration`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scene {
+    /// A sine of 503 Hz over the full range.
+    FastSine,
+    /// A sine of 11 Hz over the full range.
+    SlowSine,
+    /// A step within 0.1 ms, and what follows within 20 ms.
+    Edge,
+    /// A step up and a step down, each held for a minute, while the room warms up.
+    Hold,
+    /// Sines of 11 Hz about the middle from 2 % of the range up to all of it.
+    Ladder,
+    /// This axis at rest while the other one moves.
+    OtherAxis,
 }
 
 /// What a search may do with one parameter.

@@ -1,6 +1,6 @@
 //! `rate-dependence`
 
-use super::{Bounds, Description, Effect, Facts, Named, Place};
+use super::{Bounds, Description, Effect, Facts, Named, Place, Scene};
 use crate::family::Family;
 use hysteron_core::envelope::Envelope;
 
@@ -30,6 +30,7 @@ static DESCRIPTION: Description = Description {
     separated_by: "A small signal at a bias (500 Hz, 1 Vpp at 13 V: -0.5 degrees for the operators against -18 for a \
                    delay of 100 us), the same frequency at two amplitudes, triangle against sine.",
     compensated_by: "The inverse with dynamic envelopes, with the derivative of the reference, not of the sensor.",
+    scene: Scene::FastSine,
 };
 
 /// Plays narrower than this share of the voltage's span belong to the linear path: with an envelope they are delays.

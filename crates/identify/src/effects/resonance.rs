@@ -1,6 +1,6 @@
 //! `resonance`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals, run};
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals, run};
 use hysteron_core::effects::resonance::Mode;
 
 pub(super) struct Resonance;
@@ -43,6 +43,7 @@ static DESCRIPTION: Description = Description {
     mistaken_for: "delay (the same phase, but a delay never raises the gain), cross-coupling (the other axis' mode appears)",
     separated_by: "A small multisine or a step at a rate that shows the ringing; the sign of the gain's change at high frequency.",
     compensated_by: "Notch filters (one a mode), damping by feedback, input shaping, or feedforward y + 2 zeta/w y' + y''/w^2.",
+    scene: Scene::Edge,
 };
 
 /// Above this a structure with its payload is a delay to any controller here, hertz.

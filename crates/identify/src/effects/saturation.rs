@@ -1,6 +1,6 @@
 //! `saturation`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals};
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
 use hysteron_core::effects::saturation;
 
 pub(super) struct Saturation;
@@ -37,6 +37,7 @@ static DESCRIPTION: Description = Description {
     mistaken_for: "asymmetry (smooth), slew-limit (a threshold in velocity)",
     separated_by: "An amplitude ladder, or one slow ramp up to the limit.",
     compensated_by: "Keep commands inside (and tell the user the usable range), anti-windup. An end stop is never compensated.",
+    scene: Scene::SlowSine,
 };
 
 impl Effect for Saturation {

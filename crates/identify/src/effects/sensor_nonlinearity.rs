@@ -1,6 +1,6 @@
 //! `sensor-nonlinearity`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals};
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
 use hysteron_core::effects::sensor::SensorCurve;
 
 pub(super) struct SensorNonlinearity;
@@ -33,6 +33,7 @@ static DESCRIPTION: Description = Description {
     mistaken_for: "asymmetry (a function of the voltage instead): the same thing in slow records of one amplitude",
     separated_by: "Records fast enough for position and voltage to part, or a second sensor (interferometer).",
     compensated_by: "The inverse polynomial on the reading.",
+    scene: Scene::SlowSine,
 };
 
 impl Effect for SensorNonlinearity {

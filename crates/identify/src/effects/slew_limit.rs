@@ -1,6 +1,6 @@
 //! `slew-limit`
 
-use super::{Bounds, Description, Effect, Facts, Named, Place, Signals, run};
+use super::{Bounds, Description, Effect, Facts, Named, Place, Scene, Signals, run};
 use hysteron_core::effects::slew;
 
 pub(super) struct SlewLimit;
@@ -21,6 +21,7 @@ static DESCRIPTION: Description = Description {
     mistaken_for: "saturation (a threshold in amplitude alone), first-order-lag (no threshold)",
     separated_by: "The same amplitude at two frequencies, and the same product of both at another amplitude.",
     compensated_by: "Limit the rate of the reference when planning; anti-windup with the limiter's model.",
+    scene: Scene::FastSine,
 };
 
 impl Effect for SlewLimit {

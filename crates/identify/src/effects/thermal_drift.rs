@@ -1,6 +1,6 @@
 //! `thermal-drift`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Signals};
+use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
 use hysteron_core::effects::thermal::Thermal;
 
 pub(super) struct ThermalDrift;
@@ -38,6 +38,7 @@ static DESCRIPTION: Description = Description {
     mistaken_for: "creep (turns round with the step), drift after power-on, ageing or a changed load (gain)",
     separated_by: "A long rest at 0 V, where nothing creeps, with the temperature recorded; a slow record right after a fast one.",
     compensated_by: "Integral action, feedforward from a temperature sensor, a gain schedule.",
+    scene: Scene::Hold,
 };
 
 impl Effect for ThermalDrift {
