@@ -59,6 +59,14 @@ pub struct Before {
     pub validate_percent: Option<f64>,
 }
 
+impl Before {
+    /// Whether either error is above a limit in percent.
+    pub(crate) fn exceeds(&self, limit_percent: f64) -> bool {
+        let above = |percent: Option<f64>| percent.is_some_and(|percent| percent > limit_percent);
+        above(self.identify_percent) || above(self.validate_percent)
+    }
+}
+
 /// The record that would tell most.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NextRecord {

@@ -21,6 +21,9 @@ const LEAST_GAIN: f64 = 10.0;
 /// An effect that takes less of the squared error than this beyond what the coarseness explains leaves the main thing unnamed.
 const LEAST_SHARE: f64 = 0.6;
 
+/// Hum must take this share of the squared error: a fixture that vibrates near the mains has a line there too.
+const LEAST_HUM: f64 = 0.2;
+
 /// An error of which more than this is left, percent of peak to peak, hides a medium effect (1 to 2 %) as large as a name.
 const MUCH_LEFT_PERCENT: f64 = 1.2;
 
@@ -203,6 +206,7 @@ impl Judge {
                 .collect();
             (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
         };
+        let share = 1.0 - sum(&without) / sum(&last.held_out).max(f64::MIN_POSITIVE);
         RankedEffect {
             effect: "mains-hum".to_owned(),
             identify_percent: percent(Role::Identify),
@@ -218,8 +222,8 @@ impl Judge {
                     .map(|((a, b), n)| n * ((floor + a) / (floor + b)).ln())
                     .sum::<f64>(),
             effective_samples: last.effective.iter().sum(),
-            share: 1.0 - sum(&without) / sum(&last.held_out).max(f64::MIN_POSITIVE),
-            significant: statistic > THRESHOLD && 2 * hum.seen_in > hum.of && hum.of > 0,
+            share,
+            significant: statistic > THRESHOLD && share > LEAST_HUM && 2 * hum.seen_in > hum.of && hum.of > 0,
             level: Level::Physical,
             parameters: vec![
                 parameter("frequency", hum.frequency_hz, "Hz"),
@@ -254,7 +258,7 @@ const UNDECIDED: f64 = 0.25;
 const AS_FAR: f64 = 0.9;
 
 /// Of those, gains in log-likelihood above this share of the first one's are not told apart.
-const AS_LIKELY: f64 = 0.9;
+const AS_LIKELY: f64 = 0.8;
 
 /// Physical bounds on what was found.
 fn plausible(bench: &Bench<'_>, effect: &Effect, trial: &Trial) -> bool {

@@ -257,7 +257,11 @@ fn conclude(
     // Jumps between levels move the zero at the records' starts too.
     let by_starts = last.effects.contains(&Effect::StartOffset);
     let jumps = by_starts && structure::jumps(bench.traces, &residuals, 0.3 * traces::start_scatter_um(bench.traces));
-    let enough = judge.explains_enough(last, hum.as_ref(), remains.percent) && !jumps;
+    let drifts = !jumps || physical.as_deref() != Some("thermal-drift");
+    if jumps {
+        names.retain(|name| name != "thermal-drift");
+    }
+    let enough = judge.explains_enough(last, hum.as_ref(), remains.percent) && drifts;
     let structured = structure::more_than_noise(bench.traces, &residuals);
     let verdict = if !reasons.is_empty() {
         "unknown".to_owned()
@@ -271,6 +275,9 @@ fn conclude(
     } else if remains.percent > judge::MATTERS_PERCENT && (remains.percent > 2.0 * remains.noise_percent || structured)
     {
         "unknown".to_owned()
+    } else if !before.exceeds(judge::MATTERS_PERCENT) {
+        // Whatever a family of plays without the model's rate dependence would leave.
+        "none".to_owned()
     } else if let Some(effect) = shape.ranking.first().filter(|r| r.significant) {
         effect.effect.clone()
     } else if shape.too_poor {

@@ -1,0 +1,63 @@
+//! Hidden effects: a fixed part of what `cargo run --release -p host-tests --example calibrate` runs by the hundred.
+#![expect(clippy::print_stdout, reason = "a failed count says which cases")]
+
+use host_tests::hidden::score::{Grade, Outcome, Tally, line, score, tool};
+use hysteron_plant::challenge::{Effect, OUTSIDE, Spec, StageFamily, Strength};
+
+/// On stages of the play class, families in turn.
+fn on_play_class(first_seed: u64, specs: impl IntoIterator<Item = Spec>) -> Vec<Outcome> {
+    let families = StageFamily::ALL
+        .into_iter()
+        .filter(|family| family.is_play_class())
+        .cycle();
+    let cases: Vec<(u64, Spec)> = (first_seed..)
+        .zip(specs.into_iter().zip(families))
+        .map(|(seed, (spec, family))| {
+            (
+                seed,
+                Spec {
+                    family: Some(family),
+                    ..spec
+                },
+            )
+        })
+        .collect();
+    let outcomes = score(&cases, tool, |outcome| println!("{}", line(outcome)));
+    assert_eq!(outcomes.len(), cases.len(), "a case could not be made");
+    outcomes
+}
+
+/// 97 % of strong effects is the aim over hundreds of cases; of these ten one may fail.
+#[test]
+fn val_strong_effects_are_named() {
+    let physical = [
+        Effect::RateDependence,
+        Effect::Creep,
+        Effect::Resonance,
+        Effect::FirstOrderLag,
+        Effect::SlewLimit,
+        Effect::Delay,
+        Effect::ThermalDrift,
+        Effect::MainsHum,
+        Effect::CrossCoupling,
+        Effect::Saturation,
+    ];
+    let outcomes = on_play_class(300, physical.map(|effect| Spec::one(effect, Strength::Strong)));
+    let tally = Tally::of(&outcomes);
+    assert!(tally.right + tally.in_set >= 9, "{tally:?}");
+}
+
+/// The aim over hundreds of controls is a wrong name in at most 3 %: of eight, none.
+#[test]
+fn val_nothing_hidden_nothing_named() {
+    let outcomes = on_play_class(400, std::iter::repeat_n(Spec::default(), 8));
+    assert_eq!(Tally::of(&outcomes).wrong, 0);
+}
+
+/// The aim is at least 80 % of what no catalogue has: of nine, seven.
+#[test]
+fn val_outside_the_catalogue_is_unknown() {
+    let outcomes = on_play_class(500, OUTSIDE.map(|effect| Spec::one(effect, Strength::Medium)));
+    let unknown = outcomes.iter().filter(|outcome| outcome.grade == Grade::Right).count();
+    assert!(unknown >= 7, "{unknown} of {}", outcomes.len());
+}
