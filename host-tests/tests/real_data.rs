@@ -94,7 +94,7 @@ fn test_records(step: &Step) -> Vec<f64> {
 }
 
 /// The notes: from about 20 / 18 / 19 % a delay of 150 us brings the error to 8.5 / 5.3 / 5.7 %, second-order terms to 7.5 /
-/// 4.7 / 4.8 %, rounded.
+/// 4.7 / 4.8 %. The first of these is not reached: the 100 mV record keeps 7.55 %, and its limit holds it there.
 #[test]
 fn val_on_cubespec_learning_finds_the_delay_then_the_resonance() {
     let Some(dataset) = dataset("cubespec-fsm-lowband") else {
@@ -107,7 +107,7 @@ fn val_on_cubespec_learning_finds_the_delay_then_the_resonance() {
         .model
         .history
         .iter()
-        .zip([[20.0, 18.0, 19.0], [8.5, 5.4, 5.7], [7.55, 4.75, 4.85]])
+        .zip([[20.0, 18.0, 19.0], [8.5, 5.4, 5.7], [7.55, 4.7, 4.8]])
     {
         let found = test_records(step);
         for (found, limit) in found.iter().zip(limits) {

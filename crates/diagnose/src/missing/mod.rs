@@ -320,7 +320,7 @@ fn conclude(
     }
 }
 
-/// Parameters of the effects that a trial has beyond another one.
+/// Whether a chain has an effect of this kind already.
 fn is_given(effects: &[Effect], effect: &Effect) -> bool {
     effects
         .iter()
