@@ -37,6 +37,12 @@ pub(crate) enum Effect {
         exponent: f64,
         narrow: f64,
     },
+    /// The bounds of plays wider than `narrow` move away from the input by `up |v'|` and `down |v'|`, seconds (the paper's eq. 9).
+    RateEnvelope {
+        up: f64,
+        down: f64,
+        narrow: f64,
+    },
     /// The plays' thresholds grow by this share a decade of the rate.
     RateThreshold {
         growth: f64,
@@ -245,12 +251,19 @@ impl After {
 
 /// What rate effects do to the plays.
 struct Rates {
-    shifted: Option<Vec<f64>>,
+    /// Distances by which the left and the right bound lie below and above the input.
+    bounds: Option<Vec<[f64; 2]>>,
     widening: Option<Vec<f64>>,
     narrow: f64,
 }
 
 impl Rates {
+    const STILL: Self = Self {
+        bounds: None,
+        widening: None,
+        narrow: NARROW,
+    };
+
     fn new(effects: &[Effect], input: &[f64], period_s: f64) -> Self {
         let rate = |k: usize| {
             // Central: the command is free of noise, and a backward difference would be half a sample late.
@@ -261,11 +274,7 @@ impl Rates {
                 (input[after] - input[before]) / ((after - before) as f64 * period_s)
             }
         };
-        let mut rates = Self {
-            shifted: None,
-            widening: None,
-            narrow: NARROW,
-        };
+        let mut rates = Self::STILL;
         for effect in effects {
             match *effect {
                 Effect::RateShift {
@@ -275,15 +284,20 @@ impl Rates {
                     narrow,
                 } => {
                     rates.narrow = narrow;
-                    let lagging = |k: usize| {
-                        input[k]
-                            - if rate(k) > 0.0 {
-                                up * rate(k).powf(exponent)
-                            } else {
-                                -down * (-rate(k)).powf(exponent)
-                            }
+                    let lag = |k: usize| {
+                        let rate = rate(k);
+                        if rate > 0.0 {
+                            up * rate.powf(exponent)
+                        } else {
+                            -down * (-rate).powf(exponent)
+                        }
                     };
-                    rates.shifted = Some((0..input.len()).map(lagging).collect());
+                    rates.bounds = Some((0..input.len()).map(|k| [lag(k), -lag(k)]).collect());
+                }
+                Effect::RateEnvelope { up, down, narrow } => {
+                    rates.narrow = narrow;
+                    let apart = |k: usize| [up * rate(k).abs(), down * rate(k).abs()];
+                    rates.bounds = Some((0..input.len()).map(apart).collect());
                 }
                 Effect::RateThreshold { growth } => {
                     // One span a second is where a 0.3 Hz full sine peaks: below it growth fades out linearly.
@@ -299,16 +313,20 @@ impl Rates {
     /// Output of one play, centred: half its threshold above the lower bound.
     fn play(&self, input: &[f64], threshold: f64, fraction: f64) -> Vec<f64> {
         let wide = threshold > self.narrow * 2.0;
-        let seen = match &self.shifted {
-            Some(shifted) if wide => shifted,
-            _ => input,
-        };
         let half = threshold / 2.0;
         // A drive between -1 and 1 takes a play no further out than this.
         let lowest = -1.0_f64;
         let mut w = input.first().map_or(0.0, |v| (v - fraction * threshold).max(lowest));
-        match &self.widening {
-            Some(widening) if wide => seen
+        match (&self.bounds, &self.widening) {
+            (Some(bounds), _) if wide => input
+                .iter()
+                .zip(bounds)
+                .map(|(&v, [left, right])| {
+                    w = (v - left - threshold).max((v + right).min(w));
+                    w + half
+                })
+                .collect(),
+            (_, Some(widening)) if wide => input
                 .iter()
                 .zip(widening)
                 .map(|(&v, grown)| {
@@ -317,7 +335,7 @@ impl Rates {
                     w + half
                 })
                 .collect(),
-            _ => seen
+            _ => input
                 .iter()
                 .map(|&v| {
                     w = (v - threshold).max(v.min(w));
@@ -427,13 +445,8 @@ fn cross(trace: &Trace, push: &mut dyn FnMut(&[f64])) {
         rate[k] = (drive2[k] - drive2[k - 1]) / trace.period_s;
     }
     push(&rate);
-    let still = Rates {
-        shifted: None,
-        widening: None,
-        narrow: NARROW,
-    };
     for threshold in [0.1, 0.4, 1.0] {
-        push(&still.play(drive2, threshold, 0.0));
+        push(&Rates::STILL.play(drive2, threshold, 0.0));
     }
 }
 

@@ -21,6 +21,9 @@ const LEAST_GAIN: f64 = 10.0;
 /// An effect that takes less of the squared error than this beyond what the coarseness explains leaves the main thing unnamed.
 const LEAST_SHARE: f64 = 0.6;
 
+/// A drift whose share of the squared error is above this leaves no room for jumps.
+pub(crate) const DRIFT_SHARE: f64 = 0.9;
+
 /// Hum must take this share of the squared error: a fixture that vibrates near the mains has a line there too.
 const LEAST_HUM: f64 = 0.2;
 
@@ -269,6 +272,7 @@ fn plausible(bench: &Bench<'_>, effect: &Effect, trial: &Trial) -> bool {
         // A stop holds at least half of what pushes against it; otherwise it is a bend.
         Effect::EndStop { .. } => last > 0.5,
         Effect::Mode { zeta, .. } => *zeta < 0.999 * super::candidates::MOST_DAMPING,
+        Effect::RateEnvelope { up, down, .. } => up.max(*down) <= super::candidates::LARGEST_ENVELOPE_S,
         Effect::RateShift { up, down, exponent, .. } => {
             let peak = super::chain::peak_rate(&bench.traces.each);
             up.max(*down) * peak.powf(*exponent) <= super::candidates::LARGEST_ENVELOPE_S * peak
@@ -356,6 +360,7 @@ pub(crate) fn parameters(effect: &Effect, coefficients: &[f64]) -> Vec<EffectPar
                 parameter("exponent", *exponent, ""),
             ]
         }
+        Effect::RateEnvelope { up, down, .. } => vec![parameter("alpha", *up, "s"), parameter("beta", *down, "s")],
         Effect::RateThreshold { growth } => vec![parameter("threshold_growth_per_decade", *growth, "")],
         Effect::EndStop { low_um, high_um } => vec![parameter("low", *low_um, "um"), parameter("high", *high_um, "um")],
         Effect::Backlash { width_um } => vec![parameter("width", *width_um, "um")],

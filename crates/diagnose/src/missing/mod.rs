@@ -60,7 +60,10 @@ pub fn diagnose(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64, &str) 
     };
     let (mut bench, mut start) = Bench::new(&traces, base, &given(model, &traces), floor.rms_um);
     if matches!(model.family, Family::Mrpi | Family::Wrpi)
-        && !start.effects.iter().any(|e| matches!(e, Effect::RateShift { .. }))
+        && !start
+            .effects
+            .iter()
+            .any(|e| matches!(e, Effect::RateShift { .. } | Effect::RateEnvelope { .. }))
     {
         // What the model has already is no missing effect: its rate dependence is fitted anew with everything.
         let given = candidates::rate_of_model(&bench, &start.effects);
@@ -76,6 +79,12 @@ pub fn diagnose(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64, &str) 
     let mut found: Vec<(&'static str, Trial)> = Vec::new();
     let mut ranking = Vec::new();
     let mut rivals: Vec<(&'static str, Trial)> = Vec::new();
+    if std::env::var("HYST_DEBUG").is_ok() {
+        for (i, t) in bench.traces.each.iter().enumerate() {
+            eprintln!("DBG {i} {:?} stroke {:.3} period {:.2e} rows {} len {} start % {:.4} heldout % {:.4}", t.role, t.stroke_um, t.period_s, t.rows.len(), t.len(),
+                100.0 * bench::mean_square(&start.residuals[i]).sqrt() / t.stroke_um, 100.0 * start.held_out[i].sqrt() / t.stroke_um);
+        }
+    }
     for round in 0..ROUNDS {
         let (current, share) = match found.last() {
             Some((_, trial)) => (trial.clone(), 0.5),
@@ -138,10 +147,9 @@ fn given(model: &Model, traces: &Traces) -> Vec<Effect> {
             "slew-limit" if value("slew") > 0.0 => given.push(Effect::Slew {
                 per_s: value("slew") / traces.unit_v,
             }),
-            "rate-dependence" => given.push(Effect::RateShift {
+            "rate-dependence" => given.push(Effect::RateEnvelope {
                 up: value("alpha"),
                 down: value("beta"),
-                exponent: 1.0,
                 narrow: chain::NARROW,
             }),
             "creep" => given.push(Effect::Creep {
@@ -256,7 +264,12 @@ fn conclude(
     let physical = names.first().cloned();
     // Jumps between levels move the zero at the records' starts too.
     let by_starts = last.effects.contains(&Effect::StartOffset);
-    let jumps = by_starts && structure::jumps(bench.traces, &residuals, 0.3 * traces::start_scatter_um(bench.traces));
+    let drifts_all = ranking
+        .iter()
+        .any(|r| r.effect == "thermal-drift" && r.significant && r.share > judge::DRIFT_SHARE);
+    let jumps = by_starts
+        && !drifts_all
+        && structure::jumps(bench.traces, &residuals, 0.3 * traces::start_scatter_um(bench.traces));
     let drifts = !jumps || physical.as_deref() != Some("thermal-drift");
     if jumps {
         names.retain(|name| name != "thermal-drift");
@@ -272,12 +285,12 @@ fn conclude(
         } else {
             "unknown".to_owned()
         }
+    } else if !before.exceeds(judge::MATTERS_PERCENT) {
+        // Whatever a free shape without the model's rate dependence would leave.
+        "none".to_owned()
     } else if remains.percent > judge::MATTERS_PERCENT && (remains.percent > 2.0 * remains.noise_percent || structured)
     {
         "unknown".to_owned()
-    } else if !before.exceeds(judge::MATTERS_PERCENT) {
-        // Whatever a family of plays without the model's rate dependence would leave.
-        "none".to_owned()
     } else if let Some(effect) = shape.ranking.first().filter(|r| r.significant) {
         effect.effect.clone()
     } else if shape.too_poor {
