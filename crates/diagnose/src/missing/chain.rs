@@ -183,7 +183,10 @@ pub(crate) fn for_each_column(
         if base.shape == Shape::Free {
             // Middle of the play's travel, so that odd and even powers stay apart.
             for power in [2, 3] {
-                column.iter_mut().zip(&play).for_each(|(c, w)| *c = w.powi(power));
+                column
+                    .iter_mut()
+                    .zip(&play)
+                    .for_each(|(c, w)| *c = if power == 2 { w * w } else { w * w * w });
                 emit(&mut column, &mut visit);
             }
         }
@@ -322,7 +325,7 @@ impl Rates {
                 .iter()
                 .zip(bounds)
                 .map(|(&v, [left, right])| {
-                    w = (v - left - threshold).max((v + right).min(w));
+                    w = pushed(v - left - threshold, v + right, w);
                     w + half
                 })
                 .collect(),
@@ -331,19 +334,26 @@ impl Rates {
                 .zip(widening)
                 .map(|(&v, grown)| {
                     let more = half * (grown - 1.0);
-                    w = (v - threshold - more).max((v + more).min(w));
+                    w = pushed(v - threshold - more, v + more, w);
                     w + half
                 })
                 .collect(),
             _ => input
                 .iter()
                 .map(|&v| {
-                    w = (v - threshold).max(v.min(w));
+                    w = pushed(v - threshold, v, w);
                     w + half
                 })
                 .collect(),
         }
     }
+}
+
+/// A play's output between its bounds; comparisons compile to selections where `max` and `min` must think of NaN.
+#[inline(always)]
+fn pushed(low: f64, high: f64, output: f64) -> f64 {
+    let output = if output > high { high } else { output };
+    if output < low { low } else { output }
 }
 
 /// Drive of the other axis: itself, its rate, three plays.

@@ -23,6 +23,9 @@ const LEAST_SHARE: f64 = 0.97;
 /// With the right effect the family comes down to the free shape; this much above it, as a ratio of errors, is a richer shape.
 const AS_GOOD: f64 = 1.5;
 
+/// ... unless it is below what ten plays leave at the least where nothing is missing, percent.
+const COARSE_PERCENT: f64 = 0.24;
+
 /// Compares the model's family with the free shape, with what was found in both.
 pub(crate) fn shape(_dataset: &Dataset, model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnswer {
     if model.family == Family::PlayPolynomial {
@@ -75,7 +78,7 @@ pub(crate) fn shape(_dataset: &Dataset, model: &Model, bench: &Bench<'_>, last: 
             share,
             significant: share > LEAST_SHARE
                 && above.sqrt() > TOO_POOR_PERCENT
-                && pooled(&trial) < AS_GOOD.powi(2) * pooled(last),
+                && pooled(&trial).sqrt() < (AS_GOOD * pooled(last).sqrt()).max(COARSE_PERCENT),
             level: Level::Shape,
             parameters: plays.parameters(&trial, &effects.last().into_iter().collect::<Vec<_>>()),
         };
