@@ -94,6 +94,14 @@ pub enum IdentifyError {
         /// What is wrong, with line and what is allowed.
         reason: String,
     },
+    /// An effect file that is refused.
+    #[error("{file}: {reason}")]
+    EffectFile {
+        /// The file.
+        file: String,
+        /// What is wrong, with line or field, and what is allowed.
+        reason: String,
+    },
     /// A model file that cannot be opened or written.
     #[error("{file}: {source}")]
     Io {
