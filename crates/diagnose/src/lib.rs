@@ -21,5 +21,5 @@ pub use comparison::{
 };
 pub use ladder::{Ladder, Rung, add, ladder};
 pub use learn::{Attempt, Learned, Stop, learn, learn_from};
-pub use missing::diagnose;
+pub use missing::{diagnose, diagnose_with};
 pub use region::{GoesWith, Region, region};

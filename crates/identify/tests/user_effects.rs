@@ -338,7 +338,7 @@ fn refuse_what_a_file_may_not_say() {
             "output = \"z + y\": column 5: unknown name `y`; known here are u, du, t, v,",
         ),
         ("output = \"z\"", "", "missing field `output`"),
-        ("output = \"z\"", "output = \"u\"", "`z` stands in no expression"),
+        ("output = \"z\"", "output = \"u\"", "`z` moves nothing"),
         ("output = \"z\"", "ouput = \"z\"", "line 5"),
         (
             "min = 1e-9",

@@ -3,6 +3,7 @@
 use crate::missing::chain::{self, Base, Effect, Shape};
 use crate::missing::regression::Gram;
 use crate::missing::traces::{Trace, Traces};
+use crate::missing::user;
 use hysteron_data::Role;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -34,7 +35,7 @@ pub(crate) struct Bench<'a> {
     /// Modelled position of each record at full rate.
     pub reference_um: Vec<Vec<f64>>,
     /// Identification records with fewer rows, for searches.
-    coarse: Vec<(usize, Trace)>,
+    pub coarse: Vec<(usize, Trace)>,
 }
 
 /// Rows of a record that a search looks at.
@@ -107,7 +108,7 @@ impl<'a> Bench<'a> {
             .collect();
     }
 
-    fn reference(&self, i: usize) -> Option<&[f64]> {
+    pub(crate) fn reference(&self, i: usize) -> Option<&[f64]> {
         self.reference_um.get(i).map(Vec::as_slice)
     }
 
@@ -135,7 +136,7 @@ impl<'a> Bench<'a> {
         self.weights[record] / gram.rows.max(1) as f64
     }
 
-    fn pooled(&self, grams: &[(usize, Gram)], without: Option<usize>, n: usize) -> Gram {
+    pub(crate) fn pooled(&self, grams: &[(usize, Gram)], without: Option<usize>, n: usize) -> Gram {
         let mut sum = Gram::zeros(n);
         for (k, (record, gram)) in grams.iter().enumerate() {
             if Some(k) != without {
@@ -150,7 +151,7 @@ impl<'a> Bench<'a> {
             .iter()
             .map(|(i, t)| {
                 let matrix = chain::matrix(&self.base, effects, t, self.reference(*i));
-                (*i, Gram::new(&matrix, &target(t)))
+                (*i, Gram::new(&matrix, &target(t, effects, self.reference(*i))))
             })
             .collect()
     }
@@ -183,7 +184,7 @@ impl<'a> Bench<'a> {
             .enumerate()
             .map(|(i, t)| {
                 let matrix = chain::matrix(&self.base, effects, t, self.reference(i));
-                let target = target(t);
+                let target = target(t, effects, self.reference(i));
                 let gram = Gram::new(&matrix, &target);
                 (matrix, target, gram)
             })
@@ -285,7 +286,8 @@ impl<'a> Bench<'a> {
             .enumerate()
             .map(|(i, t)| {
                 let reference = referring.reference(i);
-                let y = chain::simulate(&self.base, &trial.effects, t, reference, &trial.coefficients, columns);
+                let mut y = chain::simulate(&self.base, &trial.effects, t, reference, &trial.coefficients, columns);
+                user::add_to_position(&trial.effects, t, reference, &mut y);
                 t.position_um.iter().zip(y).map(|(m, y)| m - y).collect()
             })
             .collect()
@@ -296,8 +298,13 @@ impl<'a> Bench<'a> {
     }
 }
 
-fn target(trace: &Trace) -> DVector<f64> {
-    DVector::from_iterator(trace.rows.len(), trace.rows.iter().map(|&k| trace.position_um[k]))
+/// What the columns have to give: the position, less what effects of the user's own add to it.
+pub(crate) fn target(trace: &Trace, effects: &[Effect], reference_um: Option<&[f64]>) -> DVector<f64> {
+    let position = DVector::from_iterator(trace.rows.len(), trace.rows.iter().map(|&k| trace.position_um[k]));
+    match user::added_to_position(effects, trace, reference_um) {
+        Some(added) => position - DVector::from_iterator(trace.rows.len(), trace.rows.iter().map(|&k| added[k])),
+        None => position,
+    }
 }
 
 pub(crate) fn mean_square(values: &DVector<f64>) -> f64 {
@@ -306,7 +313,7 @@ pub(crate) fn mean_square(values: &DVector<f64>) -> f64 {
 
 /// Least squares with physical signs: an active set in which coefficients enter one at a time and leave when they turn
 /// negative (Lawson, Hanson 1974, chapter 23).
-fn solve_signed(gram: &Gram, base: &Base, effects: &[Effect]) -> DVector<f64> {
+pub(crate) fn solve_signed(gram: &Gram, base: &Base, effects: &[Effect]) -> DVector<f64> {
     let signed = chain::not_negative(base, effects);
     let mut keep: Vec<bool> = signed.iter().map(|s| !s).collect();
     let mut x = gram.solve(base.columns(), base.ridge, &keep);

@@ -5,6 +5,8 @@
 
 use crate::missing::filters::{self, Mode};
 use crate::missing::traces::{Trace, range};
+use crate::missing::user;
+use hysteron_identify::effects::UserEffect;
 use nalgebra::{DMatrix, DVector};
 
 /// An effect with its nonlinear parameters; times in seconds, drive in scaled units.
@@ -62,11 +64,19 @@ pub(crate) enum Effect {
     Backlash {
         width_um: f64,
     },
+    /// One of the user's own.
+    User {
+        effect: UserEffect,
+        values: Vec<f64>,
+    },
 }
 
 impl Effect {
     /// Whether its columns are made from the modelled position.
     pub(crate) fn acts_on_position(&self) -> bool {
+        if let Self::User { effect, .. } = self {
+            return effect.acts_on_position();
+        }
         matches!(
             self,
             Self::Creep { .. }
@@ -191,7 +201,7 @@ pub(crate) fn for_each_column(
 }
 
 /// The commanded drive after delay and amplifier.
-fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
+pub(crate) fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
     let mut input = trace.drive.clone();
     for effect in effects {
         if let Effect::Delay { delay_s } = effect {
@@ -206,6 +216,7 @@ fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
             _ => {}
         }
     }
+    user::on_drive(effects, trace, &mut input);
     input
 }
 

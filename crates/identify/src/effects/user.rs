@@ -54,6 +54,42 @@ impl UserEffect {
             })
     }
 
+    /// Whether it acts on the position; the others act on the voltage.
+    pub fn acts_on_position(&self) -> bool {
+        !self.before_hysteresis()
+    }
+
+    /// Whether its equations have `v`, the voltage at the stack.
+    pub fn uses_stack_voltage(&self) -> bool {
+        self.0.equations.uses(V)
+    }
+
+    /// Points at which a search looks first, at most 128.
+    pub fn starts(&self) -> Vec<Vec<f64>> {
+        starts(&self.0.file.parameters)
+    }
+
+    /// Each parameter's way between its bounds, 0 to 1: in ratios where they lie decades apart.
+    pub fn shares(&self, values: &[f64]) -> Vec<f64> {
+        let share = |(parameter, value): (&FileParameter, &f64)| {
+            let FileParameter { min, max, .. } = *parameter;
+            if in_ratios(parameter) {
+                (value / min).ln() / (max / min).ln()
+            } else {
+                (value - min) / (max - min)
+            }
+        };
+        self.0.file.parameters.iter().zip(values).map(share).collect()
+    }
+
+    /// The values at such shares, within the bounds.
+    pub fn values(&self, shares: &[f64]) -> Vec<f64> {
+        let pairs = self.0.file.parameters.iter().zip(shares);
+        pairs
+            .map(|(parameter, share)| between_bounds(parameter, *share))
+            .collect()
+    }
+
     fn needs(&self, with_temperature: bool, with_axis: bool) -> Result<(), String> {
         if self.0.equations.uses(TEMPERATURE) && !with_temperature {
             return Err(
@@ -112,8 +148,8 @@ impl UserEffect {
         if inputs.run_in > 0 {
             settle(&mut machine);
         }
-        for k in 0..input.len() {
-            output[k] = machine.output(k);
+        for (k, output) in output.iter_mut().enumerate() {
+            *output = machine.output(k);
             if k + 1 < input.len() {
                 machine.advance(k);
             }
@@ -225,6 +261,16 @@ fn in_ratios(parameter: &FileParameter) -> bool {
     parameter.min > 0.0 && parameter.max > DECADES * parameter.min
 }
 
+fn between_bounds(parameter: &FileParameter, share: f64) -> f64 {
+    let FileParameter { min, max, .. } = *parameter;
+    let value = if in_ratios(parameter) {
+        (min.ln() + share * (max / min).ln()).exp()
+    } else {
+        min + share * (max - min)
+    };
+    value.clamp(min, max)
+}
+
 fn bounds(parameter: &FileParameter) -> Bounds {
     let FileParameter { min, max, .. } = *parameter;
     // A hundredth of the bounds; of a parameter that is searched in ratios its smallest value, lest derivatives step over it.
@@ -240,13 +286,9 @@ fn bounds(parameter: &FileParameter) -> Bounds {
 /// values as there are points, which finds a narrow valley along one of them sooner than a grid.
 fn starts(parameters: &[FileParameter]) -> Vec<Vec<f64>> {
     const PRIMES: [usize; 12] = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37];
-    let quantile = |parameter: &FileParameter, share: f64| {
-        let FileParameter { min, max, .. } = *parameter;
-        match &parameter.starts {
-            Some(list) => list[((share * list.len() as f64) as usize).min(list.len() - 1)],
-            None if in_ratios(parameter) => (min.ln() + share * (max / min).ln()).exp().clamp(min, max),
-            None => min + share * (max - min),
-        }
+    let quantile = |parameter: &FileParameter, share: f64| match &parameter.starts {
+        Some(list) => list[((share * list.len() as f64) as usize).min(list.len() - 1)],
+        None => between_bounds(parameter, share),
     };
     let mut all: Vec<Vec<f64>> = Vec::with_capacity(STARTS);
     for k in 1..=STARTS {

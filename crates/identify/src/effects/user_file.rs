@@ -119,7 +119,13 @@ pub(super) struct Equations {
 impl Equations {
     /// Whether a variable stands in any of them.
     pub(super) fn uses(&self, variable: usize) -> bool {
-        let motions = self.motions.iter().map(|motion| match motion {
+        self.needs(variable, usize::MAX)
+    }
+
+    /// The same, the motion of one state left out: what only moves itself is of no use.
+    fn needs(&self, variable: usize, but: usize) -> bool {
+        let motions = self.motions.iter().enumerate().filter(|(i, _)| *i != but);
+        let motions = motions.map(|(_, motion)| match motion {
             Motion::Rate(expression) | Motion::Next(expression) => expression,
         });
         let mut all = self.at_rest.iter().chain(motions).chain([&self.output]);
@@ -253,8 +259,10 @@ fn define(file: &EffectFile) -> Result<Definition, String> {
     file.parameters.iter().try_for_each(check_parameter)?;
     let equations = parse(file, place < Place::Hysteresis, &own)?;
     for (i, name) in own.iter().enumerate() {
-        if !equations.uses(VARIABLES.len() + i) {
-            return Err(format!("`{name}` stands in no expression; use it or take it out"));
+        if !equations.needs(VARIABLES.len() + i, i) {
+            return Err(format!(
+                "`{name}` moves nothing; let it stand in an expression or take it out"
+            ));
         }
     }
     Ok(Definition {
@@ -330,7 +338,7 @@ fn check_parameter(parameter: &FileParameter) -> Result<(), String> {
     let FileParameter { name, min, max, .. } = parameter;
     let in_words = |field: &str, value: f64| format!("parameter `{name}`: {field} = {value}");
     for (field, value) in [("min", *min), ("max", *max)] {
-        if !(value.abs() <= LARGEST) {
+        if !(-LARGEST..=LARGEST).contains(&value) {
             return Err(format!(
                 "{}; allowed is -{LARGEST:e} to {LARGEST:e}",
                 in_words(field, value)

@@ -13,6 +13,11 @@ pub(super) fn sound(value: f64) -> f64 {
     if value.abs() <= LARGEST { value } else { 0.0 }
 }
 
+/// On the straight line from a sample to the next.
+fn between(series: &[f64], k: usize, share: f64) -> f64 {
+    series[k] + share * (series[k + 1] - series[k])
+}
+
 /// What drives an effect along a record, all series of one length.
 #[derive(Clone, Copy)]
 pub(super) struct Inputs<'a> {
@@ -89,8 +94,8 @@ impl<'a> Machine<'a> {
     /// The inputs between a sample and the next one, on straight lines.
     fn stand_between(&mut self, k: usize, share: f64) {
         let i = &self.inputs;
-        let line = |series: &[f64]| series[k] + share * (series[k + 1] - series[k]);
-        self.values[U] = line(i.input);
+        let line = |series: &[f64]| between(series, k, share);
+        self.values[U] = between(i.input, k, share);
         self.values[DU] = (i.input[k + 1] - i.input[k]) / i.period_s;
         self.values[T] = (k as f64 + share - i.run_in as f64) * i.period_s;
         let of = |series: Option<&[f64]>| series.filter(|s| s.len() > k + 1).map_or(0.0, line);
@@ -226,8 +231,9 @@ impl Newton {
             for row in column + 1..count {
                 let factor = rows[row][column] / pivot;
                 rows[row][column] = factor;
-                for j in column + 1..count {
-                    rows[row][j] -= factor * rows[column][j];
+                let above = rows[column];
+                for (cell, above) in rows[row].iter_mut().zip(above).skip(column + 1) {
+                    *cell -= factor * above;
                 }
             }
         }
