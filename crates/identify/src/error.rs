@@ -37,7 +37,7 @@ pub enum IdentifyError {
         family: &'static str,
     },
     /// An effect that is not in the catalogue.
-    #[error("there is no effect `{name}`; the catalogue has {known}")]
+    #[error("there is no effect `{name}`; the catalogue has {known}; an effect file of your own ends with .toml")]
     NoSuchEffect {
         /// What was asked for.
         name: String,

@@ -105,8 +105,12 @@ pub fn answers(example: &Example, subject: Subject, add: bool) -> Result<Answers
             .and_then(|a| a.before.validate_percent.zip(a.after.validate_percent)),
         parameters: format!(
             "{:?} {:?}",
-            at.map(|at| &with.ranking[at].parameters),
-            added.map(|a| a.model.effects)
+            at.map(|at| with.ranking[at].parameters.iter().map(|p| p.value).collect::<Vec<_>>()),
+            added.map(|a| a
+                .model
+                .effects
+                .last()
+                .map(|e| e.parameters.iter().map(|p| p.value).collect::<Vec<_>>()))
         ),
         took_s: [first_s, second_s, third_s],
     })

@@ -39,7 +39,7 @@ pub(crate) struct Bench<'a> {
 }
 
 /// Rows of a record that a search looks at.
-const SEARCH_ROWS: usize = 300;
+pub(crate) const SEARCH_ROWS: usize = 300;
 
 /// Ridges on the shape-free base, chosen by leaving out one record at a time.
 const RIDGES: [f64; 5] = [1e-9, 1e-8, 1e-7, 1e-6, 1e-5];
@@ -95,16 +95,11 @@ impl<'a> Bench<'a> {
     /// Takes a trial's hysteresis output as what creep, heat and stops act on.
     pub(crate) fn take_reference(&mut self, trial: &Trial) {
         let columns = self.base.columns();
-        let old = std::mem::take(&mut self.reference_um);
         self.reference_um = self
             .traces
             .each
             .par_iter()
-            .enumerate()
-            .map(|(i, t)| {
-                let before = old.get(i).map(Vec::as_slice);
-                chain::simulate(&self.base, &trial.effects, t, before, &trial.coefficients, columns)
-            })
+            .map(|t| chain::simulate(&self.base, &trial.effects, t, None, &trial.coefficients, columns))
             .collect();
     }
 
@@ -287,7 +282,7 @@ impl<'a> Bench<'a> {
             .map(|(i, t)| {
                 let reference = referring.reference(i);
                 let mut y = chain::simulate(&self.base, &trial.effects, t, reference, &trial.coefficients, columns);
-                user::add_to_position(&trial.effects, t, reference, &mut y);
+                user::add_beyond(&trial.effects, t, reference, &mut y);
                 t.position_um.iter().zip(y).map(|(m, y)| m - y).collect()
             })
             .collect()
@@ -298,12 +293,12 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// What the columns have to give: the position, less what effects of the user's own add to it.
+/// What the columns have to give: the position, less what effects of the user's own make of it beyond them.
 pub(crate) fn target(trace: &Trace, effects: &[Effect], reference_um: Option<&[f64]>) -> DVector<f64> {
-    let position = DVector::from_iterator(trace.rows.len(), trace.rows.iter().map(|&k| trace.position_um[k]));
-    match user::added_to_position(effects, trace, reference_um) {
-        Some(added) => position - DVector::from_iterator(trace.rows.len(), trace.rows.iter().map(|&k| added[k])),
-        None => position,
+    let at_rows = |series: &[f64]| DVector::from_iterator(trace.rows.len(), trace.rows.iter().map(|&k| series[k]));
+    match user::beyond(effects, trace, reference_um) {
+        Some(beyond) => at_rows(&trace.position_um) - at_rows(&beyond),
+        None => at_rows(&trace.position_um),
     }
 }
 

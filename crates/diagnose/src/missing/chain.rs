@@ -160,6 +160,11 @@ pub(crate) fn for_each_column(
     mut visit: impl FnMut(usize, &[f64]),
 ) {
     let input = drive_at_stack(effects, trace);
+    let bend = user::Bend::new(effects, trace, reference_um);
+    let mut visit = |j: usize, series: &[f64]| match &bend {
+        None => visit(j, series),
+        Some(bend) => visit(j, &bend.of_change(series)),
+    };
     let after = After::new(effects, trace.period_s);
     let n = input.len();
     let mut column = vec![1.0; n];

@@ -226,7 +226,7 @@ fn simulate(bench: &Bench<'_>, rival: &Rival, proposal: &Proposal) -> Vec<f64> {
         &rival.coefficients,
         all,
     );
-    user::add_to_position(&rival.effects, &trace, Some(&plain), &mut modelled);
+    user::add_beyond(&rival.effects, &trace, Some(&plain), &mut modelled);
     modelled
 }
 

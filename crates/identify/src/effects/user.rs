@@ -64,6 +64,11 @@ impl UserEffect {
         self.0.equations.uses(V)
     }
 
+    /// Whether the output at a sample depends on the input at that sample alone, whatever else it depends on.
+    pub fn is_pointwise(&self) -> bool {
+        self.0.equations.is_pointwise()
+    }
+
     /// Points at which a search looks first, at most 128.
     pub fn starts(&self) -> Vec<Vec<f64>> {
         starts(&self.0.file.parameters)
@@ -112,7 +117,7 @@ impl UserEffect {
         self.0.description.place < Place::Hysteresis
     }
 
-    /// Whether the output at a sample depends on nothing but the input at that sample.
+    /// Whether it has no time in it.
     fn memoryless(&self) -> bool {
         self.0.equations.motions.is_empty() && !self.0.equations.uses(DU)
     }
@@ -138,7 +143,8 @@ impl UserEffect {
             temperature_c: signals.temperature_c,
             voltage2_v: signals.voltage2_v,
         };
-        let mut machine = Machine::at_rest(self.0, parameters, inputs);
+        let equations = self.0.equations.with(signals.period_s, parameters);
+        let mut machine = Machine::at_rest(&equations, inputs);
         if self.0.equations.motions.is_empty() {
             for (k, output) in output.iter_mut().enumerate() {
                 *output = machine.output(k);
@@ -166,7 +172,7 @@ impl UserEffect {
         let span = crate::family::peak_to_peak(position_um)
             .max(1e-3 * largest(position_um))
             .max(1e-9);
-        if self.memoryless() {
+        if self.is_pointwise() {
             let mut slope: Vec<f64> = position_um.iter().map(|y| y + APART * span).collect();
             self.run(values, signals, &mut slope);
             slope

@@ -117,12 +117,39 @@ pub(super) struct Equations {
 }
 
 impl Equations {
+    /// Whether the output at a sample depends on the input at that sample alone.
+    pub(super) fn is_pointwise(&self) -> bool {
+        let motions = self.motions.iter().map(|motion| match motion {
+            Motion::Rate(expression) | Motion::Next(expression) => expression,
+        });
+        let driven = self.at_rest.iter().chain(motions).any(|expression| expression.uses(U));
+        !driven && !self.uses(DU)
+    }
+
     /// Whether a variable stands in any of them.
     pub(super) fn uses(&self, variable: usize) -> bool {
         self.needs(variable, usize::MAX)
     }
 
-    /// The same, the motion of one state left out: what only moves itself is of no use.
+    /// The equations with sample period and parameters put in.
+    pub(super) fn with(&self, period_s: f64, parameters: &[f64]) -> Self {
+        let first = VARIABLES.len() + self.motions.len();
+        let known = |i: usize| match i {
+            PERIOD => Some(period_s),
+            i => i.checked_sub(first).and_then(|i| parameters.get(i)).copied(),
+        };
+        let motions = self.motions.iter().map(|motion| match motion {
+            Motion::Rate(expression) => Motion::Rate(expression.with(known)),
+            Motion::Next(expression) => Motion::Next(expression.with(known)),
+        });
+        Self {
+            output: self.output.with(known),
+            at_rest: self.at_rest.iter().map(|expression| expression.with(known)).collect(),
+            motions: motions.collect(),
+        }
+    }
+
+    /// The same as [`Self::uses`], the motion of one state left out: what only moves itself is of no use.
     fn needs(&self, variable: usize, but: usize) -> bool {
         let motions = self.motions.iter().enumerate().filter(|(i, _)| *i != but);
         let motions = motions.map(|(_, motion)| match motion {
