@@ -61,7 +61,12 @@ pub fn diagnose_with(
 }
 
 /// The search, with effects of the user's own whose columns are there.
-pub(crate) fn search(dataset: &Dataset, model: &Model, own: &[UserEffect], progress: &(dyn Fn(f64, &str) + Sync)) -> Diagnosis {
+pub(crate) fn search(
+    dataset: &Dataset,
+    model: &Model,
+    own: &[UserEffect],
+    progress: &(dyn Fn(f64, &str) + Sync),
+) -> Diagnosis {
     let floor = noise::noise_floor(dataset);
     progress(0.0, "model");
     let simulated = traces::initial_states(dataset, model);
