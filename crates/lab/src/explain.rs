@@ -46,7 +46,12 @@ fn triangle(model: &Model, frequency_hz: f64) -> Record {
 
 /// The model's loop without the effect and with it, at the parameters given; those not given stand at a telling value.
 pub(crate) fn picture(model: &Model, name: &str, frequency_hz: f64, given: &[f64]) -> Result<Value, Refusal> {
-    let effect = effects::find(name).ok_or_else(|| Refusal::absent(format!("`{name}` is no effect")))?;
+    let fitted = model.effects.iter().find(|fitted| fitted.name == name);
+    let effect = match fitted {
+        Some(fitted) => fitted.effect(),
+        None => effects::find(name),
+    }
+    .ok_or_else(|| Refusal::absent(format!("`{name}` is no effect")))?;
     if !(frequency_hz.is_finite() && (1e-3..=1e5).contains(&frequency_hz)) {
         return Err(Refusal::bad(format!(
             "frequency {frequency_hz} Hz: allowed are 0.001 to 100000 Hz"
@@ -63,7 +68,6 @@ pub(crate) fn picture(model: &Model, name: &str, frequency_hz: f64, given: &[f64
             "this one changes the family of plays itself; it has no parameter to drag. Add it to see what it does",
         ));
     }
-    let fitted = model.effects.iter().find(|fitted| fitted.name == name);
     let starts = effect.starts(&facts, &bounds);
     let telling = starts
         .iter()
@@ -101,9 +105,10 @@ pub(crate) fn picture(model: &Model, name: &str, frequency_hz: f64, given: &[f64
                 standard_error: None,
             })
             .collect(),
+        definition: effect.file().cloned(),
     });
     with.effects
-        .sort_by_key(|fitted| effects::find(&fitted.name).map(|effect| effect.description().place));
+        .sort_by_key(|fitted| fitted.effect().map(|effect| effect.description().place));
     let changed = with.simulate(&record).output;
     let last = SAMPLES / 2..SAMPLES;
     let parameters: Vec<Value> = effect

@@ -1,6 +1,7 @@
 //! Datasets with a hidden effect: from the cases of `hysteron_plant::challenge` to what the tool reads, and the score of its verdicts.
 
 pub mod change;
+pub mod own;
 pub mod score;
 pub mod unanswerable;
 

@@ -11,7 +11,8 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 #[derive(Args)]
-#[command(after_help = "Example:\n  hysteron diagnose stage model.toml -o next.csv")]
+#[command(after_help = "Examples:\n  hysteron diagnose stage model.toml -o next.csv\n  \
+    hysteron diagnose stage model.toml --effect my-effect.toml")]
 pub(crate) struct DiagnoseArgs {
     /// Dataset folder, or one CSV
     pub data: PathBuf,
@@ -20,6 +21,9 @@ pub(crate) struct DiagnoseArgs {
     /// Write the voltage of the record to take next
     #[arg(short, long, value_name = "NEXT.csv")]
     pub output: Option<PathBuf>,
+    /// An effect file of your own, among the candidates; may be repeated
+    #[arg(long, value_name = "FILE.toml")]
+    pub effect: Vec<PathBuf>,
     /// Print the answer as JSON
     #[arg(long)]
     pub json: bool,
@@ -33,12 +37,13 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<Done, CliError> {
             args.model.display()
         )));
     }
+    let own = load::effect_files(&args.effect)?;
     let dataset = load::dataset(&args.data)?;
     let bar = progress::bar("diagnosing");
-    let mut diagnosis = hysteron_diagnose::diagnose(&dataset, &model, &|share, effect| {
+    let mut diagnosis = hysteron_diagnose::diagnose_with(&dataset, &model, &own, &|share, effect| {
         bar.set_message(effect.to_owned());
         progress::advance(&bar, share);
-    });
+    })?;
     bar.finish_and_clear();
     if let (Some(path), Some(next)) = (&args.output, &mut diagnosis.next_record) {
         output::write_file(path, &csv(next))?;

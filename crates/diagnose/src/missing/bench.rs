@@ -3,6 +3,7 @@
 use crate::missing::chain::{self, Base, Effect, Shape};
 use crate::missing::regression::Gram;
 use crate::missing::traces::{Trace, Traces};
+use crate::missing::user;
 use hysteron_data::Role;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -34,11 +35,11 @@ pub(crate) struct Bench<'a> {
     /// Modelled position of each record at full rate.
     pub reference_um: Vec<Vec<f64>>,
     /// Identification records with fewer rows, for searches.
-    coarse: Vec<(usize, Trace)>,
+    pub coarse: Vec<(usize, Trace)>,
 }
 
 /// Rows of a record that a search looks at.
-const SEARCH_ROWS: usize = 300;
+pub(crate) const SEARCH_ROWS: usize = 300;
 
 /// Ridges on the shape-free base, chosen by leaving out one record at a time.
 const RIDGES: [f64; 5] = [1e-9, 1e-8, 1e-7, 1e-6, 1e-5];
@@ -94,20 +95,15 @@ impl<'a> Bench<'a> {
     /// Takes a trial's hysteresis output as what creep, heat and stops act on.
     pub(crate) fn take_reference(&mut self, trial: &Trial) {
         let columns = self.base.columns();
-        let old = std::mem::take(&mut self.reference_um);
         self.reference_um = self
             .traces
             .each
             .par_iter()
-            .enumerate()
-            .map(|(i, t)| {
-                let before = old.get(i).map(Vec::as_slice);
-                chain::simulate(&self.base, &trial.effects, t, before, &trial.coefficients, columns)
-            })
+            .map(|t| chain::simulate(&self.base, &trial.effects, t, None, &trial.coefficients, columns))
             .collect();
     }
 
-    fn reference(&self, i: usize) -> Option<&[f64]> {
+    pub(crate) fn reference(&self, i: usize) -> Option<&[f64]> {
         self.reference_um.get(i).map(Vec::as_slice)
     }
 
@@ -135,7 +131,7 @@ impl<'a> Bench<'a> {
         self.weights[record] / gram.rows.max(1) as f64
     }
 
-    fn pooled(&self, grams: &[(usize, Gram)], without: Option<usize>, n: usize) -> Gram {
+    pub(crate) fn pooled(&self, grams: &[(usize, Gram)], without: Option<usize>, n: usize) -> Gram {
         let mut sum = Gram::zeros(n);
         for (k, (record, gram)) in grams.iter().enumerate() {
             if Some(k) != without {
@@ -150,7 +146,7 @@ impl<'a> Bench<'a> {
             .iter()
             .map(|(i, t)| {
                 let matrix = chain::matrix(&self.base, effects, t, self.reference(*i));
-                (*i, Gram::new(&matrix, &target(t)))
+                (*i, Gram::new(&matrix, &target(t, effects, self.reference(*i))))
             })
             .collect()
     }
@@ -183,7 +179,7 @@ impl<'a> Bench<'a> {
             .enumerate()
             .map(|(i, t)| {
                 let matrix = chain::matrix(&self.base, effects, t, self.reference(i));
-                let target = target(t);
+                let target = target(t, effects, self.reference(i));
                 let gram = Gram::new(&matrix, &target);
                 (matrix, target, gram)
             })
@@ -285,7 +281,8 @@ impl<'a> Bench<'a> {
             .enumerate()
             .map(|(i, t)| {
                 let reference = referring.reference(i);
-                let y = chain::simulate(&self.base, &trial.effects, t, reference, &trial.coefficients, columns);
+                let mut y = chain::simulate(&self.base, &trial.effects, t, reference, &trial.coefficients, columns);
+                user::add_beyond(&trial.effects, t, reference, &mut y);
                 t.position_um.iter().zip(y).map(|(m, y)| m - y).collect()
             })
             .collect()
@@ -296,8 +293,13 @@ impl<'a> Bench<'a> {
     }
 }
 
-fn target(trace: &Trace) -> DVector<f64> {
-    DVector::from_iterator(trace.rows.len(), trace.rows.iter().map(|&k| trace.position_um[k]))
+/// What the columns have to give: the position, less what effects of the user's own make of it beyond them.
+pub(crate) fn target(trace: &Trace, effects: &[Effect], reference_um: Option<&[f64]>) -> DVector<f64> {
+    let at_rows = |series: &[f64]| DVector::from_iterator(trace.rows.len(), trace.rows.iter().map(|&k| series[k]));
+    match user::beyond(effects, trace, reference_um) {
+        Some(beyond) => at_rows(&trace.position_um) - at_rows(&beyond),
+        None => at_rows(&trace.position_um),
+    }
 }
 
 pub(crate) fn mean_square(values: &DVector<f64>) -> f64 {
@@ -306,7 +308,7 @@ pub(crate) fn mean_square(values: &DVector<f64>) -> f64 {
 
 /// Least squares with physical signs: an active set in which coefficients enter one at a time and leave when they turn
 /// negative (Lawson, Hanson 1974, chapter 23).
-fn solve_signed(gram: &Gram, base: &Base, effects: &[Effect]) -> DVector<f64> {
+pub(crate) fn solve_signed(gram: &Gram, base: &Base, effects: &[Effect]) -> DVector<f64> {
     let signed = chain::not_negative(base, effects);
     let mut keep: Vec<bool> = signed.iter().map(|s| !s).collect();
     let mut x = gram.solve(base.columns(), base.ridge, &keep);

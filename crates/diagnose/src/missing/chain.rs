@@ -5,6 +5,8 @@
 
 use crate::missing::filters::{self, Mode};
 use crate::missing::traces::{Trace, range};
+use crate::missing::user;
+use hysteron_identify::effects::UserEffect;
 use nalgebra::{DMatrix, DVector};
 
 /// An effect with its nonlinear parameters; times in seconds, drive in scaled units.
@@ -68,11 +70,19 @@ pub(crate) enum Effect {
     Backlash {
         width_um: f64,
     },
+    /// One of the user's own.
+    User {
+        effect: UserEffect,
+        values: Vec<f64>,
+    },
 }
 
 impl Effect {
     /// Whether its columns are made from the modelled position.
     pub(crate) fn acts_on_position(&self) -> bool {
+        if let Self::User { effect, .. } = self {
+            return effect.acts_on_position();
+        }
         matches!(
             self,
             Self::Creep { .. }
@@ -156,6 +166,11 @@ pub(crate) fn for_each_column(
     mut visit: impl FnMut(usize, &[f64]),
 ) {
     let input = drive_at_stack(effects, trace);
+    let bend = user::Bend::new(effects, trace, reference_um);
+    let mut visit = |j: usize, series: &[f64]| match &bend {
+        None => visit(j, series),
+        Some(bend) => visit(j, &bend.of_change(series)),
+    };
     let after = After::new(effects, trace.period_s);
     let n = input.len();
     let mut column = vec![1.0; n];
@@ -200,7 +215,7 @@ pub(crate) fn for_each_column(
 }
 
 /// The commanded drive after delay and amplifier.
-fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
+pub(crate) fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
     let mut input = trace.drive.clone();
     for effect in effects {
         if let Effect::Delay { delay_s } = effect {
@@ -215,6 +230,7 @@ fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
             _ => {}
         }
     }
+    user::on_drive(effects, trace, &mut input);
     input
 }
 

@@ -7,6 +7,7 @@ use crate::missing::hum::Hum;
 use crate::missing::traces::Traces;
 use hysteron_data::Dataset;
 use hysteron_data::Role;
+use hysteron_identify::effects::Effect as _;
 
 /// Coarseness that a hysteresis of free shape leaves where nothing is missing, share of the stroke (0.02 to 0.08 % on Preisach
 /// densities, 0.1 % behind rates): a fall below it proves nothing.
@@ -364,6 +365,10 @@ pub(crate) fn parameters(effect: &Effect, coefficients: &[f64]) -> Vec<EffectPar
         Effect::RateThreshold { growth } => vec![parameter("threshold_growth_per_decade", *growth, "")],
         Effect::EndStop { low_um, high_um } => vec![parameter("low", *low_um, "um"), parameter("high", *high_um, "um")],
         Effect::Backlash { width_um } => vec![parameter("width", *width_um, "um")],
+        Effect::User { effect, values } => {
+            let named = effect.description().parameters.iter().zip(values);
+            named.map(|(p, &value)| parameter(p.name, value, p.unit)).collect()
+        }
     }
 }
 

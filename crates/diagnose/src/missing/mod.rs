@@ -15,6 +15,7 @@ mod ringing;
 mod shape;
 mod structure;
 mod traces;
+mod user;
 
 use crate::diagnosis::{Before, Diagnosis, RankedEffect};
 use crate::noise;
@@ -22,7 +23,8 @@ use bench::{Bench, Trial};
 use candidates::PHYSICAL;
 use chain::{Base, Effect, Shape};
 use hysteron_data::{Dataset, Role};
-use hysteron_identify::{Family, Model, Placement, placement};
+use hysteron_identify::effects::UserEffect;
+use hysteron_identify::{Family, IdentifyError, Model, Placement, placement};
 use judge::Judge;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -39,6 +41,32 @@ const ROUNDS: usize = 2;
 /// # Cost
 /// About 400 regressions of 75 columns on a few thousand rows: seconds; linear in the samples beyond that.
 pub fn diagnose(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64, &str) + Sync)) -> Diagnosis {
+    search(dataset, model, &[], progress)
+}
+
+/// As [`diagnose`], with effects of the user's own among the candidates.
+///
+/// # Errors
+/// An effect whose equations need a column that the records lack.
+/// # Cost
+/// Besides that of [`diagnose`], some 300 regressions an effect.
+pub fn diagnose_with(
+    dataset: &Dataset,
+    model: &Model,
+    own: &[UserEffect],
+    progress: &(dyn Fn(f64, &str) + Sync),
+) -> Result<Diagnosis, IdentifyError> {
+    own.iter().try_for_each(|effect| effect.check(dataset))?;
+    Ok(search(dataset, model, own, progress))
+}
+
+/// The search, with effects of the user's own whose columns are there.
+pub(crate) fn search(
+    dataset: &Dataset,
+    model: &Model,
+    own: &[UserEffect],
+    progress: &(dyn Fn(f64, &str) + Sync),
+) -> Diagnosis {
     let floor = noise::noise_floor(dataset);
     progress(0.0, "model");
     let simulated = traces::initial_states(dataset, model);
@@ -91,9 +119,12 @@ pub fn diagnose(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64, &str) 
             None => (start.clone(), 0.0),
         };
         let here = bench.referring_to(&current);
-        let trials = try_all(&here, &current, &|done, name| {
+        let mut trials = try_all(&here, &current, &|done, name| {
             progress(0.05 + share * 0.9 + 0.45 * done, name)
         });
+        trials.extend(user::trials(&here, &current, own, &|name| {
+            progress(0.05 + share * 0.9 + 0.45, name)
+        }));
         let mut ranked = judge.rank(&bench, &current, &trials);
         if round == 0 {
             ranking = ranked.clone();
@@ -157,7 +188,7 @@ fn given(model: &Model, traces: &Traces) -> Vec<Effect> {
             }),
             "thermal-drift" => given.extend([Effect::Temperature, Effect::TemperatureGain]),
             "cross-coupling" => given.push(Effect::Cross),
-            _ => {}
+            _ => given.extend(user::given(effect)),
         }
     }
     given
@@ -335,7 +366,8 @@ fn conclude(
 
 /// Whether a chain has an effect of this kind already.
 fn is_given(effects: &[Effect], effect: &Effect) -> bool {
-    effects
-        .iter()
-        .any(|e| std::mem::discriminant(e) == std::mem::discriminant(effect))
+    effects.iter().any(|e| match (e, effect) {
+        (Effect::User { effect: a, .. }, Effect::User { effect: b, .. }) => a == b,
+        _ => std::mem::discriminant(e) == std::mem::discriminant(effect),
+    })
 }
