@@ -116,6 +116,9 @@ pub struct Diagnosis {
     pub further: Vec<String>,
     /// Whether the family of plays is too poor for this stage's loops.
     pub shape_too_poor: bool,
+    /// Whether the records determine a hysteresis of free shape; otherwise the model's own family stood in for it, and every
+    /// significant effect is possible.
+    pub shape_determined: bool,
     /// Why these records cannot answer, where they cannot.
     pub cannot_answer: Vec<String>,
     /// Noise floor, micrometres rms.

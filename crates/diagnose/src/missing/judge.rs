@@ -236,8 +236,9 @@ impl Judge {
         }
     }
 
-    /// Effects whose prediction is as good as the verdict's, within what these records can tell.
-    pub(crate) fn also_possible(verdict: &str, ranking: &[RankedEffect]) -> Vec<String> {
+    /// Effects whose prediction is as good as the verdict's, within what these records can tell; all that are significant
+    /// where the hysteresis' shape is not free to take its part.
+    pub(crate) fn also_possible(&self, verdict: &str, ranking: &[RankedEffect], free: bool) -> Vec<String> {
         let Some(first) = ranking.iter().find(|r| r.effect == verdict && r.significant) else {
             return Vec::new();
         };
@@ -245,7 +246,8 @@ impl Judge {
             .iter()
             .filter(|r| r.effect != verdict && r.significant && r.level == first.level && r.effect != "mains-hum")
             .filter(|r| {
-                (first.statistic - r.statistic).abs() < UNDECIDED
+                !free
+                    || (first.statistic - r.statistic).abs() < UNDECIDED
                     || r.statistic > AS_FAR * first.statistic
                         && r.log_likelihood_gain > AS_LIKELY * first.log_likelihood_gain
             })

@@ -86,7 +86,12 @@ pub(crate) fn search(
         thresholds: placement::thresholds(Placement::Data, PLAYS, &inputs),
         ridge: 1e-7,
     };
-    let (mut bench, mut start) = Bench::new(&traces, base, &given(model, &traces), floor.rms_um);
+    let given_effects = given(model, &traces);
+    let (mut bench, mut start) = Bench::new(&traces, base, &given_effects, floor.rms_um);
+    let shape_determined = shape::is_determined(&before, &start);
+    if !shape_determined {
+        (bench, start) = Bench::new(&traces, shape::of_family(model, &traces), &given_effects, floor.rms_um);
+    }
     if matches!(model.family, Family::Mrpi | Family::Wrpi)
         && !start
             .effects
@@ -107,12 +112,6 @@ pub(crate) fn search(
     let mut found: Vec<(&'static str, Trial)> = Vec::new();
     let mut ranking = Vec::new();
     let mut rivals: Vec<(&'static str, Trial)> = Vec::new();
-    if std::env::var("HYST_DEBUG").is_ok() {
-        for (i, t) in bench.traces.each.iter().enumerate() {
-            eprintln!("DBG {i} {:?} stroke {:.3} period {:.2e} rows {} len {} start % {:.4} heldout % {:.4}", t.role, t.stroke_um, t.period_s, t.rows.len(), t.len(),
-                100.0 * bench::mean_square(&start.residuals[i]).sqrt() / t.stroke_um, 100.0 * start.held_out[i].sqrt() / t.stroke_um);
-        }
-    }
     for round in 0..ROUNDS {
         let (current, share) = match found.last() {
             Some((_, trial)) => (trial.clone(), 0.5),
@@ -139,7 +138,7 @@ pub(crate) fn search(
         }
     }
     conclude(
-        dataset, model, &bench, &judge, start, found, ranking, rivals, before, reasons, progress,
+        model, &bench, &judge, start, found, ranking, rivals, before, reasons, progress,
     )
 }
 
@@ -248,7 +247,6 @@ fn before(dataset: &Dataset, simulated: &[(hysteron_identify::InitialState, Vec<
     reason = "the one place where everything that was found comes together"
 )]
 fn conclude(
-    dataset: &Dataset,
     model: &Model,
     bench: &Bench<'_>,
     judge: &Judge,
@@ -291,7 +289,7 @@ fn conclude(
         names.push("resonance".to_owned());
         ranking.insert(names.len() - 1, entry);
     }
-    let shape = shape::shape(dataset, model, bench, last);
+    let shape = shape::shape(model, bench, last);
     let physical = names.first().cloned();
     // Jumps between levels move the zero at the records' starts too.
     let by_starts = last.effects.contains(&Effect::StartOffset);
@@ -305,7 +303,11 @@ fn conclude(
     if jumps {
         names.retain(|name| name != "thermal-drift");
     }
-    let enough = judge.explains_enough(last, hum.as_ref(), remains.percent) && drifts;
+    // An effect that makes the forecast worse than the model's own is none.
+    let forecasts = before
+        .validate_percent
+        .is_none_or(|percent| last.validate_percent <= percent);
+    let enough = judge.explains_enough(last, hum.as_ref(), remains.percent) && drifts && forecasts;
     let structured = structure::more_than_noise(bench.traces, &residuals);
     let verdict = if !reasons.is_empty() {
         "unknown".to_owned()
@@ -329,7 +331,7 @@ fn conclude(
     } else {
         "none".to_owned()
     };
-    let also_possible = Judge::also_possible(&verdict, &ranking);
+    let also_possible = judge.also_possible(&verdict, &ranking, bench.base.shape == Shape::Free);
     ranking.extend(shape.ranking);
     let mut unexplained = remains;
     unexplained.locked_to.sort_by(|a, b| b.share.total_cmp(&a.share));
@@ -351,6 +353,7 @@ fn conclude(
         also_possible,
         further,
         shape_too_poor: shape.too_poor,
+        shape_determined: bench.base.shape == Shape::Free,
         cannot_answer: reasons,
         noise_rms_um: bench.noise_um,
         before,
