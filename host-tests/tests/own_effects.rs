@@ -1,8 +1,9 @@
 //! Effects of the user's own: what no catalogue has is `unknown` without the user's file, and named with it.
+#![expect(clippy::expect_used, reason = "a test that cannot run its subject fails")]
 
 use host_tests::hidden::own::{Subject, start};
 use host_tests::hidden::{Example, generate};
-use hysteron_diagnose::{diagnose, diagnose_with};
+use hysteron_diagnose::{compare, diagnose, diagnose_with};
 use hysteron_identify::add_own_effect;
 use hysteron_plant::challenge::{Spec, StageFamily, Strength};
 
@@ -19,10 +20,8 @@ fn without_effect_percent(seed: u64, family: StageFamily, hidden: &Example) -> f
     let mut control = example(seed, family, Spec::default());
     control.start = hidden.start;
     let model = start(&control).expect("a fit");
-    let own = Subject::Ripple.file(&control).expect("a file");
-    // Nothing to find: the step before tells the model's own error.
-    let added = add_own_effect(&control.dataset, &model, own, &|_| {}).expect("an effect to add");
-    added.before.validate_percent.expect("validation records")
+    let comparison = compare(&control.dataset, &model, &|_| {});
+    comparison.validate.expect("validation records").nrmse_percent
 }
 
 /// `diagnose` without and with the file, and `add`.

@@ -219,7 +219,7 @@ fn prop_no_equation_makes_a_nan() {
     ] {
         let text = LAG
             .replace("(u - z) / tau", rate)
-            .replace("output = \"z\"", &format!("output = \"{output} + 0 * tau\""))
+            .replace("output = \"z\"", &format!("output = \"{output} + 0 * (tau + z)\""))
             .replace("gain", "tau");
         for (run_in, period_s) in [(0, 1e-3), (40, 1e-3), (40, 1e3)] {
             for input in [0.0, 1.0, f64::MAX, f64::NAN] {

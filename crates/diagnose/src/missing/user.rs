@@ -13,13 +13,13 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Starts that are followed two steps down their valley.
-const FOLLOWED: usize = 10;
+const FOLLOWED: usize = 8;
 
 /// Of those, how many go on to the bottom.
-const FINISHED: usize = 3;
+const FINISHED: usize = 2;
 
 /// Steps to the bottom of a valley; the search has settled before, or runs along a flat one.
-const STEPS: usize = 15;
+const STEPS: usize = 12;
 
 /// Longest step, share of the way between a parameter's bounds: beyond it the straight line has no say.
 const LONGEST: f64 = 0.2;
@@ -280,20 +280,26 @@ impl Search<'_> {
 
     /// What the effect makes of the positions before it, at the rows of each record.
     fn modelled(&self, shares: &[f64], position_um: &[Vec<f64>]) -> Vec<DVector<f64>> {
+        let (effect, values) = (self.effect, self.effect.values(shares));
         let effects = self.with(shares);
-        let own = effects.last().map_or(&[][..], std::slice::from_ref);
-        let pairs = self.bench.coarse.iter().zip(position_um);
-        pairs
-            .map(|((_, trace), position)| {
-                let middle_um = trace.scales.middle_um;
-                let rows = trace.rows.iter();
-                let values: Vec<f64> = match Bend::new(own, trace, Some(position)) {
-                    Some(bend) => rows.map(|&k| bend.output_um[k] - middle_um).collect(),
-                    None => rows.map(|&k| position[k]).collect(),
-                };
-                DVector::from_vec(values)
-            })
-            .collect()
+        let of_record = |((_, trace), position): (&(usize, Trace), &Vec<f64>)| {
+            let s = &trace.scales;
+            if !effect.acts_on_position() {
+                return at_rows(position, trace);
+            }
+            let stack_v: Vec<f64> = if effect.uses_stack_voltage() {
+                let drive = chain::drive_at_stack(&effects, trace);
+                drive.iter().map(|x| s.middle_v + s.unit_v * x).collect()
+            } else {
+                Vec::new()
+            };
+            let other = other_axis_v(trace);
+            let mut y: Vec<f64> = position.iter().map(|y| y + s.middle_um).collect();
+            effect.on_position(&values, &signals(trace, &stack_v, other.as_deref()), &mut y);
+            y.iter_mut().for_each(|y| *y -= s.middle_um);
+            at_rows(&y, trace)
+        };
+        self.bench.coarse.iter().zip(position_um).map(of_record).collect()
     }
 
     /// As [`Bench::objective`], at given positions.
@@ -357,12 +363,7 @@ impl Search<'_> {
                 let with = if self.effect.acts_on_position() {
                     self.modelled(&shares, &position_um)
                 } else {
-                    self.positions(&self.with(&shares), x)
-                        .1
-                        .iter()
-                        .zip(&bench.coarse)
-                        .map(at_rows)
-                        .collect()
+                    self.modelled(&shares, &self.positions(&self.with(&shares), x).1)
                 };
                 let change = beyond(stack(with) - &modelled);
                 let squares = change.norm_squared();
@@ -527,6 +528,6 @@ impl Point {
     }
 }
 
-fn at_rows((position, (_, trace)): (&Vec<f64>, &(usize, Trace))) -> DVector<f64> {
-    DVector::from_iterator(trace.rows.len(), trace.rows.iter().map(|&k| position[k]))
+fn at_rows(series: &[f64], trace: &Trace) -> DVector<f64> {
+    DVector::from_iterator(trace.rows.len(), trace.rows.iter().map(|&k| series[k]))
 }

@@ -125,10 +125,18 @@ impl UserEffect {
     /// Runs over a record, in place.
     fn run(&self, parameters: &[f64], signals: &Signals<'_>, series: &mut [f64]) {
         let input = series.to_vec();
-        self.run_into(parameters, signals, &input, series);
+        self.run_into(parameters, signals, &input, series, |machine, k| machine.output(k));
     }
 
-    fn run_into(&self, parameters: &[f64], signals: &Signals<'_>, input: &[f64], output: &mut [f64]) {
+    /// `at` says what is wanted of every sample.
+    fn run_into(
+        &self,
+        parameters: &[f64],
+        signals: &Signals<'_>,
+        input: &[f64],
+        output: &mut [f64],
+        at: impl Fn(&mut Machine<'_>, usize) -> f64,
+    ) {
         let lacks_temperature = self.0.equations.uses(TEMPERATURE) && signals.temperature_c.is_none();
         if input.is_empty() || lacks_temperature {
             // A record without the column is left as it is; fits refuse such a dataset beforehand.
@@ -145,17 +153,11 @@ impl UserEffect {
         };
         let equations = self.0.equations.with(signals.period_s, parameters);
         let mut machine = Machine::at_rest(&equations, inputs);
-        if self.0.equations.motions.is_empty() {
-            for (k, output) in output.iter_mut().enumerate() {
-                *output = machine.output(k);
-            }
-            return;
-        }
-        if inputs.run_in > 0 {
+        if inputs.run_in > 0 && !equations.motions.is_empty() {
             settle(&mut machine);
         }
         for (k, output) in output.iter_mut().enumerate() {
-            *output = machine.output(k);
+            *output = at(&mut machine, k);
             if k + 1 < input.len() {
                 machine.advance(k);
             }
@@ -167,23 +169,25 @@ impl UserEffect {
         /// Between rounding (1e-16 of the position) and the bends of the finest ripple of interest, a hundredth of the span.
         const APART: f64 = 1e-6;
         let largest = |series: &[f64]| series.iter().fold(0.0_f64, |most, y| most.max(y.abs()));
-        let mut here = position_um.to_vec();
-        self.run(values, signals, &mut here);
         let span = crate::family::peak_to_peak(position_um)
             .max(1e-3 * largest(position_um))
             .max(1e-9);
+        let lacks = self.0.equations.uses(TEMPERATURE) && signals.temperature_c.is_none();
+        if lacks {
+            return;
+        }
         if self.is_pointwise() {
-            let mut slope: Vec<f64> = position_um.iter().map(|y| y + APART * span).collect();
-            self.run(values, signals, &mut slope);
-            slope
-                .iter_mut()
-                .zip(&here)
-                .for_each(|(s, y)| *s = (*s - y) / (APART * span));
+            let mut slope = vec![0.0; position_um.len()];
+            self.run_into(values, signals, position_um, &mut slope, |machine, k| {
+                machine.slope(k, APART * span)
+            });
             for column in columns {
                 column.iter_mut().zip(&slope).for_each(|(c, s)| *c *= s);
             }
             return;
         }
+        let mut here = position_um.to_vec();
+        self.run(values, signals, &mut here);
         for column in columns {
             let most = largest(column);
             if most > 0.0 {

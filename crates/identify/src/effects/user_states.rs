@@ -108,6 +108,13 @@ impl<'a> Machine<'a> {
         sound(self.equations.output.eval(&self.values))
     }
 
+    /// The output at a sample where the states do not depend on the input, and its slope over `apart` of the input.
+    pub(super) fn slope(&mut self, k: usize, apart: f64) -> f64 {
+        let here = self.output(k);
+        self.values[U] += apart;
+        (sound(self.equations.output.eval(&self.values)) - here) / apart
+    }
+
     /// States with `next`, all from their old values.
     fn renew(&mut self) {
         let mut new: States = [0.0; MOST_STATES];
