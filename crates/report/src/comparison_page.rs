@@ -245,6 +245,21 @@ fn where_it_is(comparison: &Comparison) -> Section {
             height: 380,
         },
     );
+    let swings = &comparison.swing_map;
+    let frequency_amplitude = error_map(
+        &ErrorMapData {
+            x_edges: &swings.frequency_edges_hz,
+            y_edges: &swings.amplitude_edges_um,
+            values: &swings.rms_um,
+            x_title: "frequency of the swing, Hz",
+            y_title: &format!("amplitude of the swing, {}", unit_text(unit)),
+            unit,
+        },
+        Size {
+            width: 524,
+            height: 380,
+        },
+    );
     let spectra = &comparison.spectrum;
     let spectra = spectrum(
         &SpectrumData {
@@ -260,6 +275,13 @@ fn where_it_is(comparison: &Comparison) -> Section {
         },
     );
     let mut pictures = Vec::new();
+    pictures.extend(frequency_amplitude.map(|picture| {
+        Figure::new(
+            picture,
+            "Error by frequency and amplitude, over all records. A swing is the way from one turning point to the next. \
+             Blank: no swing fell there.",
+        )
+    }));
     pictures.extend(map.map(|picture| {
         Figure::new(
             picture,

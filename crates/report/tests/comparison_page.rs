@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use hysteron_data::Role;
 use hysteron_diagnose::{
-    Bin, Breakdown, Comparison, ErrorMap, NoiseSource, Pooled, RecordComparison, Series, Spectrum,
+    Bin, Breakdown, Comparison, ErrorMap, NoiseSource, Pooled, RecordComparison, Series, Spectrum, SwingMap,
 };
 use hysteron_report::{Context, comparison_page};
 use scraper::{Html, Selector};
@@ -67,6 +67,11 @@ fn comparison(records: Vec<RecordComparison>) -> Comparison {
             position_edges_um: vec![-10.0, 0.0, 10.0],
             rate_edges_um_per_s: vec![-100.0, 0.0, 100.0],
             rms_um: vec![vec![Some(0.1), None], vec![Some(0.3), Some(0.2)]],
+        },
+        swing_map: SwingMap {
+            frequency_edges_hz: vec![10.0, 20.0, 50.0],
+            amplitude_edges_um: vec![0.0, 5.0, 10.0],
+            rms_um: vec![vec![Some(0.05), None], vec![None, Some(0.4)]],
         },
         spectrum: Spectrum {
             residual_um_per_rthz: falling(0.01),
