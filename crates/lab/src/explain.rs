@@ -13,7 +13,7 @@ pub(crate) fn catalogue() -> Value {
     let words = |effect: std::sync::Arc<dyn Effect>| {
         let words = effect.description();
         json!({
-            "name": words.name, "place": words.place.name(), "summary": words.summary, "equation": words.equation,
+            "name": words.name, "place": words.place.name(), "summary": words.summary, "equation": hysteron_report::equation(words.equation),
             "source": words.source, "shows": words.shows, "mistaken_for": words.mistaken_for,
             "separated_by": words.separated_by, "compensated_by": words.compensated_by,
             "parameters": words.parameters.iter().map(|p| json!({"name": p.name, "unit": p.unit, "what": p.what})).collect::<Vec<_>>(),

@@ -17,12 +17,13 @@ pub(crate) fn state(session: &Session) -> Option<Value> {
     let stands = hysteron_challenge::stands(&folder);
     let error = stands.as_ref().err().map(|error| shown(session, error));
     let (answer, revealed) = stands.unwrap_or_default();
-    let text = revealed.as_ref().map(|revealed| revealed.truth.text());
+    // A seed has more digits than a number of the page.
+    let seed = revealed.as_ref().map(|revealed| revealed.truth.seed.to_string());
     Some(json!({
         "names": hysteron_challenge::names(),
         "answer": answer,
         "revealed": revealed,
-        "truth": text,
+        "seed": seed,
         "error": error,
         "answer_command": format!("hysteron challenge answer {data} EFFECT"),
         "reveal_command": format!("hysteron challenge reveal {data} {data}.key"),

@@ -74,7 +74,7 @@ function dropZone(lab) {
 function starts(lab) {
   return el("ul", { class: "starts" }, lab.state.starts.map((start) => el("li", { class: "card" },
     el("h3", {}, start.title), el("p", {}, start.about),
-    el("button", { type: "button", id: `start-${start.name}`, "aria-label": `Begin with: ${start.title}`, disabled: lab.state.job.running, click: () => lab.act({ what: "start", name: start.name }) }, "Begin with it"))));
+    el("button", { type: "button", id: `start-${start.name}`, "aria-label": `Begin with it: ${start.title}`, disabled: lab.state.job.running, click: () => lab.act({ what: "start", name: start.name }) }, "Begin with it"))));
 }
 
 function readingForm(lab) {
@@ -122,7 +122,7 @@ function fileCard(lab, file) {
     file.records.length ? table(`Records in ${file.name}`, ["Record", ...COLUMNS], file.records.map((r) => [r.file, ...measures(r)])) : null,
     el("p", { class: "row" },
       native || file.error ? null : el("span", {}, el("label", { for: id }, "Used to "), role),
-      el("button", { type: "button", class: "small", id: `forget-${index}`, "aria-label": `Take ${file.name} away`, click: async () => { try { await tell("forget", { name: file.name }); } catch (error) { lab.say(error, "drop"); } } }, "Take away")));
+      el("button", { type: "button", class: "small", id: `forget-${index}`, "aria-label": `Take away ${file.name}`, click: async () => { try { await tell("forget", { name: file.name }); } catch (error) { lab.say(error, "drop"); } } }, "Take away")));
 }
 
 /** A record as it came: over time, and as a loop. */

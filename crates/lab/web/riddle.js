@@ -10,13 +10,13 @@ export function challengeNotice(lab) {
   return el("p", { class: "told" }, text, el("a", { href: "#diagnose" }, "Diagnose"), ".");
 }
 
-function truth({ truth: hidden, answer, judgement }) {
+function truth({ truth: hidden, answer, judgement }, seed) {
   const rows = hidden.hidden.flatMap((one) => [[one.outside_of_the_catalogue ? `${one.effect} (the catalogue does not have it)` : one.effect, right(percent(one.contribution_percent)), one.strength],
     ...one.parameters.map((p) => [`${p.name.replaceAll("_", " ")}`, right(quantity(p.value, p.unit)), ""])]);
   return [
-    judgement ? el("p", { class: "lead", id: "judgement" }, `${answer.effects.join(" and ")}: ${judgement.outcome.replace("-", " ")}; ${judgement.because}.`) : el("p", { class: "lead", id: "judgement" }, "No answer was given before."),
+    judgement ? el("p", { class: "lead", id: "judgement" }, `${answer.effects.map((name) => name.replaceAll("-", " ")).join(" and ")}: ${judgement.outcome.replace("-", " ")}; ${judgement.because}.`) : el("p", { class: "lead", id: "judgement" }, "No answer was given before."),
     rows.length ? table("What was hidden, and what it adds to the error", ["Hidden", "Value", "Strength"], rows) : el("p", {}, "Nothing was hidden."),
-    el("p", { class: "hint" }, `The stage has ${hidden.family} hysteresis, ${quantity(hidden.stroke_um, "um")} of stroke at ${quantity(hidden.full_v, "V")}, sensor noise of ${quantity(hidden.noise_rms_um, "um")} rms; seed ${hidden.seed}.`),
+    el("p", { class: "hint" }, `The stage has ${hidden.family} hysteresis, ${quantity(hidden.stroke_um, "um")} of stroke at ${quantity(hidden.full_v, "V")}, sensor noise of ${quantity(hidden.noise_rms_um, "um")} rms; seed ${seed}.`),
   ];
 }
 
@@ -27,7 +27,7 @@ export function riddlePart(lab) {
   if (challenge.error) return el("section", { class: "panel" }, el("h3", {}, "What is hidden?"), el("p", { class: "refused" }, challenge.error));
   const part = el("section", { class: "panel", id: "riddle" }, el("h3", {}, "What is hidden?"));
   const reveal = el("button", { type: "button", id: "reveal", disabled: job.running, click: () => lab.act({ what: "reveal" }) }, "Show the truth");
-  if (challenge.revealed) part.append(...truth(challenge.revealed));
+  if (challenge.revealed) part.append(...truth(challenge.revealed, challenge.seed));
   else if (challenge.answer) part.append(el("p", {}, `You answered ${challenge.answer.effects.join(" and ")}.`), el("p", {}, reveal), command(challenge.reveal_command));
   else {
     const choice = (id, none) => el("select", { id }, none ? el("option", { value: "" }, none) : null, challenge.names.map((name) => el("option", { value: name }, name.replaceAll("-", " "))));

@@ -270,8 +270,8 @@ fn where_it_is(comparison: &Comparison) -> Section {
             unit,
         },
         Size {
-            width: 524,
-            height: 380,
+            width: 1080,
+            height: 360,
         },
     );
     let mut pictures = Vec::new();
@@ -288,9 +288,9 @@ fn where_it_is(comparison: &Comparison) -> Section {
             "Error by position and rate, over all records. Blank: no sample fell there. Rows double in rate outwards.",
         )
     }));
-    pictures.extend(spectra.map(|picture| {
+    let spectra = spectra.map(|picture| {
         Figure::new(picture, "Spectrum of what is left, against the measurement and the noise floor. Above the noise floor there is something the model could still explain.")
-    }));
+    });
     let shares: Vec<Figure> = comparison
         .r#where
         .iter()
@@ -298,14 +298,17 @@ fn where_it_is(comparison: &Comparison) -> Section {
         .collect();
     let how_to_read = "A bar is a share of the squared error, a stroke the share of the samples (or of the motion) at the \
                        same place: where the bar goes past its stroke, the error is out of proportion.";
-    Section::new("Where the error is")
-        .with(Block::Gallery(pictures))
-        .with(Block::Text(if shares.is_empty() {
-            String::new()
-        } else {
-            how_to_read.to_owned()
-        }))
-        .with(Block::Gallery(shares))
+    let maps = Section::new("Where the error is").with(Block::Gallery(pictures));
+    match spectra {
+        Some(figure) => maps.with(Block::Figure(figure)),
+        None => maps,
+    }
+    .with(Block::Text(if shares.is_empty() {
+        String::new()
+    } else {
+        how_to_read.to_owned()
+    }))
+    .with(Block::Gallery(shares))
 }
 
 fn output_name(unit: &str) -> &'static str {

@@ -1,10 +1,12 @@
 //! A real browser without a screen, what a person does in it, and what is seen.
 
+use crate::server::request;
 use fantoccini::actions::{InputSource, MOUSE_BUTTON_LEFT, MouseActions, PointerAction};
 use fantoccini::wd::Capabilities;
 use fantoccini::{Client, ClientBuilder, Locator};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
 /// The driver, ended with the test.
@@ -20,6 +22,7 @@ impl Drop for Driver {
 /// A browser on the workbench.
 pub(crate) struct Browser {
     pub(crate) client: Client,
+    port: u16,
     _driver: Driver,
     _profile: tempfile::TempDir,
 }
@@ -93,6 +96,7 @@ impl Browser {
         client.goto(address).await.unwrap();
         Self {
             client,
+            port: port.parse().unwrap(),
             _driver: driver,
             _profile: profile,
         }
@@ -172,6 +176,29 @@ impl Browser {
                 button: MOUSE_BUTTON_LEFT,
             });
         self.client.perform_actions(mouse).await.unwrap();
+    }
+
+    /// Drops files and folders from the desktop onto an element: what WebDriver has no word for, by the browser's own protocol.
+    pub(crate) async fn drop_files(&self, css: &str, files: &[PathBuf]) {
+        self.see(css).await;
+        let middle = "const e = document.querySelector(arguments[0]); e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]";
+        let middle = self.run(middle, vec![json!(css)]).await;
+        let session = self.client.session_id().await.unwrap().unwrap();
+        let path = format!("/session/{session}/goog/cdp/execute");
+        for step in ["dragEnter", "dragOver", "drop"] {
+            let event = json!({"type": step, "x": middle[0], "y": middle[1], "data": {"items": [], "files": files, "dragOperationsMask": 1}});
+            let command = json!({"cmd": "Input.dispatchDragEvent", "params": event}).to_string();
+            let answer = request(self.port, "POST", &path, &[], command.as_bytes());
+            assert_eq!(answer.status, 200, "{step}: {}", answer.text());
+        }
+    }
+
+    /// Types into a field.
+    pub(crate) async fn type_into(&self, css: &str, text: &str) {
+        self.see(css).await;
+        let field = self.client.find(Locator::Css(css)).await.unwrap();
+        field.clear().await.unwrap();
+        field.send_keys(text).await.unwrap();
     }
 
     pub(crate) async fn run(&self, script: &str, arguments: Vec<Value>) -> Value {

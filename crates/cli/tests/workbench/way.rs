@@ -6,7 +6,7 @@ use fantoccini::Locator;
 use serde_json::{Value, json};
 use std::path::Path;
 
-fn in_browser(test: impl Future<Output = ()>) {
+pub(crate) fn in_browser(test: impl Future<Output = ()>) {
     tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
         .enable_all()
@@ -15,7 +15,7 @@ fn in_browser(test: impl Future<Output = ()>) {
         .block_on(test);
 }
 
-fn hysteron(folder: &Path, arguments: &[&str]) -> Value {
+pub(crate) fn hysteron(folder: &Path, arguments: &[&str]) -> Value {
     let out = assert_cmd::Command::new(env!("CARGO_BIN_EXE_hysteron"))
         .current_dir(folder)
         .args(arguments)
