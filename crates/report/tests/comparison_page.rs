@@ -171,10 +171,10 @@ fn golden_the_headline_and_the_figures_are_said() {
         texts(&html, "pre code"),
         ["hysteron compare folder model.toml -o page.html"]
     );
-    // Bars, map, spectrum, shares; overlay and loop of each record, and both of the close-up of b: 31 swings in 0.4 s at 40 Hz.
+    // Bars, both maps, spectrum, shares; overlay and loop of each record, and both of the close-up of b: 31 swings in 0.4 s at 40 Hz.
     assert_eq!(
         html.select(&Selector::parse("figure .picture > svg").unwrap()).count(),
-        10
+        11
     );
 }
 
@@ -231,6 +231,11 @@ fn prop_poor_comparisons_still_make_a_page_without_empty_parts() {
     nothing.error_map = ErrorMap {
         position_edges_um: vec![],
         rate_edges_um_per_s: vec![],
+        rms_um: vec![],
+    };
+    nothing.swing_map = SwingMap {
+        frequency_edges_hz: vec![],
+        amplitude_edges_um: vec![],
         rms_um: vec![],
     };
     nothing.spectrum = Spectrum::default();
