@@ -46,9 +46,19 @@ fn val_data_flows_one_way() {
     check("diagnose", &["core", "data", "identify"]);
     check("tracking", &["core", "data", "identify", "plant"]);
     check("report", &["data", "identify", "diagnose", "tracking"]);
-    check("lab", &["data", "identify", "diagnose", "report"]);
+    check("challenge", &["data", "plant"]);
+    check("lab", &["challenge", "data", "identify", "diagnose", "report"]);
     let known = [
-        "core", "data", "plant", "identify", "diagnose", "tracking", "report", "lab", "cli",
+        "core",
+        "data",
+        "plant",
+        "challenge",
+        "identify",
+        "diagnose",
+        "tracking",
+        "report",
+        "lab",
+        "cli",
     ];
     for name in found.keys() {
         assert!(known.contains(&name.as_str()), "{name} is not in ARCHITECTURE.md");

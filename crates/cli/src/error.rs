@@ -16,6 +16,9 @@ pub(crate) enum CliError {
     /// A simulated stage or an excitation that is refused.
     #[error(transparent)]
     Plant(#[from] hysteron_plant::StageError),
+    /// A challenge that cannot be made, answered or shown.
+    #[error(transparent)]
+    Challenge(#[from] hysteron_challenge::ChallengeError),
     /// A tracking run that cannot be made.
     #[error(transparent)]
     Tracking(#[from] hysteron_tracking::TrackingError),

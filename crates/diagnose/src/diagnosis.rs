@@ -1,6 +1,7 @@
 //! What a diagnosis says, in numbers and names.
 
 use serde::{Deserialize, Serialize};
+use std::fmt::Write;
 
 /// How an effect is told from the shape of the loops.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,6 +84,18 @@ pub struct NextRecord {
     /// The voltage, one value a sample.
     #[serde(skip)]
     pub voltage_v: Vec<f64>,
+}
+
+impl NextRecord {
+    /// The record to play as a native CSV without a position.
+    pub fn csv(&self) -> String {
+        let mut text = "time_s,voltage_v\n".to_owned();
+        for (k, v) in self.voltage_v.iter().enumerate() {
+            // Writing to a String does not fail.
+            let _ = writeln!(text, "{:.6},{v:.5}", k as f64 * self.sample_period_s);
+        }
+        text
+    }
 }
 
 /// What the remaining structure is locked to.

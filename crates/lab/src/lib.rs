@@ -12,8 +12,10 @@ mod explain;
 mod export;
 mod guard;
 mod jobs;
+mod riddle;
 mod series;
 mod session;
+mod signature;
 mod state;
 mod uploads;
 mod work;
@@ -21,7 +23,6 @@ mod work;
 pub use error::LabError;
 
 use guard::Guard;
-use hysteron_data::Dataset;
 use jobs::Job;
 use session::Session;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
@@ -39,9 +40,9 @@ pub struct StartingPoint {
     pub about: String,
     /// The command that makes the same dataset as `data`.
     pub command: String,
-    /// Makes it.
+    /// Makes it in a folder that is not there yet; a key to it goes beside the folder, `.key` behind its name.
     #[expect(clippy::type_complexity, reason = "a maker with its progress")]
-    pub make: Box<dyn Fn(&(dyn Fn(f64) + Sync)) -> Result<Dataset, String> + Send + Sync>,
+    pub make: Box<dyn Fn(&Path, &(dyn Fn(f64) + Sync)) -> Result<(), String> + Send + Sync>,
 }
 
 /// How the workbench is opened.

@@ -41,6 +41,16 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
                 .to_owned(),
         );
     }
+    let locked: Vec<String> = diagnosis
+        .unexplained
+        .locked_to
+        .iter()
+        .filter(|lock| lock.share > LOCK_NAMED)
+        .map(|lock| format!("{} ({:.0}\u{a0}%)", lock.to, 100.0 * lock.share))
+        .collect();
+    if !locked.is_empty() {
+        lines.push(format!("What is left unexplained goes with {}.", list(&locked, "and")));
+    }
     if let Some(next) = &diagnosis.next_record {
         let mut line = format!("Record to take next: {}", next.excitation);
         if !next.separates.is_empty() {
@@ -51,16 +61,6 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
             ));
         }
         lines.push(line + ".");
-    }
-    let locked: Vec<String> = diagnosis
-        .unexplained
-        .locked_to
-        .iter()
-        .filter(|lock| lock.share > LOCK_NAMED)
-        .map(|lock| format!("{} ({:.0}\u{a0}%)", lock.to, 100.0 * lock.share))
-        .collect();
-    if !locked.is_empty() {
-        lines.push(format!("What is left unexplained goes with {}.", list(&locked, "and")));
     }
     lines
 }

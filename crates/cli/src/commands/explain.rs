@@ -167,7 +167,7 @@ fn capital(text: &str) -> String {
 /// The titled paragraphs of an explanation.
 fn paragraphs(d: &Description) -> [(&'static str, String); 7] {
     [
-        ("Equation", equation(d.equation)),
+        ("Equation", hysteron_report::equation(d.equation)),
         ("Source, usual size", d.source.to_owned()),
         ("Place in the chain", chain(d.place)),
         ("How it shows", d.shows.to_owned()),
@@ -175,42 +175,6 @@ fn paragraphs(d: &Description) -> [(&'static str, String); 7] {
         ("Told apart by", d.separated_by.to_owned()),
         ("Compensated by", d.compensated_by.to_owned()),
     ]
-}
-
-/// An equation with the letters and exponents that the descriptions spell in ASCII.
-fn equation(ascii: &str) -> String {
-    let mut words = String::new();
-    let mut word = String::new();
-    for c in ascii.chars().chain(std::iter::once(' ')) {
-        if c.is_ascii_alphabetic() {
-            word.push(c);
-            continue;
-        }
-        words.push_str(match word.as_str() {
-            "alpha" => "α",
-            "beta" => "β",
-            "gamma" => "γ",
-            "phi" => "φ",
-            "pi" => "π",
-            "sum" => "Σ",
-            "tau" => "τ",
-            "zeta" => "ζ",
-            other => other,
-        });
-        word.clear();
-        words.push(c);
-    }
-    let signs = [
-        ("^2", "²"),
-        ("^3", "³"),
-        ("<=", "≤"),
-        ("_1", "₁"),
-        ("_2", "₂"),
-        ("_i", "ᵢ"),
-        (" - ", " − "),
-    ];
-    let written = signs.iter().fold(words, |text, (from, to)| text.replace(from, to));
-    written.trim_end().to_owned()
 }
 
 fn text(explained: &Explained) -> String {
@@ -342,15 +306,4 @@ fn json(explained: &Explained) -> serde_json::Value {
         "example": example,
         "own_data": own,
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::equation;
-
-    #[test]
-    fn val_equations_are_written_in_letters() {
-        assert_eq!(equation("v'(t) = v(t - tau)"), "v'(t) = v(t − τ)");
-        assert_eq!(equation("zeta_1 w^2 <= summand"), "ζ₁ w² ≤ summand");
-    }
 }

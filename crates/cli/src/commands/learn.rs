@@ -1,7 +1,7 @@
 //! `hysteron learn`.
 
 use crate::commands::fit::ModelName;
-use crate::commands::{diagnose, ladder, load};
+use crate::commands::{ladder, load};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
@@ -121,7 +121,10 @@ fn why(learned: &Learned) -> String {
             "nothing more is missing; what is left is sensor noise and the known coarseness of the model".to_owned()
         }
         Stop::CannotTell { reasons } => {
-            let words: Vec<&str> = reasons.iter().map(|reason| diagnose::reason_in_words(reason)).collect();
+            let words: Vec<&str> = reasons
+                .iter()
+                .map(|reason| hysteron_report::reason_in_words(reason))
+                .collect();
             format!("these records cannot answer: {}", words.join("; "))
         }
         Stop::Unknown { unexplained } => {

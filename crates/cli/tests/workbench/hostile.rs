@@ -165,6 +165,8 @@ fn refuse_fifty_bad_requests() {
         "api/effect?step=0&name=delay&frequency=NaN",
         "api/export/passwd?step=0",
         "api/export/next?step=0",
+        "api/export/report?step=0",
+        "api/export/report?step=8",
         "api/diagnosis?step=0",
         "api/region?step=0&record=0&from=0&to=0",
     ] {
@@ -181,6 +183,8 @@ fn refuse_fifty_bad_requests() {
         r#"{"what":"undo"}"#,
         r#"{"what":"redo"}"#,
         r#"{"what":"stop"}"#,
+        r#"{"what":"answer","effects":["delay"]}"#,
+        r#"{"what":"reveal"}"#,
         r#"{"what":"start","name":"../x"}"#,
     ] {
         bad(
