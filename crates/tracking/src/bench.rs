@@ -6,10 +6,11 @@ use crate::error::TrackingError;
 use crate::experiment::{self, sines};
 use crate::figures::judge;
 use crate::paper::{IDENTIFIED_HZ, RECORD_S, Reading};
-use crate::reference::{Reference, Shape, noise};
-use crate::response::response;
+use crate::reference::{Reference, Shape};
+use crate::response::line_response;
 use crate::run::{PiGains, Tracked};
 use hysteron_identify::{Family, FitOptions, FitReport, fit};
+use hysteron_plant::excitation::{Excitation, Multisine, with_rise};
 use hysteron_plant::{StageConfig, StageError};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -25,16 +26,22 @@ pub const SHAPES: [(&str, Shape); 7] = [
     ("triangle-100", Shape::Triangle { frequency_hz: 100.0 }),
 ];
 
-/// Band of the noise that bandwidths are measured with, hertz.
-const NOISE_BAND_HZ: f64 = 10e3;
-/// Its rms as a share of the range: a hundred times the sensor's noise, small against every loop.
-const NOISE_SHARE: f64 = 0.01;
-/// Its length, seconds: 4 half-overlapping segments of 0.66 s.
-const NOISE_S: f64 = 1.7;
+/// Highest line of the multisine that bandwidths are measured with, hertz.
+const MULTISINE_HZ: f64 = 10e3;
+/// Twice the first mode is enough: lines above it would only take amplitude from those below.
+const MULTISINE_MODES: f64 = 2.0;
+/// Its largest deviation as a share of the range: with some hundred lines the rms is a quarter of that, 1 %.
+const MULTISINE_SHARE: f64 = 0.04;
+/// Its period, seconds: lines 20 Hz apart, less than the width of a mode at 1 kHz with 2 % damping.
+const MULTISINE_PERIOD_S: f64 = 0.1;
+/// Periods before those that are judged: 0.5 s, in which rise and ringing are over and fast creep stands.
+const SETTLING_PERIODS: u32 = 5;
+/// Periods judged.
+const JUDGED_PERIODS: u32 = 4;
 /// Length of each hold of the staircase, seconds.
 const HOLD_S: f64 = 10.0;
 /// Length of each of its moves, half a cosine, seconds.
-const MOVE_S: f64 = 5e-3;
+const MOVE_S: f64 = 10e-3;
 /// Time after a move from which creep is judged, seconds.
 const JUDGED_AFTER_S: f64 = 5e-3;
 
@@ -48,7 +55,7 @@ pub struct ControllerFigures {
     pub loop_kind: &'static str,
     /// Rms of reference minus position over whole periods, percent of the reference's peak to peak, by reference.
     pub rms_percent: BTreeMap<String, f64>,
-    /// Lag of 30 degrees, hertz; none where there is none up to the noise's 10 kHz.
+    /// Lag of 30 degrees, hertz; none where there is none up to twice the first mode and 10 kHz.
     pub lag30_hz: Option<f64>,
     /// Gain of -3 dB, hertz.
     pub minus3db_hz: Option<f64>,
@@ -88,10 +95,12 @@ enum Contender<'a> {
 pub struct Bench<'a> {
     /// The stage.
     pub stage: &'a StageConfig,
-    /// Seed of sensor noise and of the noise for bandwidths.
+    /// Seed of sensor noise and of the multisine for bandwidths.
     pub seed: u64,
     /// Lowest and highest reference, micrometres.
     pub range_um: [f64; 2],
+    /// The first mode, hertz, as far as it is known: bandwidths are looked for up to twice it.
+    pub first_mode_hz: Option<f64>,
 }
 
 /// Holds a designed controller, open and closed, and the paper's controllers to all references.
@@ -151,7 +160,7 @@ pub fn compare(
         .collect();
     Ok(TrackReport {
         stage: name.to_owned(),
-        first_mode_hz: controller.model.linear.modes.first().map(|mode| mode.frequency_hz),
+        first_mode_hz: bench.first_mode_hz,
         stroke_um: bench.range_um[1] - bench.range_um[0],
         position: "true",
         controllers: controllers?,
@@ -183,14 +192,19 @@ impl Bench<'_> {
         self.stage.sample_period_s
     }
 
-    /// MPI and MRPI as the paper identifies them: sines from 0 V at 10, 100 and 500 Hz, as high as the references need.
+    /// MPI and MRPI as the paper identifies them, on sines at 10, 100 and 500 Hz, here over the range of the references and a
+    /// tenth more: the paper's inverses have no memory of larger loops to fit.
     fn paper_inverses(&self) -> Result<Vec<FitReport>, TrackingError> {
         let top_v = self.stage.hysteresis.reference_v.min(self.stage.amplifier.max_v);
         let stroke_um = self.stage.hysteresis.stroke_um;
-        // A tenth more than the highest reference asks for.
-        let high_v = (1.1 * self.range_um[1] / stroke_um * top_v).min(top_v);
+        let margin_um = 0.1 * (self.range_um[1] - self.range_um[0]);
+        let voltage = |position_um: f64| (position_um / stroke_um * top_v).clamp(0.0, top_v);
+        let range_v = [
+            voltage(self.range_um[0] - margin_um),
+            voltage(self.range_um[1] + margin_um),
+        ];
         let samples = (RECORD_S / self.period_s()).round() as usize;
-        let records = sines(self.stage, &IDENTIFIED_HZ, high_v, |_| samples, self.seed)?;
+        let records = sines(self.stage, &IDENTIFIED_HZ, range_v, |_| samples, self.seed)?;
         [Family::Mpi, Family::Mrpi]
             .into_iter()
             .map(|family| Ok(fit(&records, &FitOptions::paper(family), &|_| ())?))
@@ -216,12 +230,13 @@ impl Bench<'_> {
             })?;
             rms_percent.insert(key.to_owned(), figures.true_percent);
         }
-        let [low_um, high_um] = self.range_um;
-        let band_hz = NOISE_BAND_HZ.min(0.2 / self.period_s());
-        let rms_um = NOISE_SHARE * (high_um - low_um);
-        let reference = noise(self.range_um, rms_um, band_hz, NOISE_S, self.seed, self.period_s())?;
-        let run = contender.track(self, &reference)?;
-        let found = response(&run.reference_um, &run.true_um, self.period_s(), band_hz);
+        let run = contender.track(self, &self.multisine()?)?;
+        let found = line_response(
+            &run.reference_um,
+            &run.true_um,
+            self.period_s(),
+            JUDGED_PERIODS as usize,
+        );
         let has_inverse = !matches!(contender, Contender::Paper(controller) if controller.inverse.is_none());
         Ok(ControllerFigures {
             name: name.to_owned(),
@@ -232,6 +247,29 @@ impl Bench<'_> {
             noise_nm: self.noise_at_rest_nm(contender)?,
             creep_peak_percent: has_inverse.then(|| self.creep_peak_percent(contender)).transpose()?,
             limited_on,
+        })
+    }
+
+    /// A small multisine in the middle of the range, settled.
+    fn multisine(&self) -> Result<Reference, TrackingError> {
+        let [low_um, high_um] = self.range_um;
+        // The generator of commands knows numbers; its volts are micrometres here.
+        let multisine = Multisine {
+            low_hz: 20.0,
+            high_hz: MULTISINE_HZ
+                .min(MULTISINE_MODES * self.first_mode_hz.unwrap_or(f64::INFINITY))
+                .min(0.2 / self.period_s()),
+            period_s: MULTISINE_PERIOD_S,
+            periods: SETTLING_PERIODS + JUDGED_PERIODS,
+            bias_v: 0.5 * (low_um + high_um),
+            peak_v: MULTISINE_SHARE * (high_um - low_um),
+            seed: self.seed,
+        };
+        let samples_um = with_rise(&multisine.samples(self.period_s())?, 0.02, self.period_s())?;
+        let judged = (f64::from(JUDGED_PERIODS) * MULTISINE_PERIOD_S / self.period_s()).round() as usize;
+        Ok(Reference {
+            judged_from: samples_um.len() - judged,
+            samples_um,
         })
     }
 

@@ -61,6 +61,7 @@ pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
         stage: &stage,
         seed: !args.seed,
         range_um,
+        first_mode_hz: controller.model.linear.modes.first().map(|mode| mode.frequency_hz),
     };
     let report = compare(&args.stage, &bench, &controller, !args.alone)?;
     if args.json {
