@@ -188,10 +188,14 @@ fn undone(model: &ControlModel, ahead: usize) -> Result<Undone<'_>, TrackingErro
     })
 }
 
+/// Longest lag that the core undoes, samples.
+const LONGEST_LAG_SAMPLES: f64 = 1000.0;
+
 /// Refuses a chain whose inverse would explode.
 ///
 /// # Errors
 /// - a mode without damping, or above half the sample rate;
+/// - a lag that is negative or of more than 1000 samples;
 /// - a table that does not rise everywhere, so that it has no inverse;
 /// - limits of the command that are not known.
 pub fn refuse(model: &ControlModel) -> Result<(), TrackingError> {
@@ -219,6 +223,18 @@ pub fn refuse(model: &ControlModel) -> Result<(), TrackingError> {
                 advice: "run the controller faster, or take the mode out of the model: below it the stage is rigid",
             });
         }
+    }
+    let longest_s = LONGEST_LAG_SAMPLES * model.sample_period_s;
+    if !(0.0..=longest_s).contains(&model.linear.lag_s) {
+        return Err(TrackingError::Design {
+            what: format!(
+                "an amplifier's lag of {:.0} us cannot be undone at {:.0} Hz: it asks for more than {LONGEST_LAG_SAMPLES} times \
+                 each change of the command",
+                1e6 * model.linear.lag_s,
+                2.0 * half_rate_hz
+            ),
+            advice: "give a lag of 0 to 1000 samples, or identify again",
+        });
     }
     let slope = model.inverse.smallest_slope_v_per_um();
     if slope.is_nan() || slope <= 0.0 {

@@ -43,6 +43,13 @@ impl From<ReferenceName> for ReferenceKind {
 }
 
 pub(crate) fn run(args: &DesignArgs) -> Result<Done, CliError> {
+    if args.data.extension().is_some_and(|ending| ending == "toml") {
+        return Err(CliError::Option(format!(
+            "{}: a controller is designed from the records of a campaign, not from a model file, which lacks the linear part; \
+             give the folder that `hysteron campaign` wrote",
+            args.data.display()
+        )));
+    }
     let dataset = load::dataset(&args.data)?;
     let model = identify(&dataset)?;
     let controller = Controller::design(&model, args.reference.into())?.with_feedback();

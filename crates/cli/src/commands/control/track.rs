@@ -92,8 +92,8 @@ fn text(report: &TrackReport) -> String {
     }
     let _ = writeln!(
         text,
-        " {:>7} {:>9} {:>9} {:>6}  {}",
-        "creep", "30 deg Hz", "-3 dB Hz", "nm", "paper at 500 Hz"
+        " {:>7} {:>9} {:>9} {:>6}  paper at 500 Hz",
+        "creep", "30 deg Hz", "-3 dB Hz", "nm"
     );
     for controller in &report.controllers {
         text.push_str(&line(controller, widest));
