@@ -7,7 +7,7 @@ use crate::experiment::{self, sines};
 use crate::figures::judge;
 use crate::paper::{IDENTIFIED_HZ, RECORD_S, Reading};
 use crate::reference::{Reference, Shape};
-use crate::response::line_response;
+use crate::response::{Response, line_response};
 use crate::run::{PiGains, Tracked};
 use hysteron_identify::{Family, FitOptions, FitReport, fit};
 use hysteron_plant::excitation::{Excitation, Multisine, with_rise};
@@ -26,6 +26,8 @@ pub const SHAPES: [(&str, Shape); 7] = [
     ("triangle-100", Shape::Triangle { frequency_hz: 100.0 }),
 ];
 
+/// The reference whose run is kept to be drawn.
+const DRAWN: &str = "500";
 /// Highest line of the multisine that bandwidths are measured with, hertz.
 const MULTISINE_HZ: f64 = 10e3;
 /// Twice the first mode is enough: lines above it would only take amplitude from those below.
@@ -67,6 +69,12 @@ pub struct ControllerFigures {
     /// References on which the command met the amplifier's limits for more than 1 % of the time.
     #[serde(skip)]
     pub limited_on: Vec<String>,
+    /// Two periods at 500 Hz, to draw.
+    #[serde(skip)]
+    pub history: Tracked,
+    /// The response to the small multisine, to draw.
+    #[serde(skip)]
+    pub response: Response,
 }
 
 /// Every controller on one stage.
@@ -219,6 +227,7 @@ impl Bench<'_> {
     ) -> Result<ControllerFigures, TrackingError> {
         let mut rms_percent = BTreeMap::new();
         let mut limited_on = Vec::new();
+        let mut history = None;
         for (key, shape) in SHAPES {
             let run = contender.track(self, &shape.reference(self.range_um, self.period_s()))?;
             if run.limited_percent() > 1.0 {
@@ -229,6 +238,10 @@ impl Bench<'_> {
                 advice: "give a range with --range LOW,HIGH that ascends",
             })?;
             rms_percent.insert(key.to_owned(), figures.true_percent);
+            if key == DRAWN {
+                let two_periods = (2.0 / shape.frequency_hz() / self.period_s()).round() as usize;
+                history = Some(run.from(run.reference_um.len().saturating_sub(two_periods + 1)));
+            }
         }
         let run = contender.track(self, &self.multisine()?)?;
         let found = line_response(
@@ -247,6 +260,8 @@ impl Bench<'_> {
             noise_nm: self.noise_at_rest_nm(contender)?,
             creep_peak_percent: has_inverse.then(|| self.creep_peak_percent(contender)).transpose()?,
             limited_on,
+            history: history.unwrap_or_default(),
+            response: found,
         })
     }
 

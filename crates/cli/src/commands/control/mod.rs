@@ -1,6 +1,7 @@
 //! From records to a controller that tracks: `campaign`, `design`, `track`.
 
 pub(crate) mod design;
+mod page;
 pub(crate) mod record;
 pub(crate) mod track;
 

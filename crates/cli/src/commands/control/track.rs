@@ -1,6 +1,6 @@
 //! `hysteron track`.
 
-use crate::commands::control::stage;
+use crate::commands::control::{page, stage};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
@@ -23,6 +23,9 @@ pub(crate) struct TrackArgs {
     /// Lowest and highest reference, micrometres; without it half the stroke about two fifths of it
     #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 2)]
     pub range: Option<Vec<f64>>,
+    /// Write a page with pictures
+    #[arg(short, long, value_name = "PAGE.html")]
+    pub output: Option<PathBuf>,
     /// Leave the paper's controllers out
     #[arg(long)]
     pub alone: bool,
@@ -35,7 +38,7 @@ pub(crate) struct TrackArgs {
 }
 
 /// The paper's own figures at 500 Hz on its hardware, percent: open-loop MPI and MRPI, PI alone and with each.
-const PUBLISHED_500_HZ: [(&str, f64); 5] = [
+pub(super) const PUBLISHED_500_HZ: [(&str, f64); 5] = [
     ("paper's MPI", 11.0),
     ("paper's MRPI", 1.6),
     ("paper's PI", 37.0),
@@ -64,6 +67,9 @@ pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
         first_mode_hz: controller.model.linear.modes.first().map(|mode| mode.frequency_hz),
     };
     let report = compare(&args.stage, &bench, &controller, !args.alone)?;
+    if let Some(path) = &args.output {
+        output::write_file(path, &page::page(&report, &controller, args))?;
+    }
     if args.json {
         output::print_json(&report)?;
     } else {
