@@ -1,7 +1,8 @@
 //! The commands; each has its arguments and its help in its own file.
 
 use crate::commands::{
-    add::AddArgs, challenge::ChallengeArgs, compare::CompareArgs, demo::DemoArgs, diagnose::DiagnoseArgs,
+    add::AddArgs, challenge::ChallengeArgs, compare::CompareArgs, control::design::DesignArgs,
+    control::record::CampaignArgs, control::track::TrackArgs, demo::DemoArgs, diagnose::DiagnoseArgs,
     explain::ExplainArgs, fit::FitArgs, import::ImportArgs, lab::LabArgs, ladder::LadderArgs, learn::LearnArgs,
     paper::PaperArgs, report::ReportArgs, simulate::SimulateArgs,
 };
@@ -45,6 +46,12 @@ pub(crate) enum Command {
     Explain(ExplainArgs),
     /// Make a dataset with a sealed effect, answer what it is, see the truth
     Challenge(ChallengeArgs),
+    /// Record on a stage what a controller has to be designed from
+    Campaign(CampaignArgs),
+    /// Design the complete controller from the records of a campaign
+    Design(DesignArgs),
+    /// Track references with a controller and with the paper's, side by side
+    Track(TrackArgs),
     /// Redo the paper on the simulated stages, its figures beside ours
     Paper(PaperArgs),
     /// Run the main job on the simulated stage and leave a page with pictures

@@ -32,6 +32,9 @@ fn main() -> ExitCode {
         Command::Report(args) => commands::report::run(&args),
         Command::Explain(args) => commands::explain::run(&args),
         Command::Challenge(args) => commands::challenge::run(&args),
+        Command::Campaign(args) => commands::control::record::run(&args),
+        Command::Design(args) => commands::control::design::run(&args),
+        Command::Track(args) => commands::control::track::run(&args),
         Command::Paper(args) => commands::paper::run(&args),
         Command::Demo(args) => commands::demo::run(&args),
     };

@@ -5,7 +5,8 @@
 //!
 //! - operators: [`play`] (eqs 1-4, 7, 8), [`envelope`] (9), [`thresholds`] (16), [`bank`]
 //! - models: [`pi_model`] (5), [`mpi`] (6, 12), [`wrpi`], [`mrpi`] (10, 13), [`play_polynomial`]; see [`model`] for inverses
-//! - control: [`pi_controller`] (14), [`limiter`], [`control_law`] (15), [`codes`]
+//! - control: [`pi_controller`] (14), [`limiter`], [`control_law`] (15), [`codes`]; the complete inverse with feedback in
+//!   [`tracking_law`], made of [`preview`], [`biquad`] and the compensators beside their effects in [`effects`]
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -13,6 +14,7 @@
 extern crate std;
 
 pub mod bank;
+pub mod biquad;
 pub mod codes;
 pub mod control_law;
 pub mod effects;
@@ -26,6 +28,8 @@ pub mod pi_controller;
 pub mod pi_model;
 pub mod play;
 pub mod play_polynomial;
+pub mod preview;
 pub mod real;
 pub mod thresholds;
+pub mod tracking_law;
 pub mod wrpi;

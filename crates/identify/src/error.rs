@@ -86,6 +86,12 @@ pub enum IdentifyError {
     /// A model that the core refuses.
     #[error("the model cannot run as a control table: {0}")]
     Core(#[from] hysteron_core::error::ParamError),
+    /// Records that do not tell what a controller needs to know.
+    #[error("cannot identify for control: {reason}")]
+    Control {
+        /// What is missing, and what to do.
+        reason: String,
+    },
     /// A model file that cannot be read.
     #[error("{file}: {reason}")]
     ModelFile {

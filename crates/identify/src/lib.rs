@@ -11,6 +11,7 @@ mod chain_fit;
 mod chain_start;
 mod chain_trace;
 mod columns;
+pub mod control;
 pub mod core_model;
 pub mod effects;
 pub mod error;

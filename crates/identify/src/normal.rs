@@ -102,6 +102,13 @@ impl Normal {
         }
     }
 
+    /// As [`Self::solve`], for another right side.
+    pub(crate) fn solve_for(&self, right: &DVector<f64>, ridge: f64) -> Vec<f64> {
+        let mut other = self.clone();
+        other.rhs.copy_from_slice(right.as_slice());
+        other.solve(ridge)
+    }
+
     /// The eigenvalues and eigenvectors of the scaled matrix.
     pub(crate) fn spectrum(&self) -> Spectrum {
         let (matrix, rhs, scales) = self.scaled();

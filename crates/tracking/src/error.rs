@@ -16,6 +16,22 @@ pub enum TrackingError {
     /// A control law that the core refuses.
     #[error("the control law cannot be built: {0}")]
     Control(#[from] ParamError),
+    /// A chain that cannot be undone.
+    #[error("no controller: {what}; {advice}")]
+    Design {
+        /// What stands in the way.
+        what: String,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// A controller file that cannot be read or written.
+    #[error("{file}: {reason}")]
+    ControllerFile {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        reason: String,
+    },
     /// A reference that is not finite.
     #[error("reference_um[{index}] = {value} is not finite; give micrometres")]
     Reference {

@@ -12,17 +12,19 @@ use hysteron_plant::{Stage, StageConfig};
 /// Number of plays, section 4.2.
 pub const PLAYS: usize = 10;
 
+/// Rise from rest at 0 V to the sine's lowest voltage, seconds.
+const RISE_S: f64 = 0.02;
 /// Settling before a record, seconds: ringing, filters and the first loop are over.
 const SETTLING_S: f64 = 0.06;
 
-/// Sines from 0 V to `high_v`, one record a frequency, in periodic state, `samples(frequency)` samples long.
+/// Sines between two voltages, one record a frequency, in periodic state, `samples(frequency)` samples long.
 ///
 /// # Errors
 /// A stage or a sine that the plant refuses.
 pub fn sines(
     config: &StageConfig,
     frequencies_hz: &[f64],
-    high_v: f64,
+    [low_v, high_v]: [f64; 2],
     samples: impl Fn(f64) -> usize,
     seed: u64,
 ) -> Result<Dataset, TrackingError> {
@@ -41,17 +43,21 @@ pub fn sines(
         let length = settling + samples(frequency_hz);
         let sine = Sine {
             frequency_hz,
-            low_v: 0.0,
+            low_v,
             high_v,
             periods: (length as f64 + 0.5) * period_s * frequency_hz,
         };
         let mut voltage_v = sine.samples(period_s)?;
         voltage_v.truncate(length);
-        let mut run = Stage::new(config, seed)?.run(&voltage_v, period_s)?;
+        let mut stage = Stage::new(config, seed)?;
+        if low_v != 0.0 {
+            stage.move_and_rest(low_v, RISE_S, 0.0)?;
+        }
+        let mut run = stage.run(&voltage_v, period_s)?;
         dataset.records.push(Record {
             file: format!("sine-{frequency_hz:03}hz.csv"),
             role: Role::Identify,
-            excitation: format!("sine {frequency_hz} Hz, 0 to {high_v} V"),
+            excitation: format!("sine {frequency_hz} Hz, {low_v} to {high_v} V"),
             start_s: 0.0,
             period_s,
             voltage_v: voltage_v.split_off(settling.min(voltage_v.len())),

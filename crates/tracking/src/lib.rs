@@ -6,6 +6,10 @@
 //! rounding (the chip's `f32` adds some 1e-6 of the stroke, below a step of the converters).
 #![forbid(unsafe_code)]
 
+pub mod bench;
+pub mod campaign;
+pub mod complete;
+pub mod design;
 pub mod error;
 pub mod experiment;
 pub mod figures;

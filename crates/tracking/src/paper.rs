@@ -88,7 +88,7 @@ pub fn study(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Study, TrackingError> {
     let samples = (RECORD_S / stage.sample_period_s).round() as usize;
-    let records = sines(stage, &IDENTIFIED_HZ, HIGH_V, |_| samples, seed)?;
+    let records = sines(stage, &IDENTIFIED_HZ, [0.0, HIGH_V], |_| samples, seed)?;
     let [low_um, high_um] = common_range_um(&records).ok_or_else(|| StageError::Conflict {
         what: format!("the stage reaches no position at all of {IDENTIFIED_HZ:?} Hz"),
         advice: "give a stage that moves",

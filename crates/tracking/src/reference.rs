@@ -17,6 +17,11 @@ pub enum Shape {
         /// Fundamental frequency, hertz.
         frequency_hz: f64,
     },
+    /// From `low` to `high` and back in straight lines.
+    Triangle {
+        /// Frequency, hertz.
+        frequency_hz: f64,
+    },
 }
 
 /// What a reference needs to be judged: the samples, and where the judged part begins.
@@ -39,7 +44,9 @@ impl Shape {
     /// Frequency that the shape repeats at, hertz.
     pub fn frequency_hz(self) -> f64 {
         match self {
-            Self::Sine { frequency_hz } | Self::ComplexHarmonic { frequency_hz } => frequency_hz,
+            Self::Sine { frequency_hz } | Self::ComplexHarmonic { frequency_hz } | Self::Triangle { frequency_hz } => {
+                frequency_hz
+            }
         }
     }
 
@@ -50,6 +57,10 @@ impl Shape {
             Self::ComplexHarmonic { frequency_hz } => {
                 let x = TAU * frequency_hz * time_s;
                 0.5 + 0.5 * (0.25 * x.sin() + 0.3 * (3.0 * x).sin()) / complex_harmonic_peak()
+            }
+            Self::Triangle { frequency_hz } => {
+                let phase = (frequency_hz * time_s).fract();
+                1.0 - (2.0 * phase - 1.0).abs()
             }
         }
     }

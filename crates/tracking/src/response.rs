@@ -82,6 +82,45 @@ pub fn response(input: &[f64], output: &[f64], sample_period_s: f64, highest_hz:
     found
 }
 
+/// The response at the lines of a periodic input, `periods` whole periods of it in periodic state; neighbouring lines within
+/// a cell of the logarithmic grid are summed as in [`response`].
+pub fn line_response(input: &[f64], output: &[f64], sample_period_s: f64, periods: usize) -> Response {
+    let length = input.len().min(output.len());
+    if length < 16 || periods == 0 {
+        return Response::default();
+    }
+    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(length);
+    let spectrum = |values: &[f64]| {
+        let mut time = values[..length].to_vec();
+        let mut lines = fft.make_output_vec();
+        // Lengths are the plan's own.
+        let _ = fft.process(&mut time, &mut lines);
+        lines
+    };
+    let (x, y) = (spectrum(input), spectrum(output));
+    let largest = x.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+    let spacing_hz = 1.0 / (length as f64 * sample_period_s);
+    let lines: Vec<usize> = (periods..x.len())
+        .step_by(periods)
+        .filter(|&line| x[line].norm() > 0.1 * largest)
+        .collect();
+    let cell = |line: usize| (CELLS_A_DECADE * (line as f64 * spacing_hz).log10()).round() as i64;
+    let mut found = Response::default();
+    for cells in lines.chunk_by(|&a, &b| cell(a) == cell(b)) {
+        let (mut xx, mut yy, mut xy) = (0.0, 0.0, Complex64::default());
+        for &line in cells {
+            xx += x[line].norm_sqr();
+            yy += y[line].norm_sqr();
+            xy += x[line].conj() * y[line];
+        }
+        let mean_hz = cells.iter().map(|&line| line as f64 * spacing_hz).sum::<f64>() / cells.len() as f64;
+        if xx > 0.0 && yy > 0.0 {
+            found.push(mean_hz, xy / xx, xy.norm_sqr() / (xx * yy));
+        }
+    }
+    found
+}
+
 impl Response {
     fn push(&mut self, frequency_hz: f64, response: Complex64, coherence: f64) {
         let mut phase_deg = response.arg().to_degrees();
@@ -219,6 +258,27 @@ mod tests {
         let mean = upper.iter().sum::<f64>() / upper.len() as f64;
         // Cells above 1 kHz hold 16 lines and more of 11 segments: about 100 averages, 57 cells.
         assert!((mean - 0.5).abs() < 0.03, "{mean}");
+    }
+
+    /// Two and a half samples of delay on a settled multisine: gain 1 and 30 degrees at 1 / (12 x 50 us) = 1667 Hz.
+    #[test]
+    fn val_line_response_of_a_delay() {
+        let lines = [20.0, 60.0, 140.0, 300.0, 620.0, 1260.0, 1660.0, 1680.0, 2540.0, 5100.0];
+        let wave = |late_s: f64| -> Vec<f64> {
+            (0..5000)
+                .map(|k| {
+                    let t = f64::from(k) * 20e-6 - late_s;
+                    lines
+                        .iter()
+                        .map(|f| (std::f64::consts::TAU * f * t + f * f).sin())
+                        .sum()
+                })
+                .collect()
+        };
+        let found = line_response(&wave(0.0), &wave(50e-6), 20e-6, 2);
+        let hz = found.lag_30_deg().unwrap().frequency_hz;
+        assert!((hz - 1e6 / 600.0).abs() < 1.0, "{hz}");
+        assert!(found.gain.iter().all(|gain| (gain - 1.0).abs() < 1e-9));
     }
 
     #[test]

@@ -47,7 +47,7 @@ pub fn law<const N: usize>(
 }
 
 /// What a run leaves behind, one value a sample.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Tracked {
     /// Desired position, micrometres.
     pub reference_um: Vec<f64>,

@@ -4,6 +4,7 @@ pub(crate) mod add;
 pub(crate) mod campaign;
 pub(crate) mod challenge;
 pub(crate) mod compare;
+pub(crate) mod control;
 pub(crate) mod demo;
 pub(crate) mod diagnose;
 pub(crate) mod excitation;

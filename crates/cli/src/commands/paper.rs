@@ -228,7 +228,7 @@ mod tests {
         let (mut studies, mut races) = (Vec::new(), Vec::new());
         for (name, stage) in &stages {
             studies.push(study(name, stage, 1, &|_| ()).unwrap());
-            let short = sines(stage, &[250.0, 500.0], 26.0, |_| 400, 1).unwrap();
+            let short = sines(stage, &[250.0, 500.0], [0.0, 26.0], |_| 400, 1).unwrap();
             races.push(race(&short, 1, &|_| ()).unwrap());
         }
         let sections = rows::sections(&studies, &races).unwrap();

@@ -123,6 +123,83 @@ impl<T: Real, const N: usize> Block<T> for Creep<T, N> {
     }
 }
 
+/// Undoes creep: `x = (u - sum c_i p_i) / (1 + sum c_i g_i)`, with `p_i` what each element would reach if `x` stood still and
+/// `g_i` the share of a change of `x` that arrives within its sample.
+///
+/// Fast elements are advanced every sample and undone exactly for straight lines; slow ones once every `divider` samples
+/// with the mean of those samples, as in [`Creep`].
+///
+/// # Units
+/// As [`Creep`].
+/// # Cost
+/// 3 FAST + SLOW multiply-adds a step, 2 SLOW more every `divider` samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CreepInverse<T, const FAST: usize, const SLOW: usize> {
+    fast: Creep<T, FAST>,
+    slow: Creep<T, SLOW>,
+    /// `1 / (1 + sum c_i g_i)` over the fast elements.
+    at_once: T,
+}
+
+/// State of [`CreepInverse`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CreepInverseState<T, const FAST: usize, const SLOW: usize> {
+    fast: CreepState<T, FAST>,
+    slow: CreepState<T, SLOW>,
+}
+
+impl<T: Real, const FAST: usize, const SLOW: usize> CreepInverse<T, FAST, SLOW> {
+    /// Builds the inverse of a chain of fast elements (every sample) and slow ones (every `divider` samples).
+    ///
+    /// # Errors
+    /// As [`Creep::new`], for either part.
+    pub fn new(
+        [fast_shares, fast_tau_s]: [[f64; FAST]; 2],
+        [slow_shares, slow_tau_s]: [[f64; SLOW]; 2],
+        sample_rate_hz: f64,
+        divider: u32,
+    ) -> Result<Self, ParamError> {
+        let fast = Creep::new(fast_shares, fast_tau_s, sample_rate_hz, 1)?;
+        let arriving = fast_shares.iter().zip(&fast_tau_s).fold(1.0, |sum, (&share, &tau)| {
+            sum + share * coefficients(tau * sample_rate_hz).1
+        });
+        Ok(Self {
+            fast,
+            slow: Creep::new(slow_shares, slow_tau_s, sample_rate_hz, divider)?,
+            at_once: T::from_f64(1.0 / arriving),
+        })
+    }
+
+    /// Rest at `input` for ever, or at 0 where the stage has just been put at rest.
+    pub fn rest_at(&self, input: T) -> CreepInverseState<T, FAST, SLOW> {
+        CreepInverseState {
+            fast: self.fast.rest_at(input),
+            slow: self.slow.rest_at(input),
+        }
+    }
+
+    /// One sample: the position before creep that gives the position wanted after it.
+    #[inline(always)]
+    pub fn step(&self, state: &mut CreepInverseState<T, FAST, SLOW>, wanted: T) -> T {
+        let last = state.fast.last;
+        let wanted = admit(wanted, last);
+        let mut crept = T::ZERO;
+        let coefficients = self.fast.approach.iter().zip(&self.fast.through);
+        for ((&element, &share), (&approach, &through)) in
+            state.fast.elements.iter().zip(&self.fast.shares).zip(coefficients)
+        {
+            crept += share * (element + approach * (last - element) - through * last);
+        }
+        for (&element, &share) in state.slow.elements.iter().zip(&self.slow.shares) {
+            crept += share * element;
+        }
+        let before = (wanted - crept) * self.at_once;
+        self.fast.step(&mut state.fast, before);
+        self.slow.step(&mut state.slow, before);
+        before
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -191,4 +268,28 @@ mod tests {
         assert!(Creep::<f64, 1>::new([0.1], [0.0], 50e3, 1).is_err());
         assert!(Creep::<f64, 1>::new([0.1], [1.0], 50e3, 0).is_err());
     }
+
+    /// Creep after its inverse is the identity: exactly for the fast elements, within the decimation for slow ones.
+    #[test]
+    fn val_inverse_undoes_creep() {
+        let (fast, slow) = ([0.01, 0.02], [0.015, 0.03]);
+        let (fast_s, slow_s) = ([1e-3, 2e-2], [1.0, 100.0]);
+        let inverse = CreepInverse::<f64, 2, 2>::new([fast, fast_s], [slow, slow_s], 50e3, 50).unwrap();
+        let single = CreepInverse::<f32, 2, 2>::new([fast, fast_s], [slow, slow_s], 50e3, 50).unwrap();
+        let creep = Creep::<f64, 4>::new([0.01, 0.02, 0.015, 0.03], [1e-3, 2e-2, 1.0, 100.0], 50e3, 1).unwrap();
+        let (mut a, mut b, mut c) = (inverse.rest_at(0.0), creep.rest_at(0.0), single.rest_at(0.0));
+        for k in 0..500_000 {
+            let wanted = 5.0 * (1.0 - (TAU_A_SAMPLE * f64::from(k)).cos()) + f64::from(k / 100_000);
+            let before = inverse.step(&mut a, wanted);
+            let found = creep.step(&mut b, before);
+            // The element of 1 s has yet to make up to a millisecond's move: 1e-3 of at most 14 um, by its share of 0.015.
+            assert!((found - wanted).abs() < 2.1e-4, "{k}: {found} {wanted}");
+            let in_single = f64::from(single.step(&mut c, wanted as f32));
+            // 10 um in f32: 5e-7 a rounding, slow states add some of them.
+            assert!((in_single - before).abs() < 2e-5, "{k}: {in_single} {before}");
+        }
+    }
+
+    /// 23 Hz at 50 kHz.
+    const TAU_A_SAMPLE: f64 = core::f64::consts::TAU * 23.0 / 50e3;
 }

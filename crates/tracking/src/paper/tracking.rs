@@ -173,7 +173,7 @@ impl Bench<'_> {
     /// 500 Hz with inverses fitted to four periods of each sine: the other reading of K_j in eq. 17.
     pub(super) fn equal_periods(&self) -> Result<Vec<TrackingFigure>, TrackingError> {
         let four_periods = |f: f64| (4.0 / f / self.stage.sample_period_s).round() as usize;
-        let records = sines(self.stage, &IDENTIFIED_HZ, HIGH_V, four_periods, self.seed)?;
+        let records = sines(self.stage, &IDENTIFIED_HZ, [0.0, HIGH_V], four_periods, self.seed)?;
         let inverses = fit_inverses(&records)?;
         let shape = Shape::Sine { frequency_hz: 500.0 };
         let figures: Result<Vec<_>, _> = open(&inverses).iter().map(|named| self.figure(named, shape)).collect();

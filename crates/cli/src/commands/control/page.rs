@@ -1,0 +1,285 @@
+//! The page of `hysteron track`.
+
+use super::track::{PUBLISHED_500_HZ, TrackArgs};
+use hysteron_report::figures::{Line, Lines, lines};
+use hysteron_report::{Block, Cell, Figure, Ink, Page, Picture, Section, Size, Table, significant};
+use hysteron_tracking::bench::{ControllerFigures, SHAPES, TrackReport};
+use hysteron_tracking::design::Controller;
+
+const HALF: Size = Size {
+    width: 524,
+    height: 320,
+};
+/// Errors beyond this share of the stroke are no tracking: such a loop is not drawn beside those that track.
+const LOST_PERCENT: f64 = 50.0;
+
+/// The page as HTML.
+pub(super) fn page(report: &TrackReport, controller: &Controller, args: &TrackArgs) -> String {
+    let mode = report
+        .first_mode_hz
+        .map_or("rigid".to_owned(), |hz| format!("{hz:.0} Hz"));
+    let mut page = Page::new(
+        format!("Tracking on the stage {}", report.stage),
+        env!("CARGO_PKG_VERSION"),
+    )
+    .fact(
+        "Stage",
+        format!("{} (simulated; nothing here was measured on hardware)", report.stage),
+    )
+    .fact("First mode, as identified", mode)
+    .fact("Stroke", format!("{} µm", report.stroke_um))
+    .fact(
+        "Errors",
+        "reference minus true position at the same instant, nothing shifted",
+    )
+    .fact("Seed", args.seed.to_string());
+    for sentence in lead(report) {
+        page = page.lead(sentence);
+    }
+    let mut command = format!("hysteron track {} --stage {}", args.controller.display(), report.stage);
+    if args.alone {
+        command.push_str(" --alone");
+    }
+    page.section(
+        Section::new("Errors")
+            .with(Block::Table(table(report)))
+            .with(Block::Gallery(pictures(report))),
+    )
+    .section(Section::new("What the controller undoes").with(Block::Table(chain(controller))))
+    .section(
+        Section::new("How this was made").with(Block::Command(format!("{command} --seed {} -o page.html", args.seed))),
+    )
+    .render()
+}
+
+fn lead(report: &TrackReport) -> Vec<String> {
+    let at = |controller: &ControllerFigures, key: &str| {
+        controller
+            .rms_percent
+            .get(key)
+            .map_or("–".to_owned(), |value| significant(*value))
+    };
+    report
+        .controllers
+        .iter()
+        .filter(|controller| controller.name.starts_with("complete"))
+        .map(|controller| {
+            format!(
+                "{}, {} loop: {} % of peak to peak at 10 Hz, {} % at 500 Hz, {} % at 1 kHz.",
+                controller.name,
+                controller.loop_kind,
+                at(controller, "10"),
+                at(controller, "500"),
+                at(controller, "1000")
+            )
+        })
+        .collect()
+}
+
+fn table(report: &TrackReport) -> Table {
+    let mut columns = vec!["Controller", "Loop"];
+    columns.extend(SHAPES.iter().map(|(key, _)| *key));
+    columns.extend([
+        "Creep peak",
+        "30° lag, Hz",
+        "−3 dB, Hz",
+        "At rest, nm",
+        "Paper at 500 Hz",
+    ]);
+    let caption = "Rms error, % of peak to peak; sines by frequency in Hz";
+    report
+        .controllers
+        .iter()
+        .fold(Table::new(caption, &columns), |table, controller| {
+            let published = PUBLISHED_500_HZ.iter().find(|(name, _)| *name == controller.name);
+            let mut cells = vec![Cell::text(&controller.name), Cell::text(controller.loop_kind)];
+            cells.extend(
+                SHAPES
+                    .iter()
+                    .map(|(key, _)| Cell::number(controller.rms_percent.get(*key).copied())),
+            );
+            cells.push(Cell::number(controller.creep_peak_percent));
+            cells.push(Cell::number(controller.lag30_hz));
+            cells.push(Cell::number(controller.minus3db_hz));
+            cells.push(Cell::number(controller.noise_nm));
+            cells.push(Cell::number(published.map(|(_, percent)| *percent)));
+            table.row(cells)
+        })
+}
+
+/// Controllers that track at all, with a colour each.
+fn drawn(report: &TrackReport) -> impl Iterator<Item = (&ControllerFigures, Ink)> {
+    let tracks = |controller: &&ControllerFigures| {
+        controller
+            .rms_percent
+            .get("500")
+            .is_some_and(|percent| *percent < LOST_PERCENT)
+    };
+    report
+        .controllers
+        .iter()
+        .filter(tracks)
+        .enumerate()
+        .map(|(i, c)| (c, Ink::Series(i)))
+}
+
+fn pictures(report: &TrackReport) -> Vec<Figure> {
+    let lost = report.controllers.len() - drawn(report).count();
+    let note = if lost > 0 {
+        format!(" {lost} controllers that are more than {LOST_PERCENT} % off are not drawn.")
+    } else {
+        String::new()
+    };
+    [
+        (
+            by_frequency(report),
+            format!("Rms error of sines by frequency; dots are where it was run.{note}"),
+        ),
+        (
+            errors(report),
+            "Two periods at 500 Hz: reference minus true position.".to_owned(),
+        ),
+        (
+            gains(report),
+            "Gain for a small multisine in the middle of the range.".to_owned(),
+        ),
+        (
+            phases(report),
+            "Phase for the same; the paper's bandwidth is where it lags by 30°.".to_owned(),
+        ),
+    ]
+    .into_iter()
+    .filter_map(|(picture, caption)| Some(Figure::new(picture?, caption)))
+    .collect()
+}
+
+fn by_frequency(report: &TrackReport) -> Option<Picture> {
+    let series: Vec<Line> = drawn(report)
+        .map(|(controller, ink)| Line {
+            name: controller.name.clone(),
+            points: SHAPES
+                .iter()
+                .filter(|(key, _)| key.parse::<f64>().is_ok())
+                .filter_map(|(key, shape)| Some((shape.frequency_hz(), *controller.rms_percent.get(*key)?)))
+                .collect(),
+            ink,
+        })
+        .collect();
+    let axes = Lines {
+        x_title: "frequency, Hz",
+        y_title: "rms error, % of peak to peak",
+        x_log: true,
+        y_log: true,
+        description: "Rms tracking error of each controller over frequency.",
+    };
+    lines(&series, &axes, HALF)
+}
+
+fn errors(report: &TrackReport) -> Option<Picture> {
+    let series: Vec<Line> = drawn(report)
+        .map(|(controller, ink)| {
+            let run = &controller.history;
+            // Two periods of 500 Hz are 4 ms.
+            let step_ms = 4.0 / run.reference_um.len().saturating_sub(1).max(1) as f64;
+            Line {
+                name: controller.name.clone(),
+                points: run
+                    .reference_um
+                    .iter()
+                    .zip(&run.true_um)
+                    .enumerate()
+                    .map(|(k, (r, y))| (k as f64 * step_ms, 1e3 * (r - y)))
+                    .collect(),
+                ink,
+            }
+        })
+        .collect();
+    let axes = Lines {
+        x_title: "time, ms",
+        y_title: "desired minus true, nm",
+        x_log: false,
+        y_log: false,
+        description: "Error of each controller over two periods at 500 Hz.",
+    };
+    lines(&series, &axes, HALF)
+}
+
+fn gains(report: &TrackReport) -> Option<Picture> {
+    let pick = |controller: &ControllerFigures| controller.response.gain.iter().map(|g| 20.0 * g.log10()).collect();
+    response(report, &pick, "gain, dB")
+}
+
+fn phases(report: &TrackReport) -> Option<Picture> {
+    response(report, &|controller| controller.response.phase_deg.clone(), "phase, °")
+}
+
+fn response(
+    report: &TrackReport,
+    pick: &dyn Fn(&ControllerFigures) -> Vec<f64>,
+    y_title: &'static str,
+) -> Option<Picture> {
+    let series: Vec<Line> = drawn(report)
+        .map(|(controller, ink)| Line {
+            name: controller.name.clone(),
+            points: controller
+                .response
+                .frequency_hz
+                .iter()
+                .copied()
+                .zip(pick(controller))
+                .collect(),
+            ink,
+        })
+        .collect();
+    let axes = Lines {
+        x_title: "frequency, Hz",
+        y_title,
+        x_log: true,
+        y_log: false,
+        description: "Response from desired to true position of each controller over frequency.",
+    };
+    lines(&series, &axes, HALF)
+}
+
+/// The identified chain in its own units.
+fn chain(controller: &Controller) -> Table {
+    let model = &controller.model;
+    let row = |table: Table, what: &str, value: f64, unit: &str| {
+        table.row(vec![Cell::text(what), Cell::number(value), Cell::text(unit)])
+    };
+    let mut table = Table::new("Identified from records alone", &["What", "Value", "Unit"]);
+    table = row(table, "latency of the controller (known)", 1e6 * model.latency_s, "µs");
+    table = row(table, "amplifier's lag", 1e6 * model.linear.lag_s, "µs");
+    for (i, mode) in model.linear.modes.iter().enumerate() {
+        table = row(table, &format!("mode {}", i + 1), mode.frequency_hz, "Hz");
+        table = row(table, &format!("its damping ratio (mode {})", i + 1), mode.damping, "–");
+    }
+    table = row(
+        table,
+        "creep, all elements together",
+        100.0 * model.creep.shares.iter().sum::<f64>(),
+        "%",
+    );
+    table = row(
+        table,
+        "inverse of the hysteresis: missed on the records",
+        model.misfit_percent,
+        "% of the command's range",
+    );
+    if let Some(feedback) = &controller.feedback {
+        table = row(table, "feedback: integral gain", feedback.integral_v_per_um_s, "V/µm/s");
+        table = row(
+            table,
+            "feedback: peak sensitivity, modes ±10 %, gain 0.6 to 1.3",
+            feedback.peak_sensitivity,
+            "–",
+        );
+        table = row(
+            table,
+            "feedback: disturbances below −3 dB to",
+            feedback.rejection_hz,
+            "Hz",
+        );
+    }
+    table
+}

@@ -1,0 +1,140 @@
+//! `hysteron track`.
+
+use crate::commands::control::{page, stage};
+use crate::error::CliError;
+use crate::exit::Done;
+use crate::output;
+use clap::Args;
+use hysteron_tracking::bench::{Bench, ControllerFigures, SHAPES, TrackReport, compare};
+use hysteron_tracking::design::Controller;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+#[derive(Args)]
+#[command(after_help = "Example:\n  hysteron track controller.toml --stage 8k --json\n\n\
+    Errors are rms of reference minus true position over whole periods after settling, percent of the reference's\n\
+    peak to peak, the mean included. Position k is compared with reference k: nothing is shifted.")]
+pub(crate) struct TrackArgs {
+    /// Controller file of `hysteron design`
+    pub controller: PathBuf,
+    /// The simulated stage: paper-rate, paper-delay, 8k, 2.5k or 739
+    #[arg(long, value_name = "PRESET")]
+    pub stage: String,
+    /// Lowest and highest reference, micrometres; without it half the stroke about two fifths of it
+    #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 2)]
+    pub range: Option<Vec<f64>>,
+    /// Write a page with pictures
+    #[arg(short, long, value_name = "PAGE.html")]
+    pub output: Option<PathBuf>,
+    /// Leave the paper's controllers out
+    #[arg(long)]
+    pub alone: bool,
+    /// Seed of the sensor noise
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Print the answer as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The paper's own figures at 500 Hz on its hardware, percent: open-loop MPI and MRPI, PI alone and with each.
+pub(super) const PUBLISHED_500_HZ: [(&str, f64); 5] = [
+    ("paper's MPI", 11.0),
+    ("paper's MRPI", 1.6),
+    ("paper's PI", 37.0),
+    ("paper's PI + MPI", 12.3),
+    ("paper's PI + MRPI", 2.3),
+];
+
+pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
+    let stage = stage(&args.stage)?;
+    let controller = Controller::read(&args.controller)?;
+    let stroke_um = stage.hysteresis.stroke_um;
+    let range_um = match args.range.as_deref() {
+        Some(&[low, high]) if low.is_finite() && high.is_finite() && low < high => [low, high],
+        Some(given) => {
+            return Err(CliError::Option(format!(
+                "--range {given:?}: two positions in micrometres, the lower first, such as 3,13"
+            )));
+        }
+        None => [0.15 * stroke_um, 0.65 * stroke_um],
+    };
+    // Records and runs must not share their noise.
+    let bench = Bench {
+        stage: &stage,
+        seed: !args.seed,
+        range_um,
+        first_mode_hz: controller.model.linear.modes.first().map(|mode| mode.frequency_hz),
+    };
+    let report = compare(&args.stage, &bench, &controller, !args.alone)?;
+    if let Some(path) = &args.output {
+        output::write_file(path, &page::page(&report, &controller, args))?;
+    }
+    if args.json {
+        output::print_json(&report)?;
+    } else {
+        output::print(&text(&report))?;
+    }
+    Ok(Done::Answered)
+}
+
+fn text(report: &TrackReport) -> String {
+    let mut text = String::new();
+    let mode = report
+        .first_mode_hz
+        .map_or("rigid".to_owned(), |hz| format!("first mode {hz:.0} Hz"));
+    // Writing to a String does not fail.
+    let _ = writeln!(
+        text,
+        "STAGE {} (simulated), {mode}; stroke {} um; errors against the reference at the same instant, {} position\n\
+         rms, % of peak to peak; creep: largest error from 5 ms after moves, 10 s holds\n",
+        report.stage, report.stroke_um, report.position
+    );
+    let widest = report.controllers.iter().map(|c| c.name.len()).max().unwrap_or(0);
+    let columns = ["10 Hz", "100", "500", "503", "1000", "complex", "triangle"];
+    let _ = write!(text, "{:<widest$} {:<6}", "", "loop");
+    for column in columns {
+        let _ = write!(text, " {column:>8}");
+    }
+    let _ = writeln!(
+        text,
+        " {:>7} {:>9} {:>9} {:>6}  paper at 500 Hz",
+        "creep", "30 deg Hz", "-3 dB Hz", "nm"
+    );
+    for controller in &report.controllers {
+        text.push_str(&line(controller, widest));
+    }
+    text
+}
+
+fn line(controller: &ControllerFigures, widest: usize) -> String {
+    let mut text = format!("{:<widest$} {:<6}", controller.name, controller.loop_kind);
+    for (key, _) in SHAPES {
+        let value = controller.rms_percent.get(key).copied().unwrap_or(f64::NAN);
+        let _ = write!(text, " {value:>8.3}");
+    }
+    let hertz = |value: Option<f64>| value.map_or("none".to_owned(), |hz| format!("{hz:.0}"));
+    let creep = controller
+        .creep_peak_percent
+        .map_or("-".to_owned(), |peak| format!("{peak:.3}"));
+    let published = PUBLISHED_500_HZ
+        .iter()
+        .find(|(name, _)| *name == controller.name)
+        .map_or(String::new(), |(_, percent)| percent.to_string());
+    let _ = writeln!(
+        text,
+        " {creep:>7} {:>9} {:>9} {:>6.2}  {published}",
+        hertz(controller.lag30_hz),
+        hertz(controller.minus3db_hz),
+        controller.noise_nm
+    );
+    if !controller.limited_on.is_empty() {
+        let _ = writeln!(
+            text,
+            "{:<widest$}        met the amplifier's limits on {}",
+            "",
+            controller.limited_on.join(", ")
+        );
+    }
+    text
+}

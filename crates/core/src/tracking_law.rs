@@ -1,0 +1,182 @@
+//! The complete control law: every identified effect undone in the feedforward, feedback on what is left.
+
+use crate::bank::PlayState;
+use crate::biquad::{Biquad, BiquadState};
+use crate::effects::creep::{CreepInverse, CreepInverseState};
+use crate::effects::lag::HeldLagInverse;
+use crate::limiter::{Limiter, LimiterState};
+use crate::model::Hysteresis;
+use crate::pi_controller::{PiController, PiState};
+use crate::play_polynomial::PlayPolynomial;
+use crate::preview::{Preview, PreviewState};
+use crate::real::Real;
+
+/// The stage's chain backwards: structure and latency ([`Preview`] and one second-order section for what lies between two
+/// modes), creep, hysteresis (direct inverse), amplifier's lag.
+///
+/// TAPS coefficients of the preview, PLAYS play operators, FAST and SLOW elements of creep. A lag of 0 and shares of 0
+/// take a compensator out without another type.
+///
+/// # Units
+/// Micrometres in, volts at the actuator out.
+/// # Cost
+/// TAPS + 3 PLAYS + 3 FAST + SLOW + 13 multiply-adds and 2 PLAYS compares a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feedforward<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
+    /// Latency and structure.
+    pub preview: Preview<T, TAPS>,
+    /// The inverse of an antiresonance and the mode above it; identity for one mode.
+    pub second_mode: Biquad<T>,
+    /// Creep.
+    pub creep: CreepInverse<T, FAST, SLOW>,
+    /// Hysteresis: position before creep in, voltage behind the amplifier's lag out.
+    pub hysteresis: PlayPolynomial<T, PLAYS>,
+    /// The amplifier's lag behind the converter's hold.
+    pub lead: HeldLagInverse<T>,
+}
+
+/// State of [`Feedforward`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FeedforwardState<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
+    preview: PreviewState<T, TAPS>,
+    second_mode: BiquadState<T>,
+    creep: CreepInverseState<T, FAST, SLOW>,
+    hysteresis: PlayState<T, PLAYS>,
+    wanted_v: T,
+}
+
+impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize>
+    Feedforward<T, TAPS, PLAYS, FAST, SLOW>
+{
+    /// The state of a stage that was cycled and rests at 0 V and 0 um.
+    pub fn rest(&self) -> FeedforwardState<T, TAPS, PLAYS, FAST, SLOW> {
+        let mut hysteresis = PlayState::virgin();
+        let wanted_v = self.hysteresis.step(&mut hysteresis, T::ZERO);
+        FeedforwardState {
+            preview: self.preview.rest_at(T::ZERO),
+            second_mode: BiquadState::default(),
+            creep: self.creep.rest_at(T::ZERO),
+            hysteresis,
+            wanted_v,
+        }
+    }
+
+    /// One sample: the command for a reference that comes [`Preview::ahead`] samples before it is due.
+    #[inline(always)]
+    pub fn step(&self, state: &mut FeedforwardState<T, TAPS, PLAYS, FAST, SLOW>, reference_ahead: T) -> T {
+        let previewed = self.preview.step(&mut state.preview, reference_ahead);
+        let before_structure = self.second_mode.step(&mut state.second_mode, previewed);
+        let before_creep = self.creep.step(&mut state.creep, before_structure);
+        let actuator_v = self.hysteresis.step(&mut state.hysteresis, before_creep);
+        self.lead.step(&mut state.wanted_v, actuator_v)
+    }
+
+    /// The reference that is due now: what the stage should show at this sample, and what the feedback compares with.
+    #[inline(always)]
+    pub fn due(&self, state: &FeedforwardState<T, TAPS, PLAYS, FAST, SLOW>) -> T {
+        self.preview.due(&state.preview)
+    }
+}
+
+/// Integral feedback on a lightly damped stage: `C = I B_1 B_2 + D`.
+///
+/// `B_1`, `B_2` in series with the integral are notches or any second-order shape; `D` beside it is a damping filter
+/// (positive position feedback and its kin are such filters). Unused ones are identity and zero.
+///
+/// # Units
+/// Micrometres of error in, volts out.
+/// # Cost
+/// 16 multiply-adds and 6 compares a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feedback<T> {
+    /// Integral (and proportional, where one is wanted).
+    pub integral: PiController<T>,
+    /// In series with it.
+    pub series: [Biquad<T>; 2],
+    /// Beside it.
+    pub damping: Biquad<T>,
+}
+
+/// State of [`Feedback`].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FeedbackState<T> {
+    integral: PiState<T>,
+    series: [BiquadState<T>; 2],
+    damping: BiquadState<T>,
+}
+
+impl<T: Real> Feedback<T> {
+    /// One sample: the correction for an error, `lowest` and `highest` being what the limiter leaves of the command.
+    ///
+    /// Anti-windup: the integral does not move further than to where it alone would meet the limit.
+    #[inline(always)]
+    pub fn step(&self, state: &mut FeedbackState<T>, error: T, lowest: T, highest: T) -> T {
+        let damping = self.damping.step(&mut state.damping, error);
+        let integral = self
+            .integral
+            .step(&mut state.integral, error, lowest - damping, highest - damping);
+        let first = self.series[0].step(&mut state.series[0], integral);
+        self.series[1].step(&mut state.series[1], first) + damping
+    }
+}
+
+/// Feedforward and feedback through a limiter.
+///
+/// The error is formed against the reference that is due at this sample, the one that the feedforward has prepared the
+/// stage for: against any other the feedback would undo the preview.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackingLaw<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
+    /// The chain backwards.
+    pub feedforward: Feedforward<T, TAPS, PLAYS, FAST, SLOW>,
+    /// Feedback; `None` for open loop.
+    pub feedback: Option<Feedback<T>>,
+    /// Limits of the command.
+    pub limiter: Limiter<T>,
+}
+
+/// State of [`TrackingLaw`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackingState<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
+    feedforward: FeedforwardState<T, TAPS, PLAYS, FAST, SLOW>,
+    feedback: FeedbackState<T>,
+    limiter: LimiterState<T>,
+}
+
+impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize>
+    TrackingLaw<T, TAPS, PLAYS, FAST, SLOW>
+{
+    /// The state of a stage that was cycled and rests at 0 V and 0 um.
+    pub fn rest(&self) -> TrackingState<T, TAPS, PLAYS, FAST, SLOW> {
+        TrackingState {
+            feedforward: self.feedforward.rest(),
+            feedback: FeedbackState::default(),
+            limiter: self.limiter.start_at(T::ZERO),
+        }
+    }
+
+    /// One sample: the command for a reference [`Preview::ahead`] samples before it is due and a measured position.
+    ///
+    /// Finite and within the limits for every input.
+    #[inline(always)]
+    pub fn step(&self, state: &mut TrackingState<T, TAPS, PLAYS, FAST, SLOW>, reference_ahead: T, measured: T) -> T {
+        let command = self.feedforward.step(&mut state.feedforward, reference_ahead);
+        let correction = match &self.feedback {
+            Some(feedback) => {
+                let error = self.feedforward.due(&state.feedforward) - measured;
+                let (lowest, highest) = self.limiter.room(&state.limiter);
+                feedback.step(&mut state.feedback, error, lowest - command, highest - command)
+            }
+            None => T::ZERO,
+        };
+        self.limiter.step(&mut state.limiter, command + correction)
+    }
+}
+
+impl<T: Copy, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize>
+    TrackingState<T, TAPS, PLAYS, FAST, SLOW>
+{
+    /// The limiter, which knows whether the last command met a limit.
+    pub fn limiter(&self) -> &LimiterState<T> {
+        &self.limiter
+    }
+}

@@ -1,0 +1,93 @@
+//! Identification for control: from the records of the experiment protocol to everything that a controller undoes.
+//!
+//! The order is that of what each step needs: structure and a first lag from a small multisine, creep from holds, the
+//! direct inverse of the hysteresis through both, and with it the lag on large signals, to which a small multisine is
+//! biased by the hysteresis of small loops. Nothing but records goes in.
+
+mod creep_fit;
+mod inverse;
+pub mod linear_part;
+pub mod model;
+
+pub use linear_part::{FrequencyResponse, LinearPart, ModeOfStage, SmallSignal, fit_small_signal, frequency_response};
+pub use model::{ControlModel, CreepPart, InversePart};
+
+use crate::error::IdentifyError;
+use hysteron_data::{Dataset, Record, Role};
+
+/// Records whose file begins so are small multisines.
+pub const FRF: &str = "frf";
+/// Records whose file begins so are holds.
+pub const HOLD: &str = "hold";
+
+/// Identifies a stage from the records of a campaign.
+///
+/// Records with role `identify` are taken by the beginning of their name: `frf` small multisines, `hold` steps and rests,
+/// all others large signals from a stage that was cycled and rests at 0 V.
+///
+/// # Errors
+/// - no record of one of the three kinds, or records that do not show what they are for;
+/// - large-signal records with different sample periods.
+pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
+    let of_kind = |kind: &str| -> Vec<&Record> {
+        dataset
+            .with_role(Role::Identify)
+            .filter(|record| record.file.starts_with(kind))
+            .collect()
+    };
+    let missing = |what: &str| IdentifyError::Control {
+        reason: format!("the dataset has no {what}; `hysteron campaign` records what is needed"),
+    };
+    let small = of_kind(FRF);
+    let frf = small
+        .first()
+        .ok_or_else(|| missing("small multisine (a record named frf..)"))?;
+    let holds = of_kind(HOLD);
+    if holds.is_empty() {
+        return Err(missing("hold (a record named hold..)"));
+    }
+    let large: Vec<&Record> = dataset
+        .with_role(Role::Identify)
+        .filter(|record| !record.file.starts_with(FRF) && !record.file.starts_with(HOLD))
+        .collect();
+    let first = large.first().ok_or_else(|| missing("large-signal record"))?;
+    let period_s = first.period_s;
+    if let Some(other) = large.iter().find(|r| (r.period_s / period_s - 1.0).abs() > 1e-6) {
+        return Err(IdentifyError::Control {
+            reason: format!(
+                "{} has a sample period of {} s, {} of {period_s} s; record both at the controller's rate",
+                other.file, other.period_s, first.file
+            ),
+        });
+    }
+    let latency_s = dataset.known.delay_s.ok_or_else(|| IdentifyError::Control {
+        reason: "the controller's latency is not known; give known.delay_s in dataset.toml".into(),
+    })?;
+    let response = frequency_response(frf)?;
+    let small_signal = fit_small_signal(&response, latency_s, frf.period_s)?;
+    let creep = creep_fit::fit(&holds)?;
+    let mut linear = small_signal.linear;
+    let around = inverse::Around {
+        linear: &linear,
+        creep: &creep,
+        latency_s,
+        gain_um_per_v: small_signal.gain_um_per_v,
+    };
+    let (inverse, lag_s, left_v) = inverse::fit(&large, &around)?;
+    linear.lag_s = lag_s;
+    let swing_v = large
+        .iter()
+        .map(|record| crate::family::peak_to_peak(&record.voltage_v))
+        .fold(0.0, f64::max);
+    Ok(ControlModel {
+        sample_period_s: period_s,
+        latency_s,
+        voltage_min_v: dataset.known.voltage_min_v.unwrap_or(f64::MIN),
+        voltage_max_v: dataset.known.voltage_max_v.unwrap_or(f64::MAX),
+        small_signal_um_per_v: small_signal.gain_um_per_v,
+        misfit_percent: 100.0 * left_v / swing_v,
+        linear,
+        creep,
+        inverse,
+    })
+}

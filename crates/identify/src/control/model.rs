@@ -1,0 +1,164 @@
+//! The identified chain as a controller needs it.
+
+use super::linear_part::LinearPart;
+use hysteron_core::bank::PlayBank;
+use hysteron_core::effects::creep::CreepInverse;
+use hysteron_core::error::ParamError;
+use hysteron_core::play_polynomial::{INPUT_DEGREE, PlayPolynomial, PolynomialCoefficients};
+use hysteron_core::real::Real;
+use hysteron_core::thresholds::Thresholds;
+use serde::{Deserialize, Serialize};
+
+/// Plays of the direct inverse: 18 graded ones with cubics reached half the error of 10 even ones on simulated stages.
+pub const PLAYS: usize = 18;
+/// Elements of creep that run at every sample: 0.35 to 160 ms.
+pub const CREEP_FAST: usize = 5;
+/// Elements of creep that run once in [`CREEP_DIVIDER`] samples: 0.75 to 350 s.
+pub const CREEP_SLOW: usize = 5;
+/// Samples a step of the slow elements: 1 ms at 50 kHz, 1/750 of the fastest of them.
+pub const CREEP_DIVIDER: u32 = 50;
+
+/// Elements of creep.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CreepPart {
+    /// Time constants, seconds, ascending.
+    pub tau_s: Vec<f64>,
+    /// Displacement still to come over the one that came at once, for each.
+    pub shares: Vec<f64>,
+}
+
+/// The direct inverse of the hysteresis: position before creep in, voltage behind the lag out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct InversePart {
+    /// Inputs that the inverse was identified on, micrometres.
+    pub input_min_um: f64,
+    /// Inputs that the inverse was identified on, micrometres.
+    pub input_max_um: f64,
+    /// Thresholds of the plays, micrometres.
+    pub thresholds_um: Vec<f64>,
+    /// Constant, volts.
+    pub offset_v: f64,
+    /// Coefficients of x, x^2, .. x^5.
+    pub input_function: Vec<f64>,
+    /// Coefficients of each play's output.
+    pub linear: Vec<f64>,
+    /// Coefficients of its square.
+    pub quadratic: Vec<f64>,
+    /// Coefficients of its cube.
+    pub cubic: Vec<f64>,
+}
+
+/// Everything a controller undoes, as identified from records.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ControlModel {
+    /// Sample period of the records and of the controller, seconds.
+    pub sample_period_s: f64,
+    /// Latency of the controller, half a sample of hold included, seconds: known, not identified.
+    pub latency_s: f64,
+    /// Lowest command, volts.
+    pub voltage_min_v: f64,
+    /// Highest command, volts.
+    pub voltage_max_v: f64,
+    /// Static gain for small signals about the bias, micrometres per volt.
+    pub small_signal_um_per_v: f64,
+    /// Rms of the inverse's error on the last records, percent of their peak to peak.
+    pub misfit_percent: f64,
+    /// Lag and modes.
+    pub linear: LinearPart,
+    /// Creep.
+    pub creep: CreepPart,
+    /// Hysteresis.
+    pub inverse: InversePart,
+}
+
+fn array<T: Real, const N: usize>(name: &'static str, values: &[f64]) -> Result<[T; N], ParamError> {
+    let exact: [f64; N] = values.try_into().map_err(|_| ParamError::OutOfRange {
+        name,
+        index: None,
+        value: values.len() as f64,
+        min: N as f64,
+        max: N as f64,
+    })?;
+    Ok(exact.map(T::from_f64))
+}
+
+impl CreepPart {
+    /// The core's inverse.
+    ///
+    /// # Errors
+    /// Another number of elements than the core's block has, shares or times that it refuses.
+    pub fn to_core<T: Real>(&self, sample_rate_hz: f64) -> Result<CreepInverse<T, CREEP_FAST, CREEP_SLOW>, ParamError> {
+        let (fast_c, slow_c) = self.shares.split_at(CREEP_FAST.min(self.shares.len()));
+        let (fast_s, slow_s) = self.tau_s.split_at(CREEP_FAST.min(self.tau_s.len()));
+        CreepInverse::new(
+            [
+                array("number of fast creep shares", fast_c)?,
+                array("number of fast creep times", fast_s)?,
+            ],
+            [
+                array("number of slow creep shares", slow_c)?,
+                array("number of slow creep times", slow_s)?,
+            ],
+            sample_rate_hz,
+            CREEP_DIVIDER,
+        )
+    }
+}
+
+impl InversePart {
+    /// The core's inverse, its input limited to what it was identified on.
+    ///
+    /// # Errors
+    /// Another number of plays than the core's table has, values that it refuses.
+    pub fn to_core<T: Real>(&self, sample_rate_hz: f64) -> Result<PlayPolynomial<T, PLAYS>, ParamError> {
+        let thresholds = Thresholds::new(array("number of thresholds", &self.thresholds_um)?)?;
+        let bank = PlayBank::new(
+            thresholds,
+            T::from_f64(self.input_min_um),
+            T::from_f64(self.input_max_um),
+            T::from_f64(sample_rate_hz),
+        )?;
+        PlayPolynomial::new(
+            bank,
+            PolynomialCoefficients {
+                offset: T::from_f64(self.offset_v),
+                input_function: array::<T, INPUT_DEGREE>("number of powers", &self.input_function)?,
+                linear: array("number of linear coefficients", &self.linear)?,
+                quadratic: array("number of quadratic coefficients", &self.quadratic)?,
+                cubic: array("number of cubic coefficients", &self.cubic)?,
+            },
+        )
+    }
+
+    /// Smallest incremental slope that the inverse has anywhere, volts per micrometre: below zero it is no inverse.
+    ///
+    /// After a turn only the input function and plays whose threshold is passed move; with all earlier plays moving the
+    /// slope is `g'(x) + sum_{i <= n} (q1_i + 2 q2_i w + 3 q3_i w^2)`. Checked along major branches up and down.
+    pub fn smallest_slope_v_per_um(&self) -> f64 {
+        const STEPS: usize = 200;
+        let (low, high) = (self.input_min_um.max(0.0), self.input_max_um);
+        let slope_of_input = |x: f64| -> f64 {
+            let powers = self.input_function.iter().zip(1..);
+            powers.map(|(c, n)| f64::from(n) * c * x.powi(n - 1)).sum()
+        };
+        let slope_of_play =
+            |i: usize, w: f64| self.linear[i] + 2.0 * self.quadratic[i] * w + 3.0 * self.cubic[i] * w * w;
+        let mut smallest = f64::INFINITY;
+        for turn in 0..=4 {
+            let from = low + (high - low) * f64::from(turn) / 4.0;
+            for step in 0..=STEPS {
+                let x = low + (high - low) * step as f64 / STEPS as f64;
+                let moved = (x - from).abs();
+                let plays: f64 = (0..self.thresholds_um.len())
+                    .filter(|&i| self.thresholds_um[i] < moved)
+                    .map(|i| slope_of_play(i, if x > from { x - self.thresholds_um[i] } else { x }))
+                    .sum();
+                smallest = smallest.min(slope_of_input(x) + plays);
+            }
+        }
+        smallest
+    }
+}

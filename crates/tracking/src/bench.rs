@@ -1,0 +1,355 @@
+//! The references that controllers are held to, each controller beside the others on the same stage.
+
+use crate::complete;
+use crate::design::{CompleteLaw, Controller};
+use crate::error::TrackingError;
+use crate::experiment::{self, sines};
+use crate::figures::judge;
+use crate::paper::{IDENTIFIED_HZ, RECORD_S, Reading};
+use crate::reference::{Reference, Shape};
+use crate::response::{Response, line_response};
+use crate::run::{PiGains, Tracked};
+use hysteron_identify::{Family, FitOptions, FitReport, fit};
+use hysteron_plant::excitation::{Excitation, Multisine, with_rise};
+use hysteron_plant::{StageConfig, StageError};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// References that repeat, with the names that tables and files give them.
+pub const SHAPES: [(&str, Shape); 7] = [
+    ("10", Shape::Sine { frequency_hz: 10.0 }),
+    ("100", Shape::Sine { frequency_hz: 100.0 }),
+    ("500", Shape::Sine { frequency_hz: 500.0 }),
+    ("503", Shape::Sine { frequency_hz: 503.0 }),
+    ("1000", Shape::Sine { frequency_hz: 1000.0 }),
+    ("complex-harmonic-100", Shape::ComplexHarmonic { frequency_hz: 100.0 }),
+    ("triangle-100", Shape::Triangle { frequency_hz: 100.0 }),
+];
+
+/// The reference whose run is kept to be drawn.
+const DRAWN: &str = "500";
+/// Highest line of the multisine that bandwidths are measured with, hertz.
+const MULTISINE_HZ: f64 = 10e3;
+/// Twice the first mode is enough: lines above it would only take amplitude from those below.
+const MULTISINE_MODES: f64 = 2.0;
+/// Its largest deviation as a share of the range: with some hundred lines the rms is a quarter of that, 1 %.
+const MULTISINE_SHARE: f64 = 0.04;
+/// Its period, seconds: lines 20 Hz apart, less than the width of a mode at 1 kHz with 2 % damping.
+const MULTISINE_PERIOD_S: f64 = 0.1;
+/// Periods before those that are judged: 0.5 s, in which rise and ringing are over and fast creep stands.
+const SETTLING_PERIODS: u32 = 5;
+/// Periods judged.
+const JUDGED_PERIODS: u32 = 4;
+/// Length of each hold of the staircase, seconds.
+const HOLD_S: f64 = 10.0;
+/// Length of each of its moves, half a cosine, seconds.
+const MOVE_S: f64 = 10e-3;
+/// Time after a move from which creep is judged, seconds.
+const JUDGED_AFTER_S: f64 = 5e-3;
+
+/// What one controller did.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct ControllerFigures {
+    /// The controller.
+    pub name: String,
+    /// `open` or `closed`.
+    #[serde(rename = "loop")]
+    pub loop_kind: &'static str,
+    /// Rms of reference minus position over whole periods, percent of the reference's peak to peak, by reference.
+    pub rms_percent: BTreeMap<String, f64>,
+    /// Lag of 30 degrees, hertz; none where there is none up to twice the first mode and 10 kHz.
+    pub lag30_hz: Option<f64>,
+    /// Gain of -3 dB, hertz.
+    pub minus3db_hz: Option<f64>,
+    /// Rms of the position at rest about its own drift, nanometres.
+    pub noise_nm: f64,
+    /// Largest error from 5 ms after each move of a staircase with 10 s holds, percent of its range; not measured for the
+    /// paper's controllers without an inverse.
+    pub creep_peak_percent: Option<f64>,
+    /// References on which the command met the amplifier's limits for more than 1 % of the time.
+    #[serde(skip)]
+    pub limited_on: Vec<String>,
+    /// Two periods at 500 Hz, to draw.
+    #[serde(skip)]
+    pub history: Tracked,
+    /// The response to the small multisine, to draw.
+    #[serde(skip)]
+    pub response: Response,
+}
+
+/// Every controller on one stage.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct TrackReport {
+    /// The stage.
+    pub stage: String,
+    /// Its first mode as identified, hertz; none for a rigid one.
+    pub first_mode_hz: Option<f64>,
+    /// Peak to peak of the references, micrometres.
+    pub stroke_um: f64,
+    /// `true` position or `measured`.
+    pub position: &'static str,
+    /// The controllers.
+    pub controllers: Vec<ControllerFigures>,
+}
+
+/// A controller ready to run.
+enum Contender<'a> {
+    Complete(Box<CompleteLaw<f64>>),
+    Paper(experiment::Controller<'a>),
+}
+
+/// The stage, the range of the references, and the seed of noise.
+#[derive(Debug, Clone, Copy)]
+pub struct Bench<'a> {
+    /// The stage.
+    pub stage: &'a StageConfig,
+    /// Seed of sensor noise and of the multisine for bandwidths.
+    pub seed: u64,
+    /// Lowest and highest reference, micrometres.
+    pub range_um: [f64; 2],
+    /// The first mode, hertz, as far as it is known: bandwidths are looked for up to twice it.
+    pub first_mode_hz: Option<f64>,
+}
+
+/// Holds a designed controller, open and closed, and the paper's controllers to all references.
+///
+/// # Errors
+/// A stage or controller that cannot be run, sines that the paper's inverses cannot be fitted to.
+///
+/// # Cost
+/// About 6 million samples of stage and controller, some 10 s on two cores.
+pub fn compare(
+    name: &str,
+    bench: &Bench<'_>,
+    controller: &Controller,
+    with_paper: bool,
+) -> Result<TrackReport, TrackingError> {
+    let closed = controller.law::<f64>()?;
+    let open = CompleteLaw {
+        feedback: None,
+        ..closed
+    };
+    let mut contenders = vec![(
+        "complete feedforward".to_owned(),
+        "open",
+        Contender::Complete(Box::new(open)),
+    )];
+    if closed.feedback.is_some() {
+        contenders.push((
+            "complete feedforward + feedback".to_owned(),
+            "closed",
+            Contender::Complete(Box::new(closed)),
+        ));
+    }
+    let inverses = if with_paper {
+        bench.paper_inverses()?
+    } else {
+        Vec::new()
+    };
+    let gains = Reading::ActuatorVoltsPerMicrometre.gains(bench.stage);
+    if with_paper {
+        for report in &inverses {
+            let name = format!("paper's {}", report.model.family.name().to_uppercase());
+            contenders.push((name, "open", Contender::of_paper(Some(report), None)));
+        }
+        contenders.push((
+            "paper's PI".to_owned(),
+            "closed",
+            Contender::of_paper(None, Some(gains)),
+        ));
+        for report in &inverses {
+            let name = format!("paper's PI + {}", report.model.family.name().to_uppercase());
+            contenders.push((name, "closed", Contender::of_paper(Some(report), Some(gains))));
+        }
+    }
+    let controllers: Result<Vec<ControllerFigures>, TrackingError> = contenders
+        .par_iter()
+        .map(|(name, loop_kind, contender)| bench.figures(name, loop_kind, contender))
+        .collect();
+    Ok(TrackReport {
+        stage: name.to_owned(),
+        first_mode_hz: bench.first_mode_hz,
+        stroke_um: bench.range_um[1] - bench.range_um[0],
+        position: "true",
+        controllers: controllers?,
+    })
+}
+
+impl<'a> Contender<'a> {
+    fn of_paper(report: Option<&'a FitReport>, gains: Option<PiGains>) -> Self {
+        Self::Paper(experiment::Controller {
+            inverse: report.map(|report| &report.model),
+            gains,
+            further_samples: 0,
+        })
+    }
+
+    /// The judged part of a run.
+    fn track(&self, bench: &Bench<'_>, reference: &Reference) -> Result<Tracked, TrackingError> {
+        match self {
+            Self::Complete(law) => {
+                Ok(complete::track(bench.stage, bench.seed, law, reference)?.from(reference.judged_from))
+            }
+            Self::Paper(controller) => controller.track(bench.stage, bench.seed, reference),
+        }
+    }
+}
+
+impl Bench<'_> {
+    fn period_s(&self) -> f64 {
+        self.stage.sample_period_s
+    }
+
+    /// MPI and MRPI as the paper identifies them, on sines at 10, 100 and 500 Hz, here over the range of the references and a
+    /// tenth more: the paper's inverses have no memory of larger loops to fit.
+    fn paper_inverses(&self) -> Result<Vec<FitReport>, TrackingError> {
+        let top_v = self.stage.hysteresis.reference_v.min(self.stage.amplifier.max_v);
+        let stroke_um = self.stage.hysteresis.stroke_um;
+        let margin_um = 0.1 * (self.range_um[1] - self.range_um[0]);
+        let voltage = |position_um: f64| (position_um / stroke_um * top_v).clamp(0.0, top_v);
+        let range_v = [
+            voltage(self.range_um[0] - margin_um),
+            voltage(self.range_um[1] + margin_um),
+        ];
+        let samples = (RECORD_S / self.period_s()).round() as usize;
+        let records = sines(self.stage, &IDENTIFIED_HZ, range_v, |_| samples, self.seed)?;
+        [Family::Mpi, Family::Mrpi]
+            .into_iter()
+            .map(|family| Ok(fit(&records, &FitOptions::paper(family), &|_| ())?))
+            .collect()
+    }
+
+    fn figures(
+        &self,
+        name: &str,
+        loop_kind: &'static str,
+        contender: &Contender<'_>,
+    ) -> Result<ControllerFigures, TrackingError> {
+        let mut rms_percent = BTreeMap::new();
+        let mut limited_on = Vec::new();
+        let mut history = None;
+        for (key, shape) in SHAPES {
+            let run = contender.track(self, &shape.reference(self.range_um, self.period_s()))?;
+            if run.limited_percent() > 1.0 {
+                limited_on.push(key.to_owned());
+            }
+            let figures = judge(&run, self.period_s()).ok_or_else(|| StageError::Conflict {
+                what: format!("the reference {key} does not move"),
+                advice: "give a range with --range LOW,HIGH that ascends",
+            })?;
+            rms_percent.insert(key.to_owned(), figures.true_percent);
+            if key == DRAWN {
+                let two_periods = (2.0 / shape.frequency_hz() / self.period_s()).round() as usize;
+                history = Some(run.from(run.reference_um.len().saturating_sub(two_periods + 1)));
+            }
+        }
+        let run = contender.track(self, &self.multisine()?)?;
+        let found = line_response(
+            &run.reference_um,
+            &run.true_um,
+            self.period_s(),
+            JUDGED_PERIODS as usize,
+        );
+        let has_inverse = !matches!(contender, Contender::Paper(controller) if controller.inverse.is_none());
+        Ok(ControllerFigures {
+            name: name.to_owned(),
+            loop_kind,
+            rms_percent,
+            lag30_hz: found.lag_30_deg().map(|crossing| crossing.frequency_hz),
+            minus3db_hz: found.minus_3_db().map(|crossing| crossing.frequency_hz),
+            noise_nm: self.noise_at_rest_nm(contender)?,
+            creep_peak_percent: has_inverse.then(|| self.creep_peak_percent(contender)).transpose()?,
+            limited_on,
+            history: history.unwrap_or_default(),
+            response: found,
+        })
+    }
+
+    /// A small multisine in the middle of the range, settled.
+    fn multisine(&self) -> Result<Reference, TrackingError> {
+        let [low_um, high_um] = self.range_um;
+        // The generator of commands knows numbers; its volts are micrometres here.
+        let multisine = Multisine {
+            low_hz: 20.0,
+            high_hz: MULTISINE_HZ
+                .min(MULTISINE_MODES * self.first_mode_hz.unwrap_or(f64::INFINITY))
+                .min(0.2 / self.period_s()),
+            period_s: MULTISINE_PERIOD_S,
+            periods: SETTLING_PERIODS + JUDGED_PERIODS,
+            bias_v: 0.5 * (low_um + high_um),
+            peak_v: MULTISINE_SHARE * (high_um - low_um),
+            seed: self.seed,
+        };
+        let samples_um = with_rise(&multisine.samples(self.period_s())?, 0.02, self.period_s())?;
+        let judged = (f64::from(JUDGED_PERIODS) * MULTISINE_PERIOD_S / self.period_s()).round() as usize;
+        Ok(Reference {
+            judged_from: samples_um.len() - judged,
+            samples_um,
+        })
+    }
+
+    /// Rms about a straight line over the last 0.2 s of a second at rest in the middle of the range.
+    fn noise_at_rest_nm(&self, contender: &Contender<'_>) -> Result<f64, TrackingError> {
+        let middle_um = 0.5 * (self.range_um[0] + self.range_um[1]);
+        let samples = |time_s: f64| (time_s / self.period_s()).round() as usize;
+        let rise = samples(0.02);
+        let share = |k: usize| 0.5 * (1.0 - (std::f64::consts::PI * (k as f64 / rise as f64).min(1.0)).cos());
+        let reference = Reference {
+            samples_um: (0..samples(1.0)).map(|k| middle_um * share(k)).collect(),
+            judged_from: samples(0.8),
+        };
+        let run = contender.track(self, &reference)?;
+        Ok(1e3 * rms_about_a_line(&run.true_um))
+    }
+
+    /// 10 s at the middle, the top, the bottom and the middle again.
+    fn creep_peak_percent(&self, contender: &Contender<'_>) -> Result<f64, TrackingError> {
+        let [low_um, high_um] = self.range_um;
+        let middle_um = 0.5 * (low_um + high_um);
+        let samples = |time_s: f64| (time_s / self.period_s()).round() as usize;
+        let (moving, holding, after) = (samples(MOVE_S), samples(HOLD_S), samples(JUDGED_AFTER_S));
+        let mut samples_um = Vec::with_capacity(4 * (moving + holding));
+        let mut judged = Vec::new();
+        for pair in [0.0, middle_um, high_um, low_um, middle_um].windows(2) {
+            let share = |k: usize| 0.5 * (1.0 - (std::f64::consts::PI * k as f64 / moving as f64).cos());
+            samples_um.extend((0..moving).map(|k| pair[0] + (pair[1] - pair[0]) * share(k)));
+            judged.push(samples_um.len() + after..samples_um.len() + holding);
+            samples_um.extend(std::iter::repeat_n(pair[1], holding));
+        }
+        let run = contender.track(
+            self,
+            &Reference {
+                samples_um,
+                judged_from: 0,
+            },
+        )?;
+        let largest = judged
+            .into_iter()
+            .flatten()
+            .map(|k| (run.reference_um[k] - run.true_um[k]).abs())
+            .fold(0.0, f64::max);
+        Ok(100.0 * largest / (high_um - low_um))
+    }
+}
+
+/// Rms of what is left of values about their least-squares line.
+fn rms_about_a_line(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let middle = 0.5 * (n - 1.0);
+    let mean = values.iter().sum::<f64>() / n;
+    let slope = values
+        .iter()
+        .enumerate()
+        .map(|(k, y)| (k as f64 - middle) * (y - mean))
+        .sum::<f64>()
+        / values
+            .iter()
+            .enumerate()
+            .map(|(k, _)| (k as f64 - middle).powi(2))
+            .sum::<f64>();
+    let left = values
+        .iter()
+        .enumerate()
+        .map(|(k, y)| (y - mean - slope * (k as f64 - middle)).powi(2));
+    (left.sum::<f64>() / n).sqrt()
+}

@@ -1,0 +1,233 @@
+//! The experiment protocol: the records from which a stage is identified for control, taken on a simulated stage.
+
+use crate::complete;
+use crate::design::{Controller, ReferenceKind};
+use crate::error::TrackingError;
+use crate::reference::{Reference, Shape, noise};
+use hysteron_data::{Dataset, Known, Record, Role};
+use hysteron_identify::control::{self, ControlModel};
+use hysteron_plant::excitation::{BandNoise, Excitation, Multisine, Sine, with_rise};
+use hysteron_plant::{Run, Stage, StageConfig};
+use rayon::prelude::*;
+
+/// Passes of training: records along references that the last inverse was asked to follow.
+const TRAINING_PASSES: usize = 2;
+/// Rise from 0 V to where an excitation starts, seconds.
+const RISE_S: f64 = 0.02;
+/// Sample period of the holds, seconds: creep needs decades of time, not samples.
+const HOLD_PERIOD_S: f64 = 1e-3;
+/// Length of each hold, seconds: three decades beyond the ringing.
+const HOLD_S: f64 = 12.0;
+
+/// What was recorded, and the chain identified from it.
+#[derive(Debug, Clone)]
+pub struct Campaign {
+    /// All records.
+    pub records: Dataset,
+    /// The chain.
+    pub model: ControlModel,
+}
+
+/// Plays the protocol on a stage: small multisine, two holds, large signals, then two passes along references with the
+/// inverse identified so far. Every record starts on a stage that was cycled and rests at 0 V.
+///
+/// # Errors
+/// A stage that cannot be simulated, or records from which it cannot be identified.
+///
+/// # Cost
+/// 37 s of records, 0.8 million samples; three identifications of about a second each.
+pub fn campaign(
+    name: &str,
+    stage: &StageConfig,
+    seed: u64,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Campaign, TrackingError> {
+    let mut records = Dataset {
+        name: name.to_owned(),
+        description: format!("campaign for control on the simulated stage {name}, seed {seed}"),
+        known: Known {
+            delay_s: Some(stage.known_delay_s()),
+            voltage_min_v: Some(stage.amplifier.min_v),
+            voltage_max_v: Some(stage.amplifier.max_v),
+            ..Known::default()
+        },
+        ..Dataset::default()
+    };
+    let bench = Bench { stage, seed };
+    records.records.push(bench.small_multisine()?);
+    records.records.push(bench.holds()?);
+    records.records.extend(bench.large_signals()?);
+    progress(0.3);
+    let mut model = control::identify(&records)?;
+    for pass in 1..=TRAINING_PASSES {
+        let controller = Controller::design(&model, ReferenceKind::Previewed)?;
+        records.records.extend(bench.training(&controller, pass)?);
+        model = control::identify(&records)?;
+        progress(0.3 + 0.7 * pass as f64 / TRAINING_PASSES as f64);
+    }
+    Ok(Campaign { records, model })
+}
+
+/// The stage to record on.
+struct Bench<'a> {
+    stage: &'a StageConfig,
+    seed: u64,
+}
+
+impl Bench<'_> {
+    /// Highest voltage that is used: where the stroke is reached.
+    fn top_v(&self) -> f64 {
+        self.stage.hysteresis.reference_v.min(self.stage.amplifier.max_v)
+    }
+
+    /// A seed of its own for each record.
+    fn seed_of(&self, number: u64) -> u64 {
+        // The golden-ratio increment of splitmix64 keeps streams apart.
+        self.seed.wrapping_add((number + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15))
+    }
+
+    fn record(&self, file: &str, excitation: String, period_s: f64, voltage_v: Vec<f64>, run: Run) -> Record {
+        Record {
+            file: format!("{file}.csv"),
+            role: Role::Identify,
+            excitation,
+            start_s: 0.0,
+            period_s,
+            voltage_v,
+            position_um: run.position_um,
+            reference_um: None,
+            temperature_c: run.temperature_c,
+            voltage2_v: None,
+        }
+    }
+
+    /// 1.5 % of the range about 40 % of it, up to a quarter of the sample rate, nine periods of 0.4 s of which eight count.
+    fn small_multisine(&self) -> Result<Record, TrackingError> {
+        let period_s = self.stage.sample_period_s;
+        let multisine = Multisine {
+            low_hz: 20.0,
+            high_hz: 0.24 / period_s,
+            period_s: 20_000.0 * period_s,
+            periods: 9,
+            bias_v: 0.4 * self.top_v(),
+            peak_v: 0.015 * self.top_v(),
+            seed: self.seed_of(0),
+        };
+        let voltage_v = with_rise(&multisine.samples(period_s)?, RISE_S, period_s)?;
+        let run = Stage::new(self.stage, self.seed_of(0))?.run(&voltage_v, period_s)?;
+        // The rise and the first period, in which creep and ringing settle, are left out.
+        let skip = voltage_v.len() - 8 * 20_000;
+        let run = Run {
+            position_um: run.position_um[skip..].to_vec(),
+            true_position_um: Vec::new(),
+            temperature_c: run.temperature_c.map(|t| t[skip..].to_vec()),
+        };
+        Ok(self.record(
+            "frf-small",
+            multisine.description(),
+            period_s,
+            voltage_v[skip..].to_vec(),
+            run,
+        ))
+    }
+
+    /// Half the range, then a fifth of it, 12 s each, after 50 ms at rest; moves of half a cosine in 20 ms, which hardly ring.
+    fn holds(&self) -> Result<Record, TrackingError> {
+        let samples = |time_s: f64| (time_s / HOLD_PERIOD_S).round() as usize;
+        let levels = [0.0, 0.5 * self.top_v(), 0.2 * self.top_v()];
+        let mut voltage_v = vec![0.0; samples(0.05)];
+        for pair in levels.windows(2) {
+            let ramp = samples(0.02);
+            let share = |k: usize| 0.5 * (1.0 - (std::f64::consts::PI * k as f64 / ramp as f64).cos());
+            voltage_v.extend((1..ramp).map(|k| pair[0] + (pair[1] - pair[0]) * share(k)));
+            voltage_v.extend(std::iter::repeat_n(pair[1], samples(HOLD_S)));
+        }
+        let run = Stage::new(self.stage, self.seed_of(1))?.run(&voltage_v, HOLD_PERIOD_S)?;
+        let words = format!("{} V and {} V held for {HOLD_S} s each", levels[1], levels[2]);
+        Ok(self.record("hold", words, HOLD_PERIOD_S, voltage_v, run))
+    }
+
+    /// Voltages before any inverse is known: noise and sines over most of the range.
+    fn large_signals(&self) -> Result<Vec<Record>, TrackingError> {
+        let period_s = self.stage.sample_period_s;
+        let top_v = self.top_v();
+        let sine = |frequency_hz: f64, low: f64, high: f64, seconds: f64| -> Box<dyn Excitation + Sync> {
+            Box::new(Sine {
+                frequency_hz,
+                low_v: low * top_v,
+                high_v: high * top_v,
+                periods: (seconds * frequency_hz).round(),
+            })
+        };
+        let random = BandNoise {
+            bandwidth_hz: 400.0,
+            duration_s: 1.5,
+            rms_v: 0.15 * top_v,
+            low_v: 0.1 * top_v,
+            high_v: 0.75 * top_v,
+            seed: self.seed_of(2),
+        };
+        let plan: Vec<(&str, Box<dyn Excitation + Sync>)> = vec![
+            ("large-noise", Box::new(random)),
+            ("large-007hz", sine(7.0, 0.0, 0.75, 0.572)),
+            ("large-023hz", sine(23.0, 0.1, 0.72, 0.261)),
+            ("large-097hz", sine(97.0, 0.1, 0.72, 0.2)),
+            ("large-403hz", sine(403.0, 0.12, 0.7, 0.15)),
+        ];
+        plan.par_iter()
+            .enumerate()
+            .map(|(number, (file, excitation))| {
+                let voltage_v = with_rise(&excitation.samples(period_s)?, RISE_S, period_s)?;
+                let run = Stage::new(self.stage, self.seed_of(10 + number as u64))?.run(&voltage_v, period_s)?;
+                Ok(self.record(file, excitation.description(), period_s, voltage_v, run))
+            })
+            .collect()
+    }
+
+    /// References along which the inverse is asked to go, over the middle and lower part of the stroke.
+    fn training(&self, controller: &Controller, pass: usize) -> Result<Vec<Record>, TrackingError> {
+        let period_s = self.stage.sample_period_s;
+        let top_um = controller.model.inverse.input_max_um;
+        let range = |low: f64, high: f64| [low * top_um, high * top_um];
+        let sine = |frequency_hz: f64, ends: [f64; 2]| Shape::Sine { frequency_hz }.reference(ends, period_s);
+        let wide = range(0.15, 0.92);
+        let random = |bandwidth_hz: f64, seconds: f64, ends: [f64; 2], stream: u64| {
+            let seed = self.seed_of(100 * pass as u64 + stream);
+            noise(ends, 0.25 * (ends[1] - ends[0]), bandwidth_hz, seconds, seed, period_s)
+        };
+        let plan: Vec<(&str, Reference)> = vec![
+            ("noise", random(500.0, 1.5, wide, 50)?),
+            ("fast-noise", random(1200.0, 0.4, range(0.2, 0.85), 51)?),
+            ("023hz", sine(23.0, wide)),
+            ("097hz", sine(97.0, range(0.2, 0.9))),
+            ("097hz-small", sine(97.0, range(0.35, 0.75))),
+            ("403hz", sine(403.0, range(0.2, 0.85))),
+            ("907hz", sine(907.0, range(0.25, 0.8))),
+            (
+                "triangle-061hz",
+                Shape::Triangle { frequency_hz: 61.0 }.reference(range(0.2, 0.9), period_s),
+            ),
+        ];
+        let law = controller.law::<f64>()?;
+        plan.par_iter()
+            .enumerate()
+            .map(|(number, (file, reference))| {
+                let seed = self.seed_of(100 * pass as u64 + number as u64);
+                let run = complete::track(self.stage, seed, &law, reference)?;
+                Ok(Record {
+                    file: format!("training{pass}-{file}.csv"),
+                    role: Role::Identify,
+                    excitation: format!("open loop along {file}, pass {pass}"),
+                    start_s: 0.0,
+                    period_s,
+                    // As the converter rounded them or not: the command is what is known.
+                    voltage_v: run.command_v,
+                    position_um: run.measured_um,
+                    reference_um: Some(run.reference_um),
+                    temperature_c: None,
+                    voltage2_v: None,
+                })
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,500 @@
+//! Feedback on what the feedforward leaves, designed for a stated robustness on the identified linear part.
+
+use super::preview::section;
+use hysteron_core::biquad::Biquad;
+use hysteron_core::error::ParamError;
+use hysteron_core::pi_controller::PiController;
+use hysteron_core::real::Real;
+use hysteron_core::tracking_law::Feedback;
+use hysteron_identify::control::{ControlModel, LinearPart};
+use rayon::prelude::*;
+use realfft::num_complex::Complex64;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{FRAC_PI_2, LN_2, PI, TAU};
+
+/// Largest peak of the sensitivity that is allowed: the loop stays half of its own size away from the critical point.
+pub const LARGEST_SENSITIVITY: f64 = 2.0;
+/// By how much the modes may be off: a tenth either way is a fifth of the mass.
+const MODE_FACTORS: [f64; 3] = [0.9, 1.0, 1.1];
+/// By how much the loop gain differs from its mean: slope after a turn against slope in mid-branch.
+const GAIN_FACTORS: [f64; 3] = [0.6, 1.0, 1.3];
+/// Rms that a nanometre of white sensor noise may leave in the position, nanometres: with the converters' share below 0.4.
+const LARGEST_NOISE: f64 = 0.3;
+/// Rms that a nanometre of white sensor noise may make of the command, nanometres at the stage's mean gain: more would
+/// shake the hysteresis out of the state that the feedforward counts on.
+const LARGEST_EFFORT: f64 = 3.0;
+/// What the feedforward leaves is looked at from here, hertz: slower errors any integral takes away.
+const FROM_HZ: f64 = 1.0;
+/// Its power in an octave falls with the fourth root of the frequency (creep and drift at the slow end, hysteresis at
+/// the fast one) up to here, hertz, and with 1/f above.
+const TO_HZ: f64 = 1000.0;
+/// Exponent of its power.
+const SLOW_END: f64 = 0.25;
+
+/// The designed feedback.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FeedbackDesign {
+    /// Which of the structures came out best: `integral`, `notch`, `two-biquads`, `damping`.
+    pub structure: String,
+    /// Integral gain, volts per micrometre and second.
+    pub integral_v_per_um_s: f64,
+    /// Sections in series with the integral: b0, b1, b2, a1, a2.
+    pub series: [[f64; 5]; 2],
+    /// Damping filter beside it.
+    pub damping: [f64; 5],
+    /// Largest peak of the sensitivity over modes +-10 % and loop gain 0.6 to 1.3.
+    pub peak_sensitivity: f64,
+    /// Disturbances are halved in power (sensitivity below -3 dB) up to here, hertz; nominal.
+    pub rejection_hz: f64,
+    /// Sensitivity first exceeds 1 here, hertz; nominal: above, feedback adds to the error.
+    pub helps_to_hz: f64,
+    /// Rms of the position for a nanometre of white sensor noise, nanometres; nominal.
+    pub noise_nm: f64,
+}
+
+impl FeedbackDesign {
+    /// The core's block.
+    ///
+    /// # Errors
+    /// Gains and sections that the core refuses.
+    pub fn to_core<T: Real>(&self, sample_rate_hz: f64) -> Result<Feedback<T>, ParamError> {
+        let biquad = |c: [f64; 5]| Biquad::new([c[0], c[1], c[2]], [c[3], c[4]]);
+        Ok(Feedback {
+            integral: PiController::new(
+                T::ZERO,
+                T::from_f64(self.integral_v_per_um_s),
+                T::from_f64(sample_rate_hz),
+            )?,
+            series: [biquad(self.series[0])?, biquad(self.series[1])?],
+            damping: biquad(self.damping)?,
+        })
+    }
+}
+
+/// Least damping ratio of a section's poles: the grid of frequencies must see what the section does, and a modes' tenth either
+/// way leaves no use for anything narrower.
+const NARROWEST_POLE: f64 = 0.1;
+/// Least damping ratio of its zeros.
+const NARROWEST_ZERO: f64 = 0.02;
+
+/// Nothing beside the integral.
+const NO_DAMPING: [f64; 5] = [0.0; 5];
+/// Nothing in series with it.
+const THROUGH: [f64; 5] = [1.0, 0.0, 0.0, 0.0, 0.0];
+
+/// A structure with the parameters that the search varies; logarithms where they are positive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Structure {
+    Integral,
+    Notch,
+    TwoBiquads,
+    Damping,
+}
+
+/// Integral gain (normalised to the plant's, per second) and sections.
+struct Candidate {
+    integral_per_s: f64,
+    series: [[f64; 5]; 2],
+    damping: [f64; 5],
+}
+
+impl Structure {
+    const ALL: [Self; 4] = [Self::Integral, Self::Notch, Self::TwoBiquads, Self::Damping];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Integral => "integral",
+            Self::Notch => "notch",
+            Self::TwoBiquads => "two-biquads",
+            Self::Damping => "damping",
+        }
+    }
+
+    /// Where the search begins, for a first mode and the lightest loop that is surely stable.
+    fn starts(self, mode_hz: f64) -> Vec<Vec<f64>> {
+        let slow = (0.1 * mode_hz).ln();
+        match self {
+            Self::Integral => vec![vec![(0.02 * mode_hz).ln()]],
+            Self::Notch => [0.9_f64, 1.0, 1.1]
+                .iter()
+                .map(|f| vec![slow, (f * mode_hz).ln(), 0.1_f64.ln(), 0.7_f64.ln()])
+                .collect(),
+            Self::TwoBiquads => [
+                (0.93_f64, 1.08_f64, 0.1_f64),
+                (0.93, 1.08, 0.3),
+                (0.8, 1.0, 0.2),
+                (1.0, 1.3, 0.3),
+            ]
+            .iter()
+            .map(|(lower, upper, z)| {
+                let pair = |f: f64| [(f * mode_hz).ln(), z.ln(), (f * mode_hz).ln(), 0.7_f64.ln()];
+                let mut start = vec![slow];
+                start.extend(pair(*lower));
+                start.extend(pair(*upper));
+                start
+            })
+            .collect(),
+            // Signs of the filter's three parts: derivative, position and acceleration feedback and mixtures.
+            Self::Damping => [
+                [0.0, 0.3, 0.0],
+                [0.0, -0.3, 0.0],
+                [0.0, 0.0, -0.3],
+                [0.0, 0.2, -0.2],
+                [0.2, 0.0, -0.2],
+            ]
+            .iter()
+            .map(|parts| {
+                let mut start = vec![slow, mode_hz.ln(), 0.5_f64.ln()];
+                start.extend(parts);
+                start
+            })
+            .collect(),
+        }
+    }
+
+    fn candidate(self, p: &[f64], rate_hz: f64) -> Option<Candidate> {
+        let coefficients = |biquad: Biquad<f64>| {
+            let (b, a) = biquad.coefficients();
+            [b[0], b[1], b[2], a[0], a[1]]
+        };
+        let notch = |q: &[f64]| {
+            if q[1] < NARROWEST_ZERO.ln() || q[2] < NARROWEST_POLE.ln() {
+                return None;
+            }
+            let biquad = Biquad::<f64>::notch(q[0].exp(), q[1].exp(), q[2].exp(), rate_hz);
+            biquad.ok().map(coefficients)
+        };
+        let free = |q: &[f64]| {
+            if q[1] < NARROWEST_ZERO.ln() || q[3] < NARROWEST_POLE.ln() {
+                return None;
+            }
+            let biquad = Biquad::<f64>::mode_swap([q[0].exp(), q[1].exp()], [q[2].exp(), q[3].exp()], rate_hz);
+            biquad.ok().map(coefficients)
+        };
+        let (mut series, mut damping) = ([THROUGH; 2], NO_DAMPING);
+        match self {
+            Self::Integral => {}
+            Self::Notch => series[0] = notch(&p[1..4])?,
+            Self::TwoBiquads => series = [free(&p[1..5])?, free(&p[5..9])?],
+            Self::Damping => damping = free_section(p[1].exp(), p[2].exp(), [p[3], p[4], p[5]], rate_hz)?,
+        }
+        // Two notches' damping, and a corner below half the rate, are kept sane by the core's own refusals.
+        Some(Candidate {
+            integral_per_s: TAU * p[0].exp(),
+            series,
+            damping,
+        })
+    }
+}
+
+/// `(d2 s^2 + d1 w s + d0 w^2) / (s^2 + 2 z w s + w^2)` by the bilinear transformation, its middle kept in place.
+fn free_section(frequency_hz: f64, damping: f64, [d2, d1, d0]: [f64; 3], rate_hz: f64) -> Option<[f64; 5]> {
+    if !(frequency_hz > 1.0 && frequency_hz < 0.45 * rate_hz && damping > NARROWEST_POLE && damping < 5.0) {
+        return None;
+    }
+    let k = (PI * frequency_hz / rate_hz).tan();
+    let norm = 1.0 / (1.0 + 2.0 * damping * k + k * k);
+    Some([
+        (d2 + d1 * k + d0 * k * k) * norm,
+        2.0 * (d0 * k * k - d2) * norm,
+        (d2 - d1 * k + d0 * k * k) * norm,
+        2.0 * (k * k - 1.0) * norm,
+        (1.0 - 2.0 * damping * k + k * k) * norm,
+    ])
+}
+
+/// Cost of a loop that is not stable with every plant: above all that are.
+const UNSTABLE: f64 = 1e6;
+
+/// The plants that a loop has to hold with, on one grid of frequencies.
+struct Plants {
+    omega: Vec<f64>,
+    /// Weight of each frequency in an integral over log frequency, of the disturbances assumed.
+    disturbance: Vec<f64>,
+    /// Weight of each frequency in the mean over the band of the sensor's noise.
+    noise: Vec<f64>,
+    /// Plant without gain, for each factor on the modes, the nominal one second.
+    responses: Vec<Vec<Complex64>>,
+    period_s: f64,
+}
+
+impl Plants {
+    fn new(model: &ControlModel) -> Self {
+        let period_s = model.sample_period_s;
+        let half_rate_hz = 0.5 / period_s;
+        let mut hz: Vec<f64> = (0..=400)
+            .map(|n| (0.9999 * half_rate_hz).powf(f64::from(n) / 400.0))
+            .collect();
+        // A mode of 2 % damping is 4 % wide: twenty points over each width, wherever it may lie.
+        for mode in &model.linear.modes {
+            hz.extend((-80..=80).map(|n| mode.frequency_hz * (1.0 + 0.002 * f64::from(n))));
+        }
+        hz.retain(|f| *f >= 1.0 && *f < half_rate_hz);
+        hz.sort_by(f64::total_cmp);
+        let omega: Vec<f64> = hz.iter().map(|f| TAU * f).collect();
+        let width = |n: usize| {
+            let (below, above) = (n.saturating_sub(1), (n + 1).min(hz.len() - 1));
+            (0.5 * (hz[above] - hz[below]), 0.5 * (hz[above] / hz[below]).ln())
+        };
+        let disturbance = (0..hz.len())
+            .map(|n| match hz[n] {
+                f if f < FROM_HZ => 0.0,
+                f if f <= TO_HZ => width(n).1 * (TO_HZ / f).powf(SLOW_END),
+                f => width(n).1 * (TO_HZ / f).powi(2),
+            })
+            .collect();
+        let noise = (0..hz.len()).map(|n| width(n).0 / half_rate_hz).collect();
+        let responses = MODE_FACTORS
+            .iter()
+            .map(|&factor| {
+                let mut linear: LinearPart = model.linear.clone();
+                linear.modes.iter_mut().for_each(|mode| mode.frequency_hz *= factor);
+                omega
+                    .iter()
+                    .map(|&w| {
+                        let half = 0.5 * w * period_s;
+                        Complex64::from_polar(half.sin() / half, -w * model.latency_s) * linear.response(w)
+                    })
+                    .collect()
+            })
+            .collect();
+        Self {
+            omega,
+            disturbance,
+            noise,
+            responses,
+            period_s,
+        }
+    }
+
+    fn controller(&self, candidate: &Candidate) -> Vec<Complex64> {
+        let biquad = |c: [f64; 5]| Biquad::<f64>::new([c[0], c[1], c[2]], [c[3], c[4]]);
+        let (Ok(first), Ok(second), Ok(damping)) = (
+            biquad(candidate.series[0]),
+            biquad(candidate.series[1]),
+            biquad(candidate.damping),
+        ) else {
+            return vec![Complex64::new(f64::INFINITY, 0.0); self.omega.len()];
+        };
+        self.omega
+            .iter()
+            .map(|&w| {
+                let angle = w * self.period_s;
+                let integral = candidate.integral_per_s * self.period_s / (1.0 - Complex64::from_polar(1.0, -angle));
+                integral * section(&first, angle) * section(&second, angle) + section(&damping, angle)
+            })
+            .collect()
+    }
+
+    /// Peak of the sensitivity over all plants; infinite where one of the loops is not stable.
+    fn peak_sensitivity(&self, controller: &[Complex64]) -> f64 {
+        let mut peak: f64 = 0.0;
+        for response in &self.responses {
+            for gain in GAIN_FACTORS {
+                let (mut turned, mut before): (f64, Option<Complex64>) = (0.0, None);
+                for (c, p) in controller.iter().zip(response) {
+                    let distance = 1.0 + gain * c * p;
+                    peak = peak.max(1.0 / distance.norm());
+                    if let Some(before) = before {
+                        turned += (distance / before).arg();
+                    }
+                    before = Some(distance);
+                }
+                // From -j infinity (the integral) to the real axis: a quarter turn, whole turns more or less are poles outside.
+                if (turned - FRAC_PI_2).abs() > 0.5 || !turned.is_finite() {
+                    return f64::INFINITY;
+                }
+            }
+        }
+        peak
+    }
+
+    fn sensitivity(&self, controller: &[Complex64]) -> Vec<Complex64> {
+        controller
+            .iter()
+            .zip(&self.responses[1])
+            .map(|(c, p)| 1.0 / (1.0 + c * p))
+            .collect()
+    }
+
+    fn noise(&self, sensitivity: &[Complex64]) -> f64 {
+        let squares = sensitivity
+            .iter()
+            .zip(&self.noise)
+            .map(|(s, w)| (1.0 - s).norm_sqr() * w);
+        squares.sum::<f64>().sqrt()
+    }
+
+    fn effort(&self, controller: &[Complex64], sensitivity: &[Complex64]) -> f64 {
+        let each = controller.iter().zip(sensitivity).zip(&self.noise);
+        each.map(|((c, s), w)| (c * s).norm_sqr() * w).sum::<f64>().sqrt()
+    }
+
+    /// What the search minimises: the share of the assumed disturbances that is left, with walls where the loop is not
+    /// robust or too noisy.
+    fn cost(&self, candidate: Option<Candidate>) -> f64 {
+        let Some(candidate) = candidate else {
+            return 1e9;
+        };
+        let controller = self.controller(&candidate);
+        let peak = self.peak_sensitivity(&controller);
+        if !peak.is_finite() {
+            return UNSTABLE;
+        }
+        let sensitivity = self.sensitivity(&controller);
+        let left: f64 = sensitivity
+            .iter()
+            .zip(&self.disturbance)
+            .map(|(s, w)| s.norm_sqr() * w)
+            .sum();
+        let all: f64 = self.disturbance.iter().sum();
+        let wall = |value: f64, limit: f64| 100.0 * (value / limit - 1.0).max(0.0);
+        left / all
+            + wall(peak, LARGEST_SENSITIVITY)
+            + wall(self.noise(&sensitivity), LARGEST_NOISE)
+            + wall(self.effort(&controller, &sensitivity), LARGEST_EFFORT)
+    }
+}
+
+/// Designs the feedback: of four structures, the one that leaves least of the disturbances within the robustness asked for.
+///
+/// `None` where no structure is robust.
+///
+/// # Cost
+/// About 15 000 loops of some 600 frequencies and nine plants, a few seconds.
+pub fn design(model: &ControlModel) -> Option<FeedbackDesign> {
+    let rate_hz = 1.0 / model.sample_period_s;
+    let plants = Plants::new(model);
+    let mode_hz = model
+        .linear
+        .modes
+        .first()
+        .map_or(0.1 * rate_hz, |mode| mode.frequency_hz);
+    let best = Structure::ALL
+        .iter()
+        .flat_map(|&structure| {
+            structure
+                .starts(mode_hz)
+                .into_iter()
+                .map(move |start| (structure, start))
+        })
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map(|(structure, mut start)| {
+            let cost = |p: &[f64]| plants.cost(structure.candidate(p, rate_hz));
+            // From a loop that is stable, however slow: outside there is no slope to go by.
+            for _ in 0..10 {
+                if cost(&start) < UNSTABLE {
+                    break;
+                }
+                start[0] -= LN_2;
+            }
+            let found = nelder_mead(&cost, &start);
+            // Once more from where it stopped: the simplex may have collapsed on the walls.
+            let found = nelder_mead(&cost, &found.0);
+            (structure, found)
+        })
+        .min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+    let (structure, (parameters, _)) = best;
+    let candidate = structure.candidate(&parameters, rate_hz)?;
+    let controller = plants.controller(&candidate);
+    let peak_sensitivity = plants.peak_sensitivity(&controller);
+    // The walls are steep, not infinite.
+    if peak_sensitivity > 1.02 * LARGEST_SENSITIVITY {
+        return None;
+    }
+    let sensitivity = plants.sensitivity(&controller);
+    let below = |limit: f64| {
+        let first = sensitivity.iter().position(|s| s.norm() > limit);
+        first.map_or(0.5 * rate_hz, |n| plants.omega[n] / TAU)
+    };
+    let per_gain = 1.0 / mean_gain_um_per_v(model);
+    let [b0, b1, b2, a1, a2] = candidate.damping;
+    Some(FeedbackDesign {
+        structure: structure.name().to_owned(),
+        integral_v_per_um_s: candidate.integral_per_s * per_gain,
+        series: candidate.series,
+        damping: [b0 * per_gain, b1 * per_gain, b2 * per_gain, a1, a2],
+        peak_sensitivity,
+        rejection_hz: below(0.5_f64.sqrt()),
+        helps_to_hz: below(1.0),
+        noise_nm: plants.noise(&sensitivity),
+    })
+}
+
+/// Displacement over voltage over the whole identified range, micrometres per volt.
+fn mean_gain_um_per_v(model: &ControlModel) -> f64 {
+    let inverse = &model.inverse;
+    let x = inverse.input_max_um;
+    let of_input = inverse.input_function.iter().rev().fold(0.0, |sum, c| (sum + c) * x);
+    let of_plays: f64 = (0..inverse.thresholds_um.len())
+        .map(|i| {
+            let w = (x - inverse.thresholds_um[i]).max(0.0);
+            ((inverse.cubic[i] * w + inverse.quadratic[i]) * w + inverse.linear[i]) * w
+        })
+        .sum();
+    x / (inverse.offset_v + of_input + of_plays)
+}
+
+/// Minimises by Nelder and Mead's simplex (1965), 0.2 wide in every direction, 150 steps a dimension.
+fn nelder_mead(cost: &dyn Fn(&[f64]) -> f64, start: &[f64]) -> (Vec<f64>, f64) {
+    const WIDTH: f64 = 0.2;
+    const STEPS: usize = 150;
+    let n = start.len();
+    let mut simplex: Vec<(Vec<f64>, f64)> = (0..=n)
+        .map(|i| {
+            let mut point = start.to_vec();
+            if i > 0 {
+                point[i - 1] += WIDTH;
+            }
+            let value = cost(&point);
+            (point, value)
+        })
+        .collect();
+    for _ in 0..STEPS * n {
+        simplex.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let worst = simplex[n].clone();
+        let centre: Vec<f64> = (0..n)
+            .map(|j| simplex[..n].iter().map(|(p, _)| p[j]).sum::<f64>() / n as f64)
+            .collect();
+        let along = |t: f64| {
+            let point: Vec<f64> = centre.iter().zip(&worst.0).map(|(c, w)| c + t * (c - w)).collect();
+            let value = cost(&point);
+            (point, value)
+        };
+        let reflected = along(1.0);
+        simplex[n] = if reflected.1 < simplex[0].1 {
+            let expanded = along(2.0);
+            if expanded.1 < reflected.1 { expanded } else { reflected }
+        } else if reflected.1 < simplex[n - 1].1 {
+            reflected
+        } else {
+            let contracted = along(if reflected.1 < worst.1 { 0.5 } else { -0.5 });
+            if contracted.1 < worst.1.min(reflected.1) {
+                contracted
+            } else {
+                let best = simplex[0].0.clone();
+                for (point, value) in simplex.iter_mut().skip(1) {
+                    point.iter_mut().zip(&best).for_each(|(p, b)| *p = 0.5 * (*p + b));
+                    *value = cost(point);
+                }
+                continue;
+            }
+        };
+    }
+    simplex.sort_by(|a, b| a.1.total_cmp(&b.1));
+    simplex.swap_remove(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_simplex_finds_rosenbrocks_valley() {
+        let cost = |p: &[f64]| (1.0 - p[0]).powi(2) + 100.0 * (p[1] - p[0] * p[0]).powi(2);
+        let (found, value) = nelder_mead(&cost, &[-1.2, 1.0]);
+        assert!(value < 1e-10, "{found:?} {value}");
+    }
+}
