@@ -33,6 +33,8 @@ fn main() -> ExitCode {
         Command::Explain(args) => commands::explain::run(&args),
         Command::Challenge(args) => commands::challenge::run(&args),
         Command::Paper(args) => commands::paper::run(&args),
+        Command::Export(args) => commands::export::run(&args),
+        Command::Board(args) => commands::board::run(&args),
         Command::Demo(args) => commands::demo::run(&args),
     };
     exit::code(done)
