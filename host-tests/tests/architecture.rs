@@ -45,6 +45,8 @@ fn val_data_flows_one_way() {
     check("identify", &["core", "data"]);
     check("diagnose", &["core", "data", "identify"]);
     check("tracking", &["core", "data", "identify", "plant"]);
+    check("table", &["core"]);
+    check("board", &["firmware", "plant"]);
     check("report", &["data", "identify", "diagnose", "tracking"]);
     check("challenge", &["data", "plant"]);
     check("lab", &["challenge", "data", "identify", "diagnose", "report"]);
@@ -58,6 +60,8 @@ fn val_data_flows_one_way() {
         "tracking",
         "report",
         "lab",
+        "table",
+        "board",
         "cli",
     ];
     for name in found.keys() {

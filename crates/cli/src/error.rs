@@ -22,6 +22,17 @@ pub(crate) enum CliError {
     /// A tracking run that cannot be made.
     #[error(transparent)]
     Tracking(#[from] hysteron_tracking::TrackingError),
+    /// A model that makes no table.
+    #[error("{}: {source}", path.display())]
+    Table {
+        /// The model.
+        path: PathBuf,
+        /// What is wrong.
+        source: hysteron_table::TableError,
+    },
+    /// A run of the firmware that failed.
+    #[error(transparent)]
+    Board(#[from] hysteron_board::BoardError),
     /// A file of ours that cannot be written.
     #[error("{}: {source}", path.display())]
     #[diagnostic(help("choose another place with -o, or make the folder writable"))]
