@@ -11,6 +11,8 @@ usage: cargo xtask <command>
 
   test    install what the tests need, then format check, lints, chip build and all tests; ends on a count
   bench   print the figures of the README: cargo bench over the workspace
+  calibrate   verdicts on hundreds of simulated stages with hidden effects, as the README quotes them; takes cases an
+          effect and strength (default 4) and the first seed (default 1000)
   firmware run      build the images, run each in the emulator against the simulated stage
   firmware build    build the images for the emulator's boards; takes a table, by default firmware/tables/paper-rate-mrpi.toml
   firmware tables   write the tables in firmware/tables anew with the tool's own commands
@@ -28,6 +30,7 @@ fn main() -> ExitCode {
     let done = match words.next().as_deref() {
         Some("test") => test(),
         Some("bench") => cargo(&["bench", "--workspace"]),
+        Some("calibrate") => calibrate(&words.collect::<Vec<_>>()),
         Some("firmware") => firmware(words.next().as_deref(), words.next().as_deref()),
         Some("fuzz") => fuzz(words.next().as_deref().unwrap_or("60")),
         Some("help" | "--help" | "-h") => {
@@ -46,6 +49,12 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+fn calibrate(words: &[String]) -> Result<(), String> {
+    let mut all = vec!["run", "--release", "--package", "host-tests", "--example", "calibrate", "--"];
+    all.extend(words.iter().map(String::as_str));
+    cargo(&all)
 }
 
 fn firmware(what: Option<&str>, table: Option<&str>) -> Result<(), String> {

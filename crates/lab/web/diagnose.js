@@ -90,7 +90,7 @@ export async function diagnosePage(lab) {
       numbers.next_record ? el("p", {}, el("a", { class: "button", href: download("next", step), download: true, id: "next-record" }, "Download the record to take next")) : null),
     tiles([
       ["The model", percent(numbers.before.validate_percent), "of peak to peak, records not fitted to"],
-      ["A hysteresis of free shape instead", percent(numbers.free_shape.validate_percent), "of peak to peak, records not fitted to"],
+      [numbers.shape_determined ? "A hysteresis of free shape instead" : "Its plays, fitted anew", percent(numbers.free_shape.validate_percent), "of peak to peak, records not fitted to"],
       ["Left unexplained", percent(numbers.unexplained.percent), "of peak to peak, all records that move"],
       ["Of this, noise", percent(numbers.unexplained.noise_percent), "of peak to peak"]]),
     riddle);

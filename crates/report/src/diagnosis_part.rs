@@ -53,7 +53,11 @@ fn tiles(diagnosis: &Diagnosis) -> Vec<Tile> {
             "of peak to peak, records not fitted to",
         ),
         tile(
-            "A hysteresis of free shape instead",
+            if diagnosis.shape_determined {
+                "A hysteresis of free shape instead"
+            } else {
+                "Its plays, fitted anew"
+            },
             diagnosis.free_shape.validate_percent,
             "of peak to peak, records not fitted to",
         ),

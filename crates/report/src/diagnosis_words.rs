@@ -35,6 +35,13 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
             list(&diagnosis.further, "and")
         ));
     }
+    if !diagnosis.shape_determined {
+        lines.push(
+            "These records leave the inside of the loops open, so the model's own plays stood in for a hysteresis of free \
+             shape: minor loops (a decaying triangle, a noise) would tell more."
+                .to_owned(),
+        );
+    }
     if diagnosis.shape_too_poor {
         lines.push(
             "The model's family of plays is too poor for these loops: a play-polynomial model may follow them."

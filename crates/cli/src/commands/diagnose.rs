@@ -83,6 +83,14 @@ fn text(d: &Diagnosis) -> String {
     text
 }
 
+fn instead(d: &Diagnosis) -> &'static str {
+    if d.shape_determined {
+        "a hysteresis of free shape instead"
+    } else {
+        "its plays, fitted anew"
+    }
+}
+
 fn is_anything_missing(text: &mut String, d: &Diagnosis) {
     let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.3} %"));
     let _ = writeln!(text, "noise floor {:.3e} um rms", d.noise_rms_um);
@@ -93,7 +101,7 @@ fn is_anything_missing(text: &mut String, d: &Diagnosis) {
     );
     for (name, error) in [
         ("the model", d.before),
-        ("a hysteresis of free shape instead", d.free_shape),
+        (instead(d), d.free_shape),
     ] {
         let (identify, validate) = (percent(error.identify_percent), percent(error.validate_percent));
         let _ = writeln!(text, "{name:<38} {identify:>10} {validate:>10}");

@@ -28,6 +28,9 @@ pub(crate) const DRIFT_SHARE: f64 = 0.9;
 /// Hum must take this share of the squared error: a fixture that vibrates near the mains has a line there too.
 const LEAST_HUM: f64 = 0.2;
 
+/// Hum of this share is enough where nothing above the noise is left.
+pub(crate) const HUM_ALONE: f64 = 0.3;
+
 /// An error of which more than this is left, percent of peak to peak, hides a medium effect (1 to 2 %) as large as a name.
 const MUCH_LEFT_PERCENT: f64 = 1.2;
 
@@ -49,6 +52,8 @@ pub(crate) struct Judge {
     given: usize,
     moves: Vec<bool>,
     stroke_um2: Vec<f64>,
+    /// Shortest sample period, seconds.
+    finest_s: f64,
 }
 
 /// Sum over records of the logarithm of the squared error's fall, from one trial to another.
@@ -73,6 +78,7 @@ impl Judge {
             given: start.effects.len(),
             moves: bench.traces.each.iter().map(|t| t.stroke_um > 0.0).collect(),
             stroke_um2: bench.traces.each.iter().map(|t| t.stroke_um.powi(2)).collect(),
+            finest_s: bench.traces.each.iter().map(|t| t.period_s).fold(f64::INFINITY, f64::min),
         }
     }
 
@@ -242,19 +248,32 @@ impl Judge {
         let Some(first) = ranking.iter().find(|r| r.effect == verdict && r.significant) else {
             return Vec::new();
         };
+        // A delay and a lag of the same length part in gain by (w tau)^2 / 2: below half a sample, not below the band's end.
+        let short = |r: &RankedEffect| r.parameters.iter().all(|p| p.unit == "s" && p.value < 0.5 * self.finest_s);
+        let twins = |r: &RankedEffect| {
+            let pair = ["delay", "first-order-lag"];
+            pair.contains(&verdict) && pair.contains(&r.effect.as_str()) && short(first) && short(r)
+        };
+        let as_good = |r: &RankedEffect| {
+            (first.statistic - r.statistic).abs() < UNDECIDED
+                || r.statistic > AS_FAR * first.statistic
+                    && r.log_likelihood_gain > AS_LIKELY * first.log_likelihood_gain
+        };
         ranking
             .iter()
-            .filter(|r| r.effect != verdict && r.significant && r.level == first.level && r.effect != "mains-hum")
-            .filter(|r| {
-                !free
-                    || (first.statistic - r.statistic).abs() < UNDECIDED
-                    || r.statistic > AS_FAR * first.statistic
-                        && r.log_likelihood_gain > AS_LIKELY * first.log_likelihood_gain
+            .filter(|r| r.effect != verdict && r.level == first.level && r.effect != "mains-hum")
+            .filter(|r| match r.level {
+                Level::Physical => r.significant && (!free || twins(r) || as_good(r)),
+                // The loops alone do not tell a bend of the drive from one of the sensor.
+                Level::Shape => r.share > EQUIVALENT_SHARE,
             })
             .map(|r| r.effect.clone())
             .collect()
     }
 }
+
+/// Share of what the family lacks from which another bend is as good an explanation of the loops.
+const EQUIVALENT_SHARE: f64 = 0.9;
 
 /// Rivals closer than this in the statistic are not told apart: one record's squared error by a factor of 1.3.
 const UNDECIDED: f64 = 0.25;

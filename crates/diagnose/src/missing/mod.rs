@@ -307,7 +307,11 @@ fn conclude(
     let forecasts = before
         .validate_percent
         .is_none_or(|percent| last.validate_percent <= percent);
-    let enough = judge.explains_enough(last, hum.as_ref(), remains.percent) && drifts && forecasts;
+    let hum_alone = ranking
+        .first()
+        .is_some_and(|r| r.effect == "mains-hum" && r.significant && r.share > judge::HUM_ALONE)
+        && remains.percent <= remains.noise_percent;
+    let enough = (hum_alone || judge.explains_enough(last, hum.as_ref(), remains.percent)) && drifts && forecasts;
     let structured = structure::more_than_noise(bench.traces, &residuals);
     let verdict = if !reasons.is_empty() {
         "unknown".to_owned()
@@ -331,8 +335,8 @@ fn conclude(
     } else {
         "none".to_owned()
     };
-    let also_possible = judge.also_possible(&verdict, &ranking, bench.base.shape == Shape::Free);
     ranking.extend(shape.ranking);
+    let also_possible = judge.also_possible(&verdict, &ranking, bench.base.shape == Shape::Free);
     let mut unexplained = remains;
     unexplained.locked_to.sort_by(|a, b| b.share.total_cmp(&a.share));
     let next_record = next_record::choose(
