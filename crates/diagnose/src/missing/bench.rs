@@ -238,7 +238,14 @@ impl<'a> Bench<'a> {
 
     /// As [`Self::fit`]; what acts on the position is fitted again on the position that comes out, until that stands still.
     pub(crate) fn fit_to_the_end(&self, effects: &[Effect]) -> Trial {
-        let trial = self.fit(effects, Some(2));
+        let stop = effects.iter().find_map(|e| match *e {
+            Effect::EndStop { low_um, high_um } => Some([low_um, high_um]),
+            _ => None,
+        });
+        let trial = match stop {
+            Some(within_um) => self.moving_freely(effects, within_um).fit(effects, Some(2)),
+            None => self.fit(effects, Some(2)),
+        };
         if !effects.iter().any(Effect::acts_on_position) {
             return trial;
         }
@@ -247,6 +254,79 @@ impl<'a> Bench<'a> {
             trial = self.referring_to(&trial).fit(effects, Some(2));
         }
         trial
+    }
+
+    /// This bench with what the hysteresis does where no stop holds it: fitted to the rows within a range of position.
+    fn moving_freely(&self, effects: &[Effect], within_um: [f64; 2]) -> Self {
+        let free: Vec<Effect> = effects
+            .iter()
+            .filter(|e| !matches!(e, Effect::EndStop { .. }))
+            .cloned()
+            .collect();
+        let x = self.fit_within(&self.parts_of_identify(&free), &free, within_um);
+        let mut bench = self.clone();
+        bench.reference_um = self
+            .traces
+            .each
+            .par_iter()
+            .enumerate()
+            .map(|(i, t)| chain::simulate(&self.base, &free, t, self.reference(i), &x, self.base.columns()))
+            .collect();
+        bench
+    }
+
+    /// Rows of the identification records, for [`Self::fit_within`].
+    fn parts_of_identify(&self, effects: &[Effect]) -> Vec<(usize, DMatrix<f64>, DVector<f64>)> {
+        self.coarse
+            .iter()
+            .map(|(i, t)| {
+                (
+                    *i,
+                    chain::matrix(&self.base, effects, t, self.reference(*i)),
+                    target(t, effects, self.reference(*i)),
+                )
+            })
+            .collect()
+    }
+
+    /// Coefficients from the rows whose position lies within a range.
+    fn fit_within(
+        &self,
+        parts: &[(usize, DMatrix<f64>, DVector<f64>)],
+        effects: &[Effect],
+        within_um: [f64; 2],
+    ) -> DVector<f64> {
+        let grams: Vec<(usize, Gram)> = parts
+            .iter()
+            .map(|(i, matrix, y)| {
+                let rows: Vec<usize> = (0..y.len())
+                    .filter(|&k| (within_um[0]..within_um[1]).contains(&y[k]))
+                    .collect();
+                (*i, Gram::new(&matrix.select_rows(&rows), &y.select_rows(&rows)))
+            })
+            .collect();
+        let pooled = self.pooled(&grams, None, chain::width(&self.base, effects));
+        solve_signed(&pooled, &self.base, effects)
+    }
+
+    /// The hard stop that explains most, of those given as ranges of position.
+    pub(crate) fn best_stop(&self, given: &[Effect], ranges_um: impl Iterator<Item = [f64; 2]>) -> Option<[f64; 2]> {
+        let parts = self.parts_of_identify(given);
+        let error = |range: [f64; 2]| -> f64 {
+            let x = self.fit_within(&parts, given, range);
+            parts
+                .iter()
+                .map(|(_, matrix, y)| {
+                    let mut modelled = matrix * &x;
+                    modelled.apply(|y| *y = y.clamp(range[0], range[1]));
+                    (self.noise_um.powi(2) + mean_square(&(y - modelled))).ln()
+                })
+                .sum()
+        };
+        ranges_um
+            .map(|range| (error(range), range))
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|best| best.1)
     }
 
     /// The coefficients of one effect's own columns.

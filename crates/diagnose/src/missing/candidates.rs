@@ -362,30 +362,14 @@ fn saturation(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
         low: -1.0 + 2.0 * d,
         high: 2.0,
     }));
-    let from_above = |d: f64| Effect::EndStop {
-        low_um: low_um - span,
-        high_um: high_um - d * span,
-    };
-    let from_below = |d: f64| Effect::EndStop {
-        low_um: low_um + d * span,
-        high_um: high_um + span,
-    };
-    forms.push(end_stop(bench, given, from_above));
-    forms.push(end_stop(bench, given, from_below));
-    forms
-}
-
-/// A stop bends the hysteresis that is fitted without it: the search is made again on the position that comes out with it.
-fn end_stop(bench: &Bench<'_>, given: &[Effect], form: impl Fn(f64) -> Effect) -> Vec<Effect> {
-    let depth = (2e-3, 0.4);
-    let first = one(bench, given, depth, 8, &form);
-    let unstopped = bench.referring_to(&bench.fit_to_the_end(&first));
-    let again = one(&unstopped, given, depth, 8, &form);
-    if unstopped.objective(&again) < unstopped.objective(&first) {
-        again
-    } else {
-        first
+    // A hard stop cuts the measured range itself: it lies within its last hundredths, or further in where it gives way.
+    let depths = || (0..28).map(|k| 2e-4 * 1.32f64.powi(k));
+    let from_above = bench.best_stop(given, depths().map(|d| [low_um - span, high_um - d * span]));
+    let from_below = bench.best_stop(given, depths().map(|d| [low_um + d * span, high_um + span]));
+    for [low_um, high_um] in [from_above, from_below].into_iter().flatten() {
+        forms.push(with(given, Effect::EndStop { low_um, high_um }));
     }
+    forms
 }
 
 fn creep(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
