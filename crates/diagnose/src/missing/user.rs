@@ -3,7 +3,7 @@
 //! What such an effect does to the position is no column with a coefficient of its own: its parameters say how large it is.
 
 use crate::missing::bench::{Bench, SEARCH_ROWS, Trial, solve_signed, target};
-use crate::missing::chain::{self, Effect};
+use crate::missing::chain::{self, Base, Effect, Shape};
 use crate::missing::is_given;
 use crate::missing::regression::Gram;
 use crate::missing::traces::Trace;
@@ -249,7 +249,7 @@ impl Search<'_> {
 
     /// The bottom of the deepest valley that was found.
     fn best(&self, current: &Trial) -> Point {
-        let mut points = self.quick_look(current);
+        let mut points = self.first_points(current);
         for (count, steps) in [(FOLLOWED, 2), (FINISHED, STEPS)] {
             points.truncate(count);
             points = points
@@ -263,15 +263,20 @@ impl Search<'_> {
     }
 
     /// The positions before the effect.
-    fn positions(&self, effects: &[Effect], coefficients: &DVector<f64>) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
-        let base = &self.bench.base;
+    fn positions(
+        &self,
+        base: &Base,
+        effects: &[Effect],
+        coefficients: &DVector<f64>,
+    ) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+        let all = chain::width(base, self.given);
         let each = self.bench.coarse.iter().map(|(_, trace)| {
             let reference = chain::simulate(base, effects, trace, None, coefficients, base.columns());
             // Without given effects the two are one.
-            let position = if self.columns == base.columns() {
+            let position = if all == base.columns() {
                 reference.clone()
             } else {
-                chain::simulate(base, self.given, trace, Some(&reference), coefficients, self.columns)
+                chain::simulate(base, self.given, trace, Some(&reference), coefficients, all)
             };
             (reference, position)
         });
@@ -315,10 +320,41 @@ impl Search<'_> {
             .sum()
     }
 
+    /// Where descents begin: the best starts seen from the free shape, and, for an effect on the position, as many seen from
+    /// a stiff one. A free shape bends with a ripple of the reading, and the position before it is then off by its pitch.
+    fn first_points(&self, current: &Trial) -> Vec<Point> {
+        let bench = self.bench;
+        let mut points = self.quick_look(&bench.base, &current.coefficients, current);
+        if self.effect.acts_on_position() {
+            let stiff = Base {
+                shape: Shape::Mpi,
+                thresholds: bench.base.thresholds.iter().copied().step_by(3).collect(),
+                ridge: 1e-9,
+            };
+            let grams: Vec<(usize, Gram)> = bench
+                .coarse
+                .iter()
+                .map(|(i, trace)| {
+                    let matrix = chain::matrix(&stiff, self.given, trace, bench.reference(*i));
+                    (*i, Gram::new(&matrix, &target(trace, self.given, bench.reference(*i))))
+                })
+                .collect();
+            let pooled = bench.pooled(&grams, None, chain::width(&stiff, self.given));
+            let coefficients = solve_signed(&pooled, &stiff, self.given);
+            points.truncate(FOLLOWED / 2);
+            points.extend(
+                self.quick_look(&stiff, &coefficients, current)
+                    .into_iter()
+                    .take(FOLLOWED / 2),
+            );
+        }
+        points
+    }
+
     /// Starts in the order of what their change of the modelled position takes of the squared error, up to a factor and
     /// everything that is linear fitted anew.
-    fn quick_look(&self, current: &Trial) -> Vec<Point> {
-        let (bench, x) = (self.bench, &current.coefficients);
+    fn quick_look(&self, base: &Base, x: &DVector<f64>, current: &Trial) -> Vec<Point> {
+        let bench = self.bench;
         let weight = |(i, trace): &(usize, Trace)| (bench.weights[*i] / trace.rows.len().max(1) as f64).sqrt();
         let stack = |parts: Vec<DVector<f64>>| -> DVector<f64> {
             let weighted = bench
@@ -331,7 +367,7 @@ impl Search<'_> {
         let plain: Vec<DMatrix<f64>> = bench
             .coarse
             .iter()
-            .map(|(i, trace)| chain::matrix(&bench.base, self.given, trace, bench.reference(*i)))
+            .map(|(i, trace)| chain::matrix(base, self.given, trace, bench.reference(*i)))
             .collect();
         let rows: usize = plain.iter().map(DMatrix::nrows).sum();
         let mut stacked = DMatrix::zeros(rows, x.len());
@@ -347,7 +383,7 @@ impl Search<'_> {
             let explained = &basis * basis.tr_mul(&v);
             v - explained
         };
-        let (reference_um, position_um) = self.positions(self.given, x);
+        let (reference_um, position_um) = self.positions(base, self.given, x);
         let modelled = stack(plain.iter().map(|matrix| matrix * x).collect());
         let measured = bench
             .coarse
@@ -363,7 +399,7 @@ impl Search<'_> {
                 let with = if self.effect.acts_on_position() {
                     self.modelled(&shares, &position_um)
                 } else {
-                    self.modelled(&shares, &self.positions(&self.with(&shares), x).1)
+                    self.modelled(&shares, &self.positions(base, &self.with(&shares), x).1)
                 };
                 let change = beyond(stack(with) - &modelled);
                 let squares = change.norm_squared();
@@ -380,7 +416,7 @@ impl Search<'_> {
         let point = |(_, shares): (f64, Vec<f64>)| Point {
             value: f64::INFINITY,
             shares,
-            coefficients: x.clone(),
+            coefficients: current.coefficients.clone(),
             reference_um: reference_um.clone(),
             position_um: position_um.clone(),
         };
@@ -389,10 +425,12 @@ impl Search<'_> {
 
     /// Gauss-Newton steps within the bounds, in parameters and positions at once.
     fn descend(&self, start: Point, steps: usize) -> Point {
+        let bench = self.bench;
         let mut here = start;
         for _ in 0..steps {
             let ahead = self.ahead(&here);
-            let (reference_um, position_um) = self.positions(&self.with(&ahead.shares), &ahead.coefficients);
+            let (reference_um, position_um) =
+                self.positions(&bench.base, &self.with(&ahead.shares), &ahead.coefficients);
             let mut length = 1.0;
             let lower = (0..5).find_map(|_| {
                 let mut point = here.towards(&ahead, &reference_um, &position_um, length);
@@ -400,7 +438,7 @@ impl Search<'_> {
                     // What comes out of the plays does not lie on a line.
                     let from = self.with(&point.shares);
                     point.coefficients.clone_from(&ahead.coefficients);
-                    (point.reference_um, point.position_um) = self.positions(&from, &ahead.coefficients);
+                    (point.reference_um, point.position_um) = self.positions(&bench.base, &from, &ahead.coefficients);
                 }
                 let value = self.value(&point.shares, &point.position_um);
                 length *= 0.4;
