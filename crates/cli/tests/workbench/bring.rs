@@ -98,6 +98,7 @@ fn val_a_folder_an_archive_and_a_matlab_file_are_dropped() {
         let browser = Browser::open(&server.address(), false).await;
         let dropped = [folder(place.path()), zipped(place.path()), matlab];
         browser.drop_files("#drop", &dropped).await;
+        browser.see(".cards article:nth-of-type(5)").await;
         for (name, samples) in [
             ("bench.mat", "1500"),
             ("down-run.csv", "750"),
@@ -105,7 +106,6 @@ fn val_a_folder_an_archive_and_a_matlab_file_are_dropped() {
             ("second.csv", "1250"),
             ("up-run.csv", "1000"),
         ] {
-            browser.see_text(name).await;
             let card = "return [...document.querySelectorAll('.cards article')].find((card) => card.querySelector('h3').textContent === arguments[0]).innerText";
             let card = browser.run(card, vec![json!(name)]).await;
             let said = card.as_str().unwrap().replace('\u{a0}', " ");
