@@ -52,7 +52,15 @@ fn main() -> ExitCode {
 }
 
 fn calibrate(words: &[String]) -> Result<(), String> {
-    let mut all = vec!["run", "--release", "--package", "host-tests", "--example", "calibrate", "--"];
+    let mut all = vec![
+        "run",
+        "--release",
+        "--package",
+        "host-tests",
+        "--example",
+        "calibrate",
+        "--",
+    ];
     all.extend(words.iter().map(String::as_str));
     cargo(&all)
 }

@@ -99,10 +99,7 @@ fn is_anything_missing(text: &mut String, d: &Diagnosis) {
         "{:<38} {:>10} {:>10}",
         "error, % of peak to peak", "identify", "validate"
     );
-    for (name, error) in [
-        ("the model", d.before),
-        (instead(d), d.free_shape),
-    ] {
+    for (name, error) in [("the model", d.before), (instead(d), d.free_shape)] {
         let (identify, validate) = (percent(error.identify_percent), percent(error.validate_percent));
         let _ = writeln!(text, "{name:<38} {identify:>10} {validate:>10}");
     }

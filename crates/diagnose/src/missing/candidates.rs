@@ -245,7 +245,9 @@ fn lines(bench: &Bench<'_>, given: &[Effect], low: f64, high: f64) -> Vec<f64> {
             *p *= if (low..0.9 * high).contains(&f) { f * f } else { 0.0 };
         }
         for _ in 0..LINES.1 {
-            let best = (0..power.len()).max_by(|&a, &b| power[a].total_cmp(&power[b])).unwrap_or(0);
+            let best = (0..power.len())
+                .max_by(|&a, &b| power[a].total_cmp(&power[b]))
+                .unwrap_or(0);
             if power.get(best).is_none_or(|p| *p <= 0.0) {
                 break;
             }
@@ -315,7 +317,11 @@ pub(crate) fn rate_of_model(bench: &Bench<'_>, given: &[Effect]) -> Vec<Effect> 
     let peak = chain::peak_rate(&bench.traces.each).max(f64::MIN_POSITIVE);
     let range = (2e-3 / peak, LARGEST_ENVELOPE_S);
     let narrow = chain::NARROW;
-    let envelope = both_branches(bench, given, range, |up, down| Effect::RateEnvelope { up, down, narrow });
+    let envelope = both_branches(bench, given, range, |up, down| Effect::RateEnvelope {
+        up,
+        down,
+        narrow,
+    });
     let shift = both_branches(bench, given, range, |up, down| Effect::RateShift {
         up,
         down,

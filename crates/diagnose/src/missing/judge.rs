@@ -78,7 +78,12 @@ impl Judge {
             given: start.effects.len(),
             moves: bench.traces.each.iter().map(|t| t.stroke_um > 0.0).collect(),
             stroke_um2: bench.traces.each.iter().map(|t| t.stroke_um.powi(2)).collect(),
-            finest_s: bench.traces.each.iter().map(|t| t.period_s).fold(f64::INFINITY, f64::min),
+            finest_s: bench
+                .traces
+                .each
+                .iter()
+                .map(|t| t.period_s)
+                .fold(f64::INFINITY, f64::min),
         }
     }
 
@@ -249,7 +254,11 @@ impl Judge {
             return Vec::new();
         };
         // A delay and a lag of the same length part in gain by (w tau)^2 / 2: below half a sample, not below the band's end.
-        let short = |r: &RankedEffect| r.parameters.iter().all(|p| p.unit == "s" && p.value < 0.5 * self.finest_s);
+        let short = |r: &RankedEffect| {
+            r.parameters
+                .iter()
+                .all(|p| p.unit == "s" && p.value < 0.5 * self.finest_s)
+        };
         let twins = |r: &RankedEffect| {
             let pair = ["delay", "first-order-lag"];
             pair.contains(&verdict) && pair.contains(&r.effect.as_str()) && short(first) && short(r)
