@@ -146,8 +146,11 @@ fn top([low, full_scale]: [f64; 2]) -> f64 {
     full_scale - (full_scale - low) / 65_536.0
 }
 
-/// The latency beside the half sample of hold, seconds, and the first mode, where they are known.
-fn loop_data(stage: Option<&StageConfig>, args: &ExportArgs) -> Result<Option<(f64, Option<[f64; 2]>)>, CliError> {
+/// The latency beside the half sample of hold, seconds, and the first mode's frequency, hertz, and damping, where it is known.
+type LoopData = (f64, Option<[f64; 2]>);
+
+/// What the loop's gain depends on, where it is known.
+fn loop_data(stage: Option<&StageConfig>, args: &ExportArgs) -> Result<Option<LoopData>, CliError> {
     if let Some(stage) = stage {
         let filter_s = stage
             .sensor
