@@ -147,10 +147,10 @@ fn top([low, full_scale]: [f64; 2]) -> f64 {
 }
 
 /// The latency beside the half sample of hold, seconds, and the first mode's frequency, hertz, and damping, where it is known.
-type LoopData = (f64, Option<[f64; 2]>);
+type KnownLoop = (f64, Option<[f64; 2]>);
 
 /// What the loop's gain depends on, where it is known.
-fn loop_data(stage: Option<&StageConfig>, args: &ExportArgs) -> Result<Option<LoopData>, CliError> {
+fn loop_data(stage: Option<&StageConfig>, args: &ExportArgs) -> Result<Option<KnownLoop>, CliError> {
     if let Some(stage) = stage {
         let filter_s = stage
             .sensor
