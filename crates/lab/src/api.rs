@@ -236,6 +236,7 @@ enum Deed {
     Add { effect: String },
     Diagnose,
     Report,
+    Table { ends: work::Ends },
     Answer { effects: Vec<String> },
     Reveal,
     Stop,
@@ -266,6 +267,7 @@ async fn perform(State(app): Shared, content: Bytes) -> Answer {
         Deed::Add { effect } => work::add(&app, &effect)?,
         Deed::Diagnose => work::diagnose(&app)?,
         Deed::Report => work::report(&app)?,
+        Deed::Table { ends } => work::table(&app, &ends)?,
         Deed::Answer { effects } => {
             riddle::answer(&app, &effects)?;
             app.changed();
@@ -374,6 +376,7 @@ async fn words(State(app): Shared, Query(parameters): Parameters) -> Answer {
             "effects": model.effects.iter().map(|e| &e.name).collect::<Vec<_>>(),
             "compare_command": format!("hysteron compare {data} {file} -o page.html"),
             "diagnose_command": format!("hysteron diagnose {data} {file} -o next.csv"),
+            "no_table": work::no_table(&model),
             "report_command": format!("hysteron report {data} {file} -o report.html"),
         }))
         .into_response())
@@ -525,9 +528,10 @@ async fn download(State(app): Shared, Path(what): Path<String>, Query(parameters
     let (name, kind, bytes): Download = aside(move || match what.as_str() {
         "model" => export::model(&app, step?),
         "report" => export::report(&app, step?),
+        "table" => export::table(&app, step?),
         "next" => export::next_record(&app, step?),
         "session" => export::session(&app),
-        _ => Err(Refusal::absent("known are model, report, next, session")),
+        _ => Err(Refusal::absent("known are model, report, table, next, session")),
     })
     .await?;
     let headers = [

@@ -99,7 +99,8 @@ impl Placed<'_> {
         with.simulate(self.record).output
     }
 
-    /// From where it does nothing towards a start of the search and beyond, twice as far each time, until it shows.
+    /// The values, on the way from neutral through a start of the search or through the range of the first parameter, at
+    /// which the two readings differ by what is telling; or as near to it as there are.
     fn telling(&self, start: &[f64], bounds: &[Bounds], without: &[f64], stroke: f64) -> Vec<f64> {
         let at = |doubling: i32| -> Vec<f64> {
             let moved = start.iter().zip(bounds);
@@ -107,18 +108,30 @@ impl Placed<'_> {
                 .map(|(value, b)| (b.neutral + 2f64.powi(doubling) * (value - b.neutral)).clamp(b.min, b.max))
                 .collect()
         };
-        let shows = |values: &[f64]| {
-            let changed = self.output(values);
-            let n = changed.len() as f64;
-            let differences = || changed.iter().zip(without).map(|(a, b)| a - b);
-            let mean = differences().sum::<f64>() / n;
-            let rms = (differences().map(|d| (d - mean).powi(2)).sum::<f64>() / n).sqrt();
-            100.0 * rms >= TELLING_PERCENT * stroke
+        // Where neutral is no more than a place to begin, as for a limit, the range is gone through instead.
+        let first = bounds.iter().position(|b| b.fitted && b.min > 0.0);
+        let through = |step: i32| {
+            let mut values = start.to_vec();
+            if let Some(i) = first {
+                values[i] = bounds[i].min * (bounds[i].max / bounds[i].min).powf(f64::from(step) / 24.0);
+            }
+            values
         };
-        (-12..=10)
-            .map(at)
-            .find(|values| shows(values))
-            .unwrap_or_else(|| at(10))
+        let target = TELLING_PERCENT / 100.0 * stroke;
+        let far = |values: &[f64]| (self.differs(values, without).max(1e-9 * target) / target).ln().abs();
+        let ways = (-12..=10).map(at).chain((0..=24).map(through));
+        ways.map(|values| (far(&values), values))
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map_or_else(|| start.to_vec(), |found| found.1)
+    }
+
+    /// Rms distance of the two readings about its mean, micrometres.
+    fn differs(&self, values: &[f64], without: &[f64]) -> f64 {
+        let changed = self.output(values);
+        let n = changed.len() as f64;
+        let differences = || changed.iter().zip(without).map(|(a, b)| a - b);
+        let mean = differences().sum::<f64>() / n;
+        (differences().map(|d| (d - mean).powi(2)).sum::<f64>() / n).sqrt()
     }
 }
 
@@ -227,4 +240,79 @@ fn range(values: &[f64]) -> (f64, f64) {
         values.iter().copied().fold(f64::INFINITY, f64::min),
         values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hysteron_data::Role;
+    use hysteron_identify::{Family, FitOptions, fit};
+
+    /// A model of a stage of 10 um at 100 V with an opening.
+    fn model() -> Model {
+        let samples = 4000;
+        let voltage_v: Vec<f64> = (0..samples)
+            .map(|k| 50.0 - 50.0 * (std::f64::consts::TAU * f64::from(k) / 1000.0).cos())
+            .collect();
+        let position_um = (0..samples)
+            .map(|k| 5.0 - 5.0 * (std::f64::consts::TAU * f64::from(k) / 1000.0 - 0.15).cos())
+            .collect();
+        let record = Record {
+            file: "a.csv".to_owned(),
+            role: Role::Identify,
+            excitation: String::new(),
+            start_s: 0.0,
+            period_s: 1e-4,
+            voltage_v,
+            position_um,
+            reference_um: None,
+            temperature_c: None,
+            voltage2_v: None,
+        };
+        let dataset = Dataset {
+            records: vec![record],
+            ..Dataset::default()
+        };
+        fit(&dataset, &FitOptions::new(Family::Pi), &|_| ()).unwrap().model
+    }
+
+    /// Each effect with parameters begins where one sees it, and neither hides the loop nor is hidden by it.
+    #[test]
+    fn val_every_effect_begins_where_it_shows() {
+        let model = model();
+        for name in effects::names() {
+            let picture = match picture(&model, name, None, &[]) {
+                Ok(picture) => picture,
+                Err(refusal) => {
+                    assert!(refusal.message.len() > 20, "{name}: {}", refusal.message);
+                    continue;
+                }
+            };
+            let [without, with] = if picture["loops"].is_null() {
+                [&picture["points"]["y"][0], &picture["points"]["y"][1]]
+            } else {
+                [&picture["loops"][0]["y"], &picture["loops"][1]["y"]]
+            };
+            assert_ne!(without, with, "{name}");
+            let values: Vec<f64> = picture["parameters"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|p| p["value"].as_f64().unwrap())
+                .collect();
+            let effect = effects::find(name).unwrap();
+            let (mut record, _) = record(&model, effect.description().scene, None).unwrap();
+            record.position_um = model.simulate(&record).output;
+            let placed = Placed {
+                without: &model,
+                effect: &*effect,
+                record: &record,
+            };
+            let percent = 10.0 * placed.differs(&values, &record.position_um);
+            assert!(
+                (0.5..=15.0).contains(&percent),
+                "{name}: {percent} % of the stroke at {values:?}"
+            );
+        }
+    }
 }

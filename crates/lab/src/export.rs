@@ -2,6 +2,7 @@
 
 use crate::App;
 use crate::error::Refusal;
+use crate::session::Session;
 use hysteron_diagnose::Comparison;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_report::{Findings, frozen, hashes};
@@ -17,6 +18,15 @@ pub(crate) fn model(app: &App, number: usize) -> Result<Download, Refusal> {
     let file = session.folder.join(&session.step(number)?.model);
     let bytes = std::fs::read(&file).map_err(|error| Refusal::disk(&file, &error))?;
     Ok((format!("model-{}.toml", number + 1), "application/toml", bytes))
+}
+
+/// The table of a step for the firmware, as it was made.
+pub(crate) fn table(app: &App, number: usize) -> Result<Download, Refusal> {
+    let session = app.session();
+    session.step(number)?;
+    let bytes = std::fs::read(session.folder.join(Session::table_name(number)))
+        .map_err(|_| Refusal::absent("no table of this step yet; make it first"))?;
+    Ok((format!("table-{}.toml", number + 1), "application/toml", bytes))
 }
 
 /// The voltage of the record to take next.
@@ -73,7 +83,7 @@ pub(crate) fn session(app: &App) -> Result<Download, Refusal> {
     let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let options = zip::write::SimpleFileOptions::default();
     let zipped = |error: &dyn std::fmt::Display| Refusal::disk(&session.folder, error);
-    for part in ["", "uploads", "data", "models", "diagnoses", "reports"] {
+    for part in ["", "uploads", "data", "models", "diagnoses", "reports", "tables"] {
         let folder = session.folder.join(part);
         let mut files: Vec<_> = std::fs::read_dir(&folder)
             .into_iter()

@@ -23,6 +23,7 @@ mod work;
 pub use error::LabError;
 
 use guard::Guard;
+use hysteron_identify::Model;
 use jobs::Job;
 use session::Session;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
@@ -45,6 +46,9 @@ pub struct StartingPoint {
     pub make: Box<dyn Fn(&Path, &(dyn Fn(f64) + Sync)) -> Result<(), String> + Send + Sync>,
 }
 
+/// Makes the text of a table for the firmware from a direct inverse and the options of `hysteron export`, as that writes it.
+pub type TableMaker = Box<dyn Fn(&Model, &[String]) -> Result<String, String> + Send + Sync>;
+
 /// How the workbench is opened.
 pub struct Options {
     /// Dataset folder, or one file in the native format, to begin with.
@@ -55,6 +59,8 @@ pub struct Options {
     pub port: u16,
     /// Datasets that one can begin with.
     pub starts: Vec<StartingPoint>,
+    /// Makes tables for the firmware.
+    pub table: TableMaker,
     /// Version of the program.
     pub version: &'static str,
 }
@@ -72,6 +78,7 @@ pub(crate) struct App {
     job: Mutex<Job>,
     tick: watch::Sender<u64>,
     pub(crate) starts: Vec<StartingPoint>,
+    pub(crate) table: TableMaker,
     pub(crate) version: &'static str,
 }
 
@@ -117,6 +124,7 @@ impl Lab {
             job: Mutex::default(),
             tick: watch::Sender::new(1),
             starts: options.starts,
+            table: options.table,
             version: options.version,
         };
         Ok(Self {

@@ -9,7 +9,7 @@ use hysteron_data::Dataset;
 use hysteron_diagnose::{Comparison, RecordComparison};
 use hysteron_identify::Model;
 use serde::{Deserialize, Serialize};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -35,6 +35,9 @@ pub(crate) struct Book {
     pub(crate) steps: Vec<Step>,
     /// The step looked at.
     pub(crate) current: Option<usize>,
+    /// The commands that made the tables for the firmware, by step.
+    #[serde(default)]
+    pub(crate) tables: BTreeMap<usize, String>,
     /// How the files that were brought are read.
     #[serde(default)]
     pub(crate) reading: Reading,
@@ -90,7 +93,7 @@ impl Session {
             folder: folder.display().to_string(),
             reason,
         };
-        for part in ["uploads", "models", "diagnoses", "reports"] {
+        for part in ["uploads", "models", "diagnoses", "reports", "tables"] {
             std::fs::create_dir_all(folder.join(part)).map_err(|error| failed(error.to_string()))?;
         }
         let lock = File::create(folder.join(".lock")).map_err(|error| failed(error.to_string()))?;
@@ -138,11 +141,12 @@ impl Session {
         self.book.files_taken = true;
         self.book.data_command = Some(command);
         self.book.steps.clear();
+        self.book.tables.clear();
         self.book.current = None;
         self.comparisons.clear();
         self.shown = dataset.records.iter().map(crate::state::record).collect();
         self.dataset = Some(Arc::new(dataset));
-        let results = ["diagnoses", "reports"].map(|part| std::fs::read_dir(self.folder.join(part)));
+        let results = ["diagnoses", "reports", "tables"].map(|part| std::fs::read_dir(self.folder.join(part)));
         for file in results.into_iter().flatten().flatten().flatten() {
             // A result of other data that cannot be removed is overwritten by the next one.
             let _ = std::fs::remove_file(file.path());
@@ -246,6 +250,11 @@ impl Session {
         self.folder.join(format!("reports/{}.html", number + 1))
     }
 
+    /// Where the table of a step is kept, as the commands name it.
+    pub(crate) fn table_name(number: usize) -> String {
+        format!("tables/{}.toml", number + 1)
+    }
+
     /// The folder of the data, if there are data.
     pub(crate) fn data_folder(&self) -> Option<PathBuf> {
         self.book.data.as_ref().map(|data| self.folder.join(data))
@@ -271,7 +280,8 @@ impl Book {
         let sound = there(self.current)
             && self.steps.iter().enumerate().all(|(number, step)| {
                 step.parent.is_none_or(|parent| parent < number) && there(step.redo) && step.model == model_name(number)
-            });
+            })
+            && self.tables.keys().all(|&number| number < count);
         sound
             .then_some(())
             .ok_or_else(|| "session.json names steps that are not there; move the file away to begin anew".to_owned())

@@ -46,6 +46,7 @@ pub(crate) fn state(app: &App, tick: u64) -> Value {
         "steps": book.steps,
         "diagnosed": diagnosed,
         "reported": reported,
+        "tables": book.tables,
         "challenge": riddle::state(&session),
         "current": book.current,
         "job": job,

@@ -10,6 +10,7 @@ use hysteron_data::{Dataset, Overwrite, write_dataset};
 use hysteron_diagnose::Comparison;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_identify::{Direction, Family, FitOptions, Model};
+use serde::Deserialize;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -216,6 +217,92 @@ pub(crate) fn report(app: &Arc<App>) -> Result<(), Refusal> {
         progress.at(0.95, "pictures");
         let page = export::report_page(&own, number, &comparison, diagnosis.as_ref())?;
         session::write_whole(&own.session().report_file(number), page.as_bytes())
+    })
+}
+
+/// Why a step has no table for the firmware, and what to do; nothing where it has one.
+pub(crate) fn no_table(model: &Model) -> Option<String> {
+    (!model.effects.is_empty()).then(|| {
+        let names: Vec<&str> = model.effects.iter().map(|effect| effect.name.as_str()).collect();
+        format!(
+            "This step has {}, and a table holds the inverse of the hysteresis alone: the controller does not compensate \
+             effects yet. Choose a step without effects on the ladder.",
+            names.join(" and ")
+        )
+    })
+}
+
+/// What the controller's ends are, where they are not those of the paper's bench; each as the option of `hysteron export`.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct Ends {
+    /// Lowest and highest reference, micrometres.
+    input_min_um: Option<f64>,
+    input_max_um: Option<f64>,
+    /// Volts that the stack may be given.
+    amplifier_min_v: Option<f64>,
+    amplifier_max_v: Option<f64>,
+    latency_us: Option<f64>,
+    mode_hz: Option<f64>,
+    damping: Option<f64>,
+}
+
+impl Ends {
+    fn options(&self) -> Result<Vec<String>, Refusal> {
+        let single = [
+            ("input-min", self.input_min_um),
+            ("input-max", self.input_max_um),
+            ("latency-us", self.latency_us),
+            ("mode", self.mode_hz),
+            ("damping", self.damping),
+        ];
+        let mut options: Vec<String> = single
+            .into_iter()
+            .filter_map(|(name, value)| Some(format!("--{name}={}", value?)))
+            .collect();
+        match (self.amplifier_min_v, self.amplifier_max_v) {
+            (Some(low), Some(high)) => options.push(format!("--amplifier={low},{high}")),
+            (None, None) => {}
+            _ => return Err(Refusal::unusable("give the lowest and the highest voltage, or neither")),
+        }
+        Ok(options)
+    }
+}
+
+fn inverse_name(number: usize) -> String {
+    format!("models/{}-inverse.toml", number + 1)
+}
+
+/// Fits the direct inverse of the current step's family to the data, and makes the table for the firmware.
+pub(crate) fn table(app: &Arc<App>, ends: &Ends) -> Result<(), Refusal> {
+    let (dataset, number, model) = current(&app.session())?;
+    if let Some(why) = no_table(&model) {
+        return Err(Refusal::conflict(why));
+    }
+    let options = ends.options()?;
+    let own = Arc::clone(app);
+    jobs::start(app, "making the table", move |progress| {
+        let plays = model.thresholds.len();
+        let fit = FitOptions {
+            plays,
+            direction: Direction::Inverse,
+            ..FitOptions::new(model.family)
+        };
+        let fitted = hysteron_identify::fit(&dataset, &fit, &|share| progress.at(0.95 * share, "direct inverse"));
+        let inverse = fitted.map_err(Refusal::unusable)?.model;
+        let text = (own.table)(&inverse, &options).map_err(Refusal::unusable)?;
+        let mut session = own.session();
+        let (file, table) = (inverse_name(number), Session::table_name(number));
+        inverse.write(&session.folder.join(&file)).map_err(Refusal::unusable)?;
+        session::write_whole(&session.folder.join(&table), text.as_bytes())?;
+        let command = format!(
+            "hysteron fit {} --model {} --plays {plays} --direction inverse -o {file} && hysteron export {file} {} -o {table}",
+            data_word(&session),
+            model.family.name(),
+            options.join(" ")
+        );
+        session.book.tables.insert(number, command.replace("  ", " "));
+        session.save()
     })
 }
 

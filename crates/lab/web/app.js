@@ -95,7 +95,7 @@ function drawJob() {
 /** What a page depends on; while it is the same, the page is left alone. */
 function key() {
   const s = lab.state;
-  return JSON.stringify([location.hash, s.revision, s.files, s.reading, s.data === null, s.current, s.diagnosed, s.reported, s.challenge, s.job.running]);
+  return JSON.stringify([location.hash, s.revision, s.files, s.reading, s.data === null, s.current, s.diagnosed, s.reported, s.tables, s.challenge, s.job.running]);
 }
 
 async function draw() {

@@ -4,7 +4,7 @@ use crate::commands::simulate::StageName;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
-use clap::Args;
+use clap::{Args, Parser};
 use hysteron_identify::{Direction, Model};
 use hysteron_plant::{Amplifier, Converter, Sensor, StageConfig};
 use hysteron_table::gains::{Design, LoopData, design};
@@ -90,6 +90,26 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Done, CliError> {
     })?;
     output::print(&said(&table, designed.as_ref(), args))?;
     Ok(Done::Answered)
+}
+
+/// The command as the workbench gives it.
+#[derive(Parser)]
+struct Words {
+    #[command(flatten)]
+    args: ExportArgs,
+}
+
+/// The table of a direct inverse as the command writes it with these options.
+pub(crate) fn text(model: &Model, options: &[String]) -> Result<String, CliError> {
+    let fixed = ["export", "the direct inverse", "--output", "table.toml"].map(str::to_owned);
+    let Words { args } = Words::try_parse_from(fixed.iter().chain(options))
+        .map_err(|error| CliError::Option(error.render().to_string()))?;
+    let refused = |source| CliError::Table {
+        path: args.model.clone(),
+        source,
+    };
+    let (table, _) = table(model, &args, &refused)?;
+    table.to_toml().map_err(refused)
 }
 
 fn said(table: &Table, designed: Option<&Design>, args: &ExportArgs) -> String {
