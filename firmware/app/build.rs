@@ -20,7 +20,9 @@ fn main() {
         Ok(table) => table,
         Err(error) => refuse(&format!("{path}: {error}")),
     };
-    let mut source = table.constants(&text);
+    let mut source = table
+        .constants(&text)
+        .unwrap_or_else(|error| refuse(&format!("{path}: {error}")));
     let turn = |i: usize| 2.0 * std::f64::consts::PI * i as f64 / COSINE_INTERVALS as f64;
     let cosine: Vec<String> = (0..=COSINE_INTERVALS)
         .map(|i| format!("{:?}", turn(i).cos() as f32))

@@ -2,6 +2,9 @@
 #![forbid(unsafe_code)]
 
 mod emulator;
+pub mod rig;
+
+pub use rig::{Bench, Recording, Rig, drive_here};
 
 use emulator::Emulator;
 use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello, SUMMARY_BYTES, Setup, Summary};
@@ -100,25 +103,6 @@ impl Machine {
     }
 }
 
-/// What the board and the stage did, one value a tick.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Recording {
-    /// What the image said of itself.
-    pub hello: Hello,
-    /// What it was asked for.
-    pub setup: Setup,
-    /// What the board reported.
-    pub frames: Vec<Frame>,
-    /// The ADC code that each frame answers.
-    pub adc: Vec<u16>,
-    /// Sensor reading of that code, micrometres.
-    pub position_um: Vec<f64>,
-    /// Actuator voltage of each frame's DAC code, volts.
-    pub voltage_v: Vec<f64>,
-    /// Timing, by the board's own timers.
-    pub summary: Summary,
-}
-
 /// What a run is to do; checked against what the image says of its table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Request {
@@ -132,9 +116,21 @@ pub struct Request {
     pub feedforward: bool,
     /// Whether the PI controller runs.
     pub feedback: bool,
-    /// Every so many ticks one is held up while so many edges of the sample clock come; none with `[0, 0]`.
-    pub stall: [u32; 2],
 }
+
+/// What a run of the emulator ends with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outcome {
+    /// What the image said of itself.
+    pub hello: Hello,
+    /// What it was asked for.
+    pub setup: Setup,
+    /// Timing, by the board's own timers.
+    pub summary: Summary,
+}
+
+/// Ticks after a run in which the command falls to its safe level: 20 ms for the whole range, as `hysteron export` sets it, and 2 ms.
+pub const FALL_TICKS: u32 = 1100;
 
 /// Share of the table's range left free at either end: the amplifier ends at 0 V, and an inverse that leads has to go below where
 /// its records went.
@@ -158,14 +154,12 @@ impl Request {
         within("highest reference, micrometres", high_um, low_um, max)?;
         within("ticks", self.seconds * rate_hz, 2.0, MOST_TICKS)?;
         Ok(Setup {
-            ticks: (self.seconds * rate_hz).round() as u32,
+            ticks: (self.seconds * rate_hz).round() as u32 + FALL_TICKS,
             phase_step: (self.frequency_hz / rate_hz * 4_294_967_296.0).round() as u32,
             low_um: low_um as f32,
             high_um: high_um as f32,
             feedforward: self.feedforward,
             feedback: self.feedback,
-            stall_every: self.stall[0],
-            stall_edges: self.stall[1],
         })
     }
 }
@@ -178,28 +172,27 @@ fn within(name: &'static str, value: f64, min: f64, max: f64) -> Result<(), Boar
     Err(BoardError::Setup { name, value, min, max })
 }
 
-/// Runs an image in QEMU against a stage.
+/// Runs an image in QEMU against a bench, until the ticks of the request and [`FALL_TICKS`] are over.
 ///
-/// Each tick the image gets the code that the stage's sensor gives and answers with a code, which drives the stage for one sample:
-/// as in a simulation of the loop, the first reading that a command can move is the next one. Virtual time stands still during
-/// the exchange. The emulator is ended `patience` after its start.
+/// Each tick the image gets a code and an order and answers with a frame. Virtual time stands still during the exchange. The emulator
+/// is ended `patience` after its start.
 ///
 /// # Errors
 /// No image or no emulator, a request that the image's table does not allow, an exchange that breaks off.
-pub fn run(
+pub fn drive(
     machine: Machine,
     image: &Path,
-    stage: &mut Stage,
     request: &Request,
+    bench: &mut dyn Bench,
     patience: Duration,
     progress: &mut dyn FnMut(f64),
-) -> Result<Recording, BoardError> {
+) -> Result<Outcome, BoardError> {
     if !image.is_file() {
         return Err(BoardError::NoImage(image.to_owned()));
     }
     let mut emulator = Emulator::start(machine, image, patience)?;
     let mut ticks = 0;
-    exchange(&mut emulator, stage, request, &mut ticks, progress).map_err(|broken| match broken {
+    exchange(&mut emulator, request, bench, &mut ticks, progress).map_err(|broken| match broken {
         Broken::Wire(source) => BoardError::Exchange {
             tick: ticks,
             source,
@@ -207,6 +200,23 @@ pub fn run(
         },
         Broken::Said(error) => error,
     })
+}
+
+/// As [`drive`], against a simulated stage: start, the request, stop, and what was recorded.
+///
+/// # Errors
+/// As [`drive`].
+pub fn run(
+    machine: Machine,
+    image: &Path,
+    stage: Stage,
+    request: &Request,
+    patience: Duration,
+    progress: &mut dyn FnMut(f64),
+) -> Result<(Outcome, Recording), BoardError> {
+    let mut rig = Rig::new(stage, request.seconds);
+    let outcome = drive(machine, image, request, &mut rig, patience, progress)?;
+    Ok((outcome, rig.recording))
 }
 
 enum Broken {
@@ -226,56 +236,32 @@ impl From<BoardError> for Broken {
     }
 }
 
-/// Hello and setup.
-fn greet(emulator: &mut Emulator, stage: &Stage, request: &Request) -> Result<(Hello, Setup), Broken> {
+fn exchange(
+    emulator: &mut Emulator,
+    request: &Request,
+    bench: &mut dyn Bench,
+    ticks: &mut u32,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Outcome, Broken> {
     let mut said = [0; HELLO_BYTES];
     emulator.from_board.read_exact(&mut said)?;
     let hello = Hello::from_bytes(&said).ok_or(BoardError::OtherVersion)?;
-    let (stage_hz, table_hz) = (1.0 / stage.config().sample_period_s, f64::from(hello.sample_rate_hz));
+    let (stage_hz, table_hz) = (bench.sample_rate_hz(), f64::from(hello.sample_rate_hz));
     if (stage_hz / table_hz - 1.0).abs() > 1e-6 {
         return Err(BoardError::OtherRate { stage_hz, table_hz }.into());
     }
     let setup = request.setup(&hello)?;
     emulator.to_board.write_all(&setup.to_bytes())?;
-    Ok((hello, setup))
-}
-
-fn exchange(
-    emulator: &mut Emulator,
-    stage: &mut Stage,
-    request: &Request,
-    ticks: &mut u32,
-    progress: &mut dyn FnMut(f64),
-) -> Result<Recording, Broken> {
-    let (hello, setup) = greet(emulator, stage, request)?;
-    let mut recording = Recording {
-        hello,
-        setup,
-        frames: Vec::new(),
-        adc: Vec::new(),
-        position_um: Vec::new(),
-        voltage_v: Vec::new(),
-        summary: Summary::default(),
-    };
-    let config = stage.config();
-    let dac = config.dac.unwrap_or(hysteron_plant::Converter::BIPOLAR_16_BIT);
-    let gain = config.amplifier.gain;
     let mut frame = [0; FRAME_BYTES];
     for wanted in 0..setup.ticks {
-        let sample = stage.sample();
-        let code = u16::try_from(sample.position_code).unwrap_or(u16::MAX);
-        emulator.to_board.write_all(&code.to_le_bytes())?;
+        emulator.to_board.write_all(&bench.input(wanted).to_bytes())?;
         emulator.from_board.read_exact(&mut frame)?;
         let frame = Frame::from_bytes(&frame);
         if frame.number != wanted {
             let got = frame.number;
             return Err(BoardError::LostFrame { got, wanted }.into());
         }
-        stage.step_code(u32::from(frame.dac));
-        recording.adc.push(code);
-        recording.position_um.push(sample.position_um);
-        recording.voltage_v.push(dac.v_from_code(u32::from(frame.dac)) * gain);
-        recording.frames.push(frame);
+        bench.output(&frame);
         *ticks = wanted + 1;
         if wanted % 1024 == 0 {
             progress(f64::from(wanted) / f64::from(setup.ticks));
@@ -283,6 +269,6 @@ fn exchange(
     }
     let mut summary = [0; SUMMARY_BYTES];
     emulator.from_board.read_exact(&mut summary)?;
-    recording.summary = Summary::from_bytes(&summary);
-    Ok(recording)
+    let summary = Summary::from_bytes(&summary);
+    Ok(Outcome { hello, setup, summary })
 }

@@ -3,12 +3,12 @@
 //! Skipped, and said so, where there is no QEMU or no image; `cargo xtask test` installs the one and builds the other and then
 //! sets `HYSTERON_NEED_EMULATOR`, with which nothing is skipped.
 #![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
+#![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 
-use hysteron_board::{BoardError, Machine, Recording, Request};
-use hysteron_core::codes::AdcCode;
+use hysteron_board::{Bench, BoardError, Machine, Outcome, Recording, Request, Rig, drive, drive_here};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::table;
-use hysteron_firmware::wire::{Frame, Hello, LIMITED, Setup};
+use hysteron_firmware::wire::{Frame, Hello, Input, LIMITED, Mode, Order, Setup};
 use hysteron_plant::{Stage, StageConfig, preset};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -35,36 +35,20 @@ fn sine(frequency_hz: f64, feedforward: bool, feedback: bool, seconds: f64) -> R
         seconds,
         feedforward,
         feedback,
-        stall: [0, 0],
     }
 }
 
-fn in_emulator(machine: Machine, image: &Path, config: &StageConfig, request: &Request) -> Recording {
-    let mut stage = Stage::new(config, 7).unwrap();
-    hysteron_board::run(machine, image, &mut stage, request, PATIENCE, &mut |_| {}).unwrap()
+fn in_emulator(machine: Machine, image: &Path, config: &StageConfig, request: &Request) -> (Outcome, Recording) {
+    let stage = Stage::new(config, 7).unwrap();
+    hysteron_board::run(machine, image, stage, request, PATIENCE, &mut |_| {}).unwrap()
 }
 
 /// The same application and stage in one process.
-fn on_host(config: &StageConfig, setup: &Setup) -> Vec<Frame> {
-    let mut stage = Stage::new(config, 7).unwrap();
+fn on_host(config: &StageConfig, request: &Request, setup: &Setup) -> Recording {
+    let mut rig = Rig::new(Stage::new(config, 7).unwrap(), request.seconds);
     let mut controller = Controller::new(table::parameters().unwrap(), setup);
-    (0..setup.ticks)
-        .map(|_| {
-            let code = u16::try_from(stage.sample().position_code).unwrap();
-            let frame = controller.step(AdcCode(code));
-            stage.step_code(u32::from(frame.dac));
-            frame
-        })
-        .collect()
-}
-
-fn rms_um(recording: &Recording) -> f64 {
-    let half = recording.frames.len() / 2;
-    let pairs = recording.frames.iter().zip(&recording.position_um).skip(half);
-    let sum: f64 = pairs
-        .map(|(frame, y)| (f64::from(frame.reference_um) - y).powi(2))
-        .sum();
-    (sum / half as f64).sqrt()
+    drive_here(&mut controller, setup.ticks, &mut rig);
+    rig.recording
 }
 
 /// On either core 120 000 ticks: open loop, PI alone and both, on both stages of the paper. Frames are compared by their bits.
@@ -79,13 +63,14 @@ fn val_emulator_and_host_give_the_same_bits() {
                 (500.0, true, true),
                 (50.0, true, true),
             ] {
-                let recording = in_emulator(machine, &image, &config, &sine(hz, feedforward, feedback, 0.3));
+                let request = sine(hz, feedforward, feedback, 0.3);
+                let (outcome, recording) = in_emulator(machine, &image, &config, &request);
                 assert_eq!(
-                    recording.hello.hash,
+                    outcome.hello.hash,
                     table::HASH,
                     "the image has another table: build both anew"
                 );
-                let host = on_host(&config, &recording.setup);
+                let host = on_host(&config, &request, &outcome.setup).frames;
                 assert_eq!(recording.frames.len(), host.len());
                 for (board, host) in recording.frames.iter().zip(&host) {
                     assert_eq!(
@@ -97,15 +82,15 @@ fn val_emulator_and_host_give_the_same_bits() {
                 // A run that does not move would agree, too.
                 let codes = recording.frames.iter().map(|frame| frame.dac);
                 assert!(codes.clone().max().unwrap() - codes.min().unwrap() > 1000, "{hz}");
-                on_time(&recording);
+                on_time(&outcome);
             }
         }
     }
 }
 
 /// No overrun, no lost edge, constant latency.
-fn on_time(recording: &Recording) {
-    let timing = recording.summary;
+fn on_time(outcome: &Outcome) {
+    let timing = outcome.summary;
     assert_eq!((timing.overruns, timing.lost), (0, 0));
     // Waking from wfi or not, one timer count either way.
     assert!(timing.latency_max - timing.latency_min <= 1, "{timing:?}");
@@ -113,26 +98,75 @@ fn on_time(recording: &Recording) {
     assert!(timing.tick_max > 0 && timing.tick_max < 500 / 3, "{timing:?}");
 }
 
+/// The stage, with orders of the test's own.
+struct Ordered<F> {
+    rig: Rig,
+    order: F,
+}
+
+impl<F: FnMut(u32) -> Order> Bench for Ordered<F> {
+    fn sample_rate_hz(&self) -> f64 {
+        self.rig.sample_rate_hz()
+    }
+
+    fn input(&mut self, number: u32) -> Input {
+        let order = (self.order)(number);
+        Input {
+            order,
+            ..self.rig.input(number)
+        }
+    }
+
+    fn output(&mut self, frame: &Frame) {
+        self.rig.output(frame);
+    }
+}
+
 /// A second of 50 kHz without an overrun; then ticks held up on purpose, every one of them counted, and the edges lost with them.
 #[test]
 fn val_overruns_are_counted_exactly() {
     for machine in Machine::ALL {
         let Some(image) = image(machine) else { return };
-        let run = |request: &Request| in_emulator(machine, &image, &preset::paper_delay(), request);
-        let long = run(&sine(100.0, true, true, 1.0));
-        assert_eq!(long.frames.len(), 50_000);
-        on_time(&long);
-        for (stall, overruns, lost) in [([100, 1], 50, 0), ([1000, 3], 5, 10), ([1, 1], 5000, 0)] {
-            let timing = run(&Request {
-                stall,
-                ..sine(100.0, true, true, 0.1)
-            })
-            .summary;
-            // What is held up at the very end loses edges that no later tick could see.
-            let unseen = if lost > 0 { stall[1] - 1 } else { 0 };
-            assert_eq!((timing.overruns, timing.lost), (overruns, lost - unseen), "{stall:?}");
+        let run = |seconds: f64, order: &dyn Fn(u32) -> Order| {
+            let rig = Rig::new(Stage::new(&preset::paper_delay(), 7).unwrap(), seconds);
+            let request = sine(100.0, true, true, seconds);
+            let mut bench = Ordered { rig, order };
+            let outcome = drive(machine, &image, &request, &mut bench, PATIENCE, &mut |_| {}).unwrap();
+            (outcome, bench.rig.recording)
+        };
+        let (outcome, long) = run(1.0, &|number| if number == 0 { Order::Start } else { Order::None });
+        assert!(long.frames.len() >= 50_000);
+        on_time(&outcome);
+        for (every, edges, overruns, lost) in [(100, 1, 50, 0), (1000, 3, 5, 10), (1, 1, 4999, 0)] {
+            let stall = |number: u32| match number {
+                0 => Order::Start,
+                n if n < 5000 && n % every == every - 1 => Order::Stall(edges),
+                _ => Order::None,
+            };
+            let timing = run(0.1, &stall).0.summary;
+            assert_eq!((timing.overruns, timing.lost), (overruns, lost), "{every} {edges}");
         }
     }
+}
+
+/// The command starts and ends at the safe level, on ramps.
+#[test]
+fn val_rises_and_falls_on_ramps() {
+    let setup = sine(100.0, true, true, 0.1).setup(&hello()).unwrap();
+    let frames = on_host(&preset::paper_rate(), &sine(100.0, true, true, 0.1), &setup).frames;
+    let modes = frames.windows(2).filter(|pair| pair[0].mode() != pair[1].mode());
+    let order: Vec<Mode> = modes.map(|pair| pair[1].mode()).collect();
+    assert_eq!(order, [Mode::Running, Mode::Falling, Mode::Off]);
+    assert_eq!(frames[0].mode(), Mode::Rising);
+    let ramp_v = table::RAMP_V_PER_S / table::SAMPLE_RATE_HZ;
+    for pair in frames.windows(2).filter(|pair| pair[1].mode() != Mode::Running) {
+        // Rounded where the command is larger than its change.
+        assert!(
+            (pair[1].command_v - pair[0].command_v).abs() <= ramp_v * 1.0001,
+            "{pair:?}"
+        );
+    }
+    assert_eq!(frames.last().unwrap().command_v, table::SAFE_V);
 }
 
 /// Feedforward with feedback follows better than either alone, in the emulator as in the paper's figure 15 at 100 Hz.
@@ -141,24 +175,28 @@ fn val_the_loop_follows() {
     let Some(image) = image(Machine::Mps2An386) else { return };
     let run = |feedforward, feedback| {
         let request = sine(100.0, feedforward, feedback, 0.1);
-        let recording = in_emulator(Machine::Mps2An386, &image, &preset::paper_rate(), &request);
-        let half = recording.frames.len() / 2;
-        let limited = recording.frames[half..].iter().any(|frame| frame.flags & LIMITED != 0);
+        let (_, recording) = in_emulator(Machine::Mps2An386, &image, &preset::paper_rate(), &request);
+        let mut running = recording.frames.iter().filter(|frame| frame.mode() == Mode::Running);
+        let limited = running.any(|frame| frame.flags & LIMITED != 0);
         assert!(!feedback || !limited, "{feedforward}");
-        rms_um(&recording)
+        recording.rms_um()
     };
     let (inverse, pi, both) = (run(true, false), run(false, true), run(true, true));
     assert!(both < inverse && both < pi, "{inverse} {pi} {both}");
 }
 
-#[test]
-fn refuse_requests_and_images() {
-    let hello = Hello {
+fn hello() -> Hello {
+    Hello {
         hash: [0; 32],
         sample_rate_hz: 5e4,
         input_min_um: 0.0,
         input_max_um: 2.5,
-    };
+    }
+}
+
+#[test]
+fn refuse_requests_and_images() {
+    let hello = hello();
     let refused = |request: Request| request.setup(&hello).unwrap_err().to_string();
     let good = sine(100.0, true, true, 0.1);
     assert_eq!(
@@ -184,11 +222,11 @@ fn refuse_requests_and_images() {
 }
 
 fn failure(image: &Path) -> String {
-    let mut stage = Stage::new(&preset::paper_rate(), 1).unwrap();
+    let stage = Stage::new(&preset::paper_rate(), 1).unwrap();
     let request = sine(100.0, true, true, 0.1);
     let patience = Duration::from_secs(2);
     let error: BoardError =
-        hysteron_board::run(Machine::Mps2An386, image, &mut stage, &request, patience, &mut |_| {}).unwrap_err();
+        hysteron_board::run(Machine::Mps2An386, image, stage, &request, patience, &mut |_| {}).unwrap_err();
     error.to_string()
 }
 

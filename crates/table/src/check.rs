@@ -10,6 +10,15 @@ use hysteron_core::pi_controller::PiController;
 /// Points of the sweep up and down over the input range: 0.1 % of it, well below the spacing of thresholds in use.
 const SWEEP_POINTS: usize = 1000;
 
+/// The inverse at rest over its whole range, up and down.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sweep {
+    /// Smallest and largest slope; 1 / smallest is the stage's largest gain, which a feedback loop has to live with.
+    pub slopes_v_per_um: [f64; 2],
+    /// Highest output less the lowest, volts.
+    pub span_v: f64,
+}
+
 impl Table {
     /// Checks everything that can be known before the table runs.
     ///
@@ -20,15 +29,14 @@ impl Table {
     /// - An inverse that does not rise, or falls, with its input all over its range, both ways, at rest.
     /// - An output at rest outside what the amplifier may be given, or a command range outside the DAC's.
     pub fn check(&self) -> Result<(), TableError> {
-        self.slopes().map(|_| ())
+        self.sweep().map(|_| ())
     }
 
-    /// Smallest and largest slope of the inverse at rest over its whole range, volts per micrometre; 1 / smallest is the stage's
-    /// largest gain, which a feedback loop has to live with.
+    /// As [`Table::check`], and what its sweep has seen.
     ///
     /// # Errors
     /// As [`Table::check`].
-    pub fn slopes(&self) -> Result<[f64; 2], TableError> {
+    pub fn sweep(&self) -> Result<Sweep, TableError> {
         if self.format != FORMAT {
             return Err(refuse("format", &self.format, format!("this version reads `{FORMAT}`")));
         }
@@ -66,12 +74,23 @@ impl Table {
             self.integral_v_per_um_s as f32,
             rate_hz,
         )?;
-        Limiter::new(
-            self.output_min_v as f32,
-            self.output_max_v as f32,
-            self.slew_v_per_s as f32,
-            rate_hz,
-        )?;
+        let limiter = |slew_v_per_s: f64| {
+            Limiter::new(
+                self.output_min_v as f32,
+                self.output_max_v as f32,
+                slew_v_per_s as f32,
+                rate_hz,
+            )
+        };
+        limiter(self.slew_v_per_s)?;
+        limiter(self.ramp_v_per_s)?;
+        if self.ramp_v_per_s > self.slew_v_per_s {
+            return Err(refuse(
+                "ramp_v_per_s",
+                self.ramp_v_per_s,
+                "must not lie above slew_v_per_s",
+            ));
+        }
         Converter::new(self.dac_min_v as f32, self.dac_top_v as f32)?;
         Converter::new(self.adc_min_um as f32, self.adc_top_um as f32)?;
         self.check_plays()
@@ -86,6 +105,7 @@ impl Table {
             ("output_max_v", self.output_max_v),
             ("safe_v", self.safe_v),
             ("slew_v_per_s", self.slew_v_per_s),
+            ("ramp_v_per_s", self.ramp_v_per_s),
             ("proportional_v_per_um", self.proportional_v_per_um),
             ("integral_v_per_um_s", self.integral_v_per_um_s),
             ("feedback_up_to_hz", self.feedback_up_to_hz),
@@ -123,7 +143,7 @@ impl Table {
     }
 
     /// Runs the core's own constructors and a sweep, with as many plays as the table has.
-    fn check_plays(&self) -> Result<[f64; 2], TableError> {
+    fn check_plays(&self) -> Result<Sweep, TableError> {
         macro_rules! plays {
             ($($n:literal)*) => {
                 match self.thresholds_um.len() {
@@ -139,8 +159,8 @@ impl Table {
         plays!(1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32)
     }
 
-    /// Slopes of the inverse at rest, smallest and largest, volts per micrometre, between neighbouring points of a sweep up and down.
-    fn check_sweep<const N: usize>(&self) -> Result<[f64; 2], TableError> {
+    /// Slopes are between neighbouring points.
+    fn check_sweep<const N: usize>(&self) -> Result<Sweep, TableError> {
         let (bank, inverse) = self.inverse::<N>(true)?;
         // With the rate, too, the core must take it.
         self.inverse::<N>(false)?;
@@ -151,6 +171,7 @@ impl Table {
         let points = (1..=SWEEP_POINTS).map(|k| (k, true));
         let spacing_um = f64::from(high - low) / SWEEP_POINTS as f64;
         let mut slopes = [f64::INFINITY, 0.0_f64];
+        let mut ends = [last, last];
         for (k, up) in points.chain((0..SWEEP_POINTS).rev().map(|k| (k, false))) {
             let input = low + (high - low) * (k as f32 / SWEEP_POINTS as f32);
             let output = inverse.step(&mut state, input);
@@ -165,9 +186,13 @@ impl Table {
             }
             let slope = f64::from(output - last).abs() / spacing_um;
             slopes = [slopes[0].min(slope), slopes[1].max(slope)];
+            ends = [ends[0].min(output), ends[1].max(output)];
             last = output;
         }
-        Ok(slopes)
+        Ok(Sweep {
+            slopes_v_per_um: slopes,
+            span_v: f64::from(ends[1] - ends[0]),
+        })
     }
 
     /// The terms that have to carry the output, by their fields.

@@ -1,6 +1,6 @@
 //! A table as Rust constants in `f32`.
 
-use crate::{Family, Table, hash};
+use crate::{Family, Table, TableError, hash};
 use std::fmt::Write;
 
 /// What builds the inverse of each family from the constants.
@@ -60,7 +60,12 @@ impl Table {
     /// hash of `text`, the table's file.
     ///
     /// Values are written by their shortest decimal that gives the same `f32`.
-    pub fn constants(&self, text: &str) -> String {
+    ///
+    /// # Errors
+    /// As [`Table::check`].
+    pub fn constants(&self, text: &str) -> Result<String, TableError> {
+        let sweep = self.sweep()?;
+        let slopes = sweep.slopes_v_per_um.map(|slope| slope as f32);
         let mut source = String::new();
         let scalars = [
             ("SAMPLE_RATE_HZ", self.sample_rate_hz),
@@ -70,6 +75,7 @@ impl Table {
             ("OUTPUT_MAX_V", self.output_max_v),
             ("SAFE_V", self.safe_v),
             ("SLEW_V_PER_S", self.slew_v_per_s),
+            ("RAMP_V_PER_S", self.ramp_v_per_s),
             ("PROPORTIONAL_V_PER_UM", self.proportional_v_per_um),
             ("INTEGRAL_V_PER_UM_S", self.integral_v_per_um_s),
             ("FEEDBACK_UP_TO_HZ", self.feedback_up_to_hz),
@@ -97,6 +103,8 @@ impl Table {
             scalar("QUARTIC_V_PER_UM4", self.quartic_v_per_um4);
             scalar("QUINTIC_V_PER_UM5", self.quintic_v_per_um5);
         }
+        let _ = writeln!(source, "pub const SLOPES_V_PER_UM: [f32; 2] = {slopes:?};");
+        let _ = writeln!(source, "pub const SPAN_V: f32 = {:?};", sweep.span_v as f32);
         let _ = writeln!(source, "pub const PLAYS: usize = {};", self.thresholds_um.len());
         let lists = [
             ("THRESHOLDS_UM", &self.thresholds_um),
@@ -121,6 +129,6 @@ impl Table {
             Family::Mrpi => MRPI,
             Family::PlayPolynomial => PLAY_POLYNOMIAL,
         };
-        source
+        Ok(source)
     }
 }

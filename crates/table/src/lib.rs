@@ -8,6 +8,7 @@ mod constants;
 pub mod gains;
 mod inverse;
 
+pub use check::Sweep;
 pub use inverse::Inverse;
 
 use serde::{Deserialize, Serialize};
@@ -44,6 +45,8 @@ pub struct Table {
     pub safe_v: f64,
     /// Fastest change of the command.
     pub slew_v_per_s: f64,
+    /// Change of the command on its way from and to the safe level.
+    pub ramp_v_per_s: f64,
     /// K_p of eq. 14.
     pub proportional_v_per_um: f64,
     /// K_i of eq. 14.

@@ -21,7 +21,7 @@ fn val_a_table_comes_back() {
 #[test]
 fn val_constants_are_the_nearest_f32() {
     let table = Table::parse(GOOD).unwrap();
-    let source = table.constants(GOOD);
+    let source = table.constants(GOOD).unwrap();
     let line = source
         .lines()
         .find(|line| line.starts_with("pub const ALPHA_S"))

@@ -6,6 +6,7 @@
 #![warn(missing_docs)]
 
 pub mod controller;
+pub mod monitor;
 pub mod parameters;
 pub mod table;
 pub mod trajectory;
@@ -13,16 +14,18 @@ pub mod wire;
 
 use controller::Controller;
 use hysteron_core::bank::PlayState;
-use hysteron_core::codes::{AdcCode, DacCode};
+use hysteron_core::codes::DacCode;
 use hysteron_core::model::Hysteresis;
-use wire::Frame;
+use wire::{Frame, Input};
 
 /// What the application needs of a board.
 pub trait Board {
-    /// The position's code of this tick.
-    fn read_adc(&mut self) -> AdcCode;
+    /// The position's code of this tick, and an order of the host's if there is one.
+    fn read(&mut self) -> Input;
+    /// Whether the tick before ended after the edge of this one.
+    fn late(&self) -> bool;
     /// Sets the output, and hands the tick's frame to the host.
-    fn write_dac(&mut self, code: DacCode, frame: &Frame);
+    fn write(&mut self, code: DacCode, frame: &Frame);
 }
 
 /// The body of the converter's interrupt: convert, one call of the core, convert.
@@ -30,9 +33,9 @@ pub trait Board {
 pub fn tick<B, I, const N: usize>(board: &mut B, controller: &mut Controller<I, N>)
 where
     B: Board,
-    I: Hysteresis<f32, State = PlayState<f32, N>>,
+    I: Hysteresis<f32, State = PlayState<f32, N>> + Copy,
 {
-    let position = board.read_adc();
-    let frame = controller.step(position);
-    board.write_dac(DacCode(frame.dac), &frame);
+    let input = board.read();
+    let frame = controller.step(input, board.late());
+    board.write(DacCode(frame.dac), &frame);
 }

@@ -1,5 +1,6 @@
 //! What a controller does not change while it runs: the numbers of one table.
 
+use crate::monitor::Scales;
 use hysteron_core::bank::PlayBank;
 use hysteron_core::codes::Converter;
 use hysteron_core::limiter::Limiter;
@@ -18,6 +19,10 @@ pub struct Parameters<I, const N: usize> {
     pub feedback: PiController<f32>,
     /// Range and slew of the command.
     pub limiter: Limiter<f32>,
+    /// Range of the command, and the slew of its way from and to the safe level.
+    pub ramp: Limiter<f32>,
+    /// What the monitor's limits are made of.
+    pub scales: Scales,
     /// Codes of the command, volts at the actuator.
     pub dac: Converter<f32>,
     /// Codes of the position, micrometres: the converter's volts are the sensor's micrometres here.

@@ -1,13 +1,21 @@
 //! What board and host say to each other, little-endian: hello, setup, then a code and a frame a tick, then a summary.
 
+use crate::monitor::Fault;
+
 /// First bytes of a hello; another version has others.
-pub const MAGIC: [u8; 8] = *b"HYSTERN2";
+pub const MAGIC: [u8; 8] = *b"HYSTERN3";
 /// Bit of [`Frame::flags`]: the limiter changed the command.
 pub const LIMITED: u16 = 1;
+/// Place of the [`Mode`] in [`Frame::flags`].
+const MODE_BIT: u16 = 4;
+/// Place of the fault's number in [`Frame::flags`].
+const FAULT_BIT: u16 = 8;
+/// Length of an input.
+pub const INPUT_BYTES: usize = 4;
 /// Length of a hello.
 pub const HELLO_BYTES: usize = 52;
 /// Length of a setup.
-pub const SETUP_BYTES: usize = 28;
+pub const SETUP_BYTES: usize = 20;
 /// Length of a frame.
 pub const FRAME_BYTES: usize = 16;
 /// Length of a summary.
@@ -41,10 +49,47 @@ pub struct Setup {
     pub feedforward: bool,
     /// Whether the PI controller runs.
     pub feedback: bool,
-    /// For tests of the counters: every so many ticks one is held up past its deadline; 0 for none.
-    pub stall_every: u32,
-    /// Edges of the sample clock that come while such a tick is held up.
-    pub stall_edges: u32,
+}
+
+/// What the host asks of the controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Order {
+    /// Go on.
+    #[default]
+    None,
+    /// Rise from the safe level and run; not while a fault is latched.
+    Start,
+    /// Fall to the safe level.
+    Stop,
+    /// Forget the latched fault, once at the safe level.
+    Clear,
+    /// For tests of the counters: hold this tick up while so many edges of the sample clock come.
+    Stall(u8),
+    /// For tests of the watchdog: never come back from this tick.
+    Hang,
+}
+
+/// What a tick gets: the position's code and an order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Input {
+    /// The sensor's code.
+    pub adc: u16,
+    /// What is asked for.
+    pub order: Order,
+}
+
+/// What the controller is at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Mode {
+    /// At the safe level.
+    Off = 0,
+    /// On the ramp to the trajectory's first value.
+    Rising = 1,
+    /// The loop runs.
+    Running = 2,
+    /// On the ramp to the safe level.
+    Falling = 3,
 }
 
 /// What the board did in one tick.
@@ -58,8 +103,14 @@ pub struct Frame {
     pub command_v: f32,
     /// The converter's code.
     pub dac: u16,
-    /// [`LIMITED`].
+    /// [`LIMITED`], [`Frame::mode`] and [`Frame::fault`].
     pub flags: u16,
+}
+
+/// A frame's flags.
+pub fn flags(limited: bool, mode: Mode, fault: Option<Fault>) -> u16 {
+    let fault = fault.map_or(0, |fault| fault as u16);
+    (if limited { LIMITED } else { 0 }) | ((mode as u16) << MODE_BIT) | (fault << FAULT_BIT)
 }
 
 /// What the board says last. Times in periods of the sample timer's clock.
@@ -111,6 +162,11 @@ impl Setup {
         self.phase_step as f32 * (sample_rate_hz / 4_294_967_296.0)
     }
 
+    /// Samples in half a period of the sine; the largest number where it stands still.
+    pub fn half_period(&self) -> u32 {
+        (1_u32 << 31).checked_div(self.phase_step).unwrap_or(u32::MAX)
+    }
+
     /// As bytes.
     pub fn to_bytes(&self) -> [u8; SETUP_BYTES] {
         let mut bytes = [0; SETUP_BYTES];
@@ -120,8 +176,6 @@ impl Setup {
         bytes[12..16].copy_from_slice(&self.high_um.to_le_bytes());
         bytes[16] = u8::from(self.feedforward);
         bytes[17] = u8::from(self.feedback);
-        bytes[20..24].copy_from_slice(&self.stall_every.to_le_bytes());
-        bytes[24..].copy_from_slice(&self.stall_edges.to_le_bytes());
         bytes
     }
 
@@ -134,13 +188,60 @@ impl Setup {
             high_um: f32::from_le_bytes(word(bytes, 12)),
             feedforward: bytes[16] != 0,
             feedback: bytes[17] != 0,
-            stall_every: u32::from_le_bytes(word(bytes, 20)),
-            stall_edges: u32::from_le_bytes(word(bytes, 24)),
+        }
+    }
+}
+
+impl Input {
+    /// As bytes.
+    pub fn to_bytes(&self) -> [u8; INPUT_BYTES] {
+        let (order, value) = match self.order {
+            Order::None => (0, 0),
+            Order::Start => (1, 0),
+            Order::Stop => (2, 0),
+            Order::Clear => (3, 0),
+            Order::Stall(edges) => (4, edges),
+            Order::Hang => (5, 0),
+        };
+        let [low, high] = self.adc.to_le_bytes();
+        [low, high, order, value]
+    }
+
+    /// From bytes; an order that is none counts as none.
+    #[inline(always)]
+    pub fn from_bytes(bytes: [u8; INPUT_BYTES]) -> Self {
+        let [low, high, order, value] = bytes;
+        let order = match order {
+            1 => Order::Start,
+            2 => Order::Stop,
+            3 => Order::Clear,
+            4 => Order::Stall(value),
+            5 => Order::Hang,
+            _ => Order::None,
+        };
+        Self {
+            adc: u16::from_le_bytes([low, high]),
+            order,
         }
     }
 }
 
 impl Frame {
+    /// What the controller was at.
+    pub fn mode(&self) -> Mode {
+        match (self.flags >> MODE_BIT) & 3 {
+            1 => Mode::Rising,
+            2 => Mode::Running,
+            3 => Mode::Falling,
+            _ => Mode::Off,
+        }
+    }
+
+    /// The latched fault.
+    pub fn fault(&self) -> Option<Fault> {
+        Fault::from_code((self.flags >> FAULT_BIT) as u8)
+    }
+
     /// As bytes.
     pub fn to_bytes(&self) -> [u8; FRAME_BYTES] {
         let mut bytes = [0; FRAME_BYTES];
@@ -223,8 +324,6 @@ mod tests {
             high_um: 2.5,
             feedforward: true,
             feedback: false,
-            stall_every: 3,
-            stall_edges: 4,
         };
         assert_eq!(Setup::from_bytes(&setup.to_bytes()), setup);
         let frame = Frame {
@@ -235,6 +334,22 @@ mod tests {
             flags: 1,
         };
         assert_eq!(Frame::from_bytes(&frame.to_bytes()), frame);
+        assert_eq!((frame.mode(), frame.fault()), (Mode::Off, None));
+        let flags = flags(true, Mode::Falling, Some(Fault::Overrun));
+        let frame = Frame { flags, ..frame };
+        assert_eq!((frame.mode(), frame.fault()), (Mode::Falling, Some(Fault::Overrun)));
+        let orders = [
+            Order::None,
+            Order::Start,
+            Order::Stop,
+            Order::Clear,
+            Order::Stall(7),
+            Order::Hang,
+        ];
+        for order in orders {
+            let input = Input { adc: 0xabcd, order };
+            assert_eq!(Input::from_bytes(input.to_bytes()), input);
+        }
         let summary = Summary {
             overruns: 1,
             lost: 8,

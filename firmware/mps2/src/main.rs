@@ -5,14 +5,16 @@
 
 mod semihosting;
 mod timer;
+mod watchdog;
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, Ordering};
-use cortex_m_rt::entry;
-use hysteron_core::codes::{AdcCode, DacCode};
+use cortex_m_rt::{entry, exception};
+use hysteron_core::codes::DacCode;
 use hysteron_firmware::controller::Controller;
-use hysteron_firmware::wire::{Frame, Hello, SETUP_BYTES, Setup, Summary};
+use hysteron_firmware::monitor::{Fault, WATCHDOG_SAMPLES};
+use hysteron_firmware::wire::{Frame, Hello, INPUT_BYTES, Input, Order, SETUP_BYTES, Setup, Summary};
 use hysteron_firmware::{Board, table, tick};
 use semihosting::File;
 
@@ -20,6 +22,8 @@ use semihosting::File;
 struct Emulated {
     from_host: File,
     to_host: File,
+    order: Order,
+    late: bool,
     /// Timer counts at the end of reading and at the start of writing: between them lies the tick.
     read_at: u32,
     written_at: u32,
@@ -27,15 +31,22 @@ struct Emulated {
 
 impl Board for Emulated {
     #[inline(always)]
-    fn read_adc(&mut self) -> AdcCode {
-        let mut code = [0; 2];
-        self.from_host.read(&mut code);
+    fn read(&mut self) -> Input {
+        let mut bytes = [0; INPUT_BYTES];
+        self.from_host.read(&mut bytes);
+        let input = Input::from_bytes(bytes);
+        self.order = input.order;
         self.read_at = timer::elapsed();
-        AdcCode(u16::from_le_bytes(code))
+        input
     }
 
     #[inline(always)]
-    fn write_dac(&mut self, _: DacCode, frame: &Frame) {
+    fn late(&self) -> bool {
+        self.late
+    }
+
+    #[inline(always)]
+    fn write(&mut self, _: DacCode, frame: &Frame) {
         self.written_at = timer::elapsed();
         self.to_host.write(&frame.to_bytes());
     }
@@ -81,6 +92,8 @@ fn main() -> ! {
     let board = Emulated {
         from_host,
         to_host,
+        order: Order::None,
+        late: false,
         read_at: 0,
         written_at: 0,
     };
@@ -99,6 +112,7 @@ fn main() -> ! {
     };
     // SAFETY: the timer does not run yet.
     unsafe { (*LOOP.0.get()).write(control) };
+    watchdog::start(WATCHDOG_SAMPLES * timer::PERIOD);
     timer::start();
     while !DONE.load(Ordering::Acquire) {
         // Not wfi: woken from it under -icount, QEMU 7.2 passes over every second edge, as the second timer shows.
@@ -134,15 +148,44 @@ extern "C" fn sample_clock() {
     summary.tick_max = summary.tick_max.max(cost);
     summary.tick_sum += u64::from(cost);
     control.done += 1;
-    if setup.stall_every > 0 && control.done.checked_rem(setup.stall_every) == Some(0) {
-        timer::wait_for_edges(setup.stall_edges);
+    match control.board.order {
+        Order::Stall(edges) => timer::wait_for_edges(u32::from(edges)),
+        Order::Hang => loop {
+            core::hint::spin_loop();
+        },
+        _ => {}
     }
-    if timer::pending() {
+    control.board.late = timer::pending();
+    if control.board.late {
         summary.overruns += 1;
     }
+    watchdog::feed();
     if control.done >= setup.ticks {
         timer::stop();
+        watchdog::stop();
         DONE.store(true, Ordering::Release);
+    }
+}
+
+/// The watchdog: the interrupt has not come back in time.
+///
+/// It never will: this handler, above every interrupt, takes the loop over, ramps the command down at the sample rate and stays, with
+/// the fault in every frame. Only a reset starts anew.
+#[exception]
+unsafe fn NonMaskableInt() {
+    watchdog::stop();
+    // SAFETY: written before the watchdog was started; the interrupt that this one has taken it from does not go on.
+    let control = unsafe { (*LOOP.0.get()).assume_init_mut() };
+    control.controller.trip(Fault::Watchdog);
+    loop {
+        let before = timer::count();
+        tick(&mut control.board, &mut control.controller);
+        control.done += 1;
+        if control.done >= control.setup.ticks {
+            control.board.to_host.write(&control.summary.to_bytes());
+            semihosting::exit(true);
+        }
+        while timer::count().wrapping_sub(before) < timer::PERIOD {}
     }
 }
 

@@ -5,7 +5,7 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::{Args, Subcommand, ValueEnum};
-use hysteron_board::{Machine, Recording, Request};
+use hysteron_board::{Machine, Outcome, Recording, Request};
 use hysteron_data::{Dataset, Known, Overwrite, Record, Role, write_dataset};
 use hysteron_plant::Stage;
 use std::fmt::Write;
@@ -104,16 +104,15 @@ fn run_emulator(args: &RunArgs) -> Result<Done, CliError> {
         seconds: args.seconds,
         feedforward: !args.no_feedforward,
         feedback: !args.no_feedback,
-        stall: [0, 0],
     };
     let image = args
         .image
         .clone()
         .unwrap_or_else(|| PathBuf::from("firmware/target/images").join(machine.name()));
-    let mut stage = Stage::new(&args.stage.config(), args.seed)?;
+    let stage = Stage::new(&args.stage.config(), args.seed)?;
     let bar = progress::bar("running");
     let patience = Duration::from_secs(args.patience);
-    let recording = hysteron_board::run(machine, &image, &mut stage, &request, patience, &mut |share| {
+    let (outcome, recording) = hysteron_board::run(machine, &image, stage, &request, patience, &mut |share| {
         progress::advance(&bar, share);
     })?;
     bar.finish_and_clear();
@@ -122,8 +121,8 @@ fn run_emulator(args: &RunArgs) -> Result<Done, CliError> {
     } else {
         Overwrite::Refuse
     };
-    let text = report(args, &recording);
-    write_dataset(&dataset(args, &stage, recording), &args.output, overwrite)?;
+    let text = report(args, &outcome, &recording);
+    write_dataset(&dataset(args, &outcome, recording), &args.output, overwrite)?;
     output::print(&text)?;
     Ok(Done::Answered)
 }
@@ -136,8 +135,8 @@ fn hex(hash: &[u8; 32]) -> String {
     })
 }
 
-fn dataset(args: &RunArgs, stage: &Stage, recording: Recording) -> Dataset {
-    let config = stage.config();
+fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
+    let config = args.stage.config();
     Dataset {
         name: format!("{}-board", args.stage.name()),
         description: format!(
@@ -145,7 +144,7 @@ fn dataset(args: &RunArgs, stage: &Stage, recording: Recording) -> Dataset {
             args.emulator.machine().name(),
             args.stage.name(),
             args.seed,
-            hex(&recording.hello.hash)
+            hex(&outcome.hello.hash)
         ),
         known: Known {
             delay_s: Some(config.known_delay_s()),
@@ -158,7 +157,7 @@ fn dataset(args: &RunArgs, stage: &Stage, recording: Recording) -> Dataset {
             role: Role::Validate,
             excitation: format!(
                 "reference sine {} Hz, {} to {} um",
-                args.hz, recording.setup.low_um, recording.setup.high_um
+                args.hz, outcome.setup.low_um, outcome.setup.high_um
             ),
             start_s: 0.0,
             period_s: config.sample_period_s,
@@ -181,19 +180,21 @@ fn dataset(args: &RunArgs, stage: &Stage, recording: Recording) -> Dataset {
 /// Instructions in one period of the timer's 25 MHz at `-icount shift=3`: 40 ns of 8 ns each.
 const INSTRUCTIONS_A_COUNT: u64 = 5;
 
-fn report(args: &RunArgs, recording: &Recording) -> String {
-    let timing = &recording.summary;
+fn report(args: &RunArgs, outcome: &Outcome, recording: &Recording) -> String {
+    let timing = &outcome.summary;
     let ticks = recording.frames.len();
-    // The second half: the first holds the start from rest.
-    let squares = recording.frames.iter().zip(&recording.position_um).skip(ticks / 2);
-    let sum: f64 = squares
-        .map(|(frame, y)| (f64::from(frame.reference_um) - y).powi(2))
-        .sum();
-    let rms_um = (sum / (ticks - ticks / 2).max(1) as f64).sqrt();
+    let rms_um = recording.rms_um();
+    let fault = recording
+        .frames
+        .iter()
+        .find_map(|frame| Some((frame.number, frame.fault()?)));
+    let fault = fault.map_or_else(String::new, |(tick, fault)| {
+        format!("fault at tick {tick}: {fault:?}\n")
+    });
     let instructions = |counts: u64| counts * INSTRUCTIONS_A_COUNT;
     format!(
         "{ticks} ticks, {} overruns, {} edges lost, latency {} to {} instructions, tick {} to {}, mean {:.0} (to {INSTRUCTIONS_A_COUNT})\n\
-         second half: sensor off the reference by {rms_um:.4} um rms, {:.2} % of peak to peak\n\
+         {fault}later half of the run: sensor off the reference by {rms_um:.4} um rms, {:.2} % of peak to peak\n\
          table {}\nwritten to {}\n",
         timing.overruns,
         timing.lost,
@@ -202,8 +203,8 @@ fn report(args: &RunArgs, recording: &Recording) -> String {
         instructions(timing.tick_min.into()),
         instructions(timing.tick_max.into()),
         instructions(timing.tick_sum) as f64 / ticks.max(1) as f64,
-        100.0 * rms_um / f64::from(recording.setup.high_um - recording.setup.low_um),
-        hex(&recording.hello.hash),
+        100.0 * rms_um / f64::from(outcome.setup.high_um - outcome.setup.low_um),
+        hex(&outcome.hello.hash),
         args.output.display(),
     )
 }

@@ -211,6 +211,8 @@ fn table(
         safe_v: 0.0_f64.clamp(output_min_v, output_max_v.max(output_min_v)),
         // The whole range in 1 ms: with 200 V, five times the slope of a 26 V sine at 500 Hz (pi x 500 Hz x 26 V).
         slew_v_per_s: (output_max_v - output_min_v) * 1e3,
+        // The whole range in 20 ms: many periods of every mode above 200 Hz, which it then does not excite.
+        ramp_v_per_s: (output_max_v - output_min_v) * 50.0,
         proportional_v_per_um: args.proportional,
         integral_v_per_um_s: args.integral.unwrap_or(0.0),
         feedback_up_to_hz: args.feedback_up_to,
@@ -221,7 +223,7 @@ fn table(
         ..inverse(model)
     };
     // Before its slopes are used; K_i is no part of them.
-    let [smallest, _] = table.slopes().map_err(refused)?;
+    let [smallest, _] = table.sweep().map_err(refused)?.slopes_v_per_um;
     let data = loop_data(stage.as_ref(), args)?;
     let designed = match (data, args.integral) {
         (Some((latency_s, mode)), None) => Some(design(&LoopData {
@@ -266,6 +268,7 @@ fn inverse(model: &Model) -> Table {
         output_max_v: 0.0,
         safe_v: 0.0,
         slew_v_per_s: 0.0,
+        ramp_v_per_s: 0.0,
         proportional_v_per_um: 0.0,
         integral_v_per_um_s: 0.0,
         feedback_up_to_hz: 0.0,
