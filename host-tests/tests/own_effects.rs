@@ -7,6 +7,9 @@ use hysteron_diagnose::{compare, diagnose, diagnose_with};
 use hysteron_identify::add_own_effect;
 use hysteron_plant::challenge::{Spec, StageFamily, Strength};
 
+/// What ten plays leave at the least on stages in which nothing is missing.
+const COARSE_PERCENT: f64 = 0.24;
+
 fn example(seed: u64, family: StageFamily, spec: Spec) -> Example {
     let spec = Spec {
         family: Some(family),
@@ -44,7 +47,7 @@ fn found(seed: u64, family: StageFamily, subject: Subject, unknown_without: bool
     let after = added.after.validate_percent.expect("validation records");
     let least = without_effect_percent(seed, family, &hidden);
     assert!(
-        after < 1.5 * least,
+        after < (1.5 * least).max(COARSE_PERCENT),
         "seed {seed}: {after} % against {least} % on the stage without it"
     );
 }

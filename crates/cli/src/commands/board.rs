@@ -13,6 +13,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 #[derive(Args)]
+#[command(after_help = "Example:\n  \
+    hysteron board run --emulator mps2-an386 --stage paper-rate --hz 100 -o board")]
 pub(crate) struct BoardArgs {
     #[command(subcommand)]
     pub command: BoardCommand,

@@ -102,8 +102,10 @@ pub(crate) enum Shape {
     Free,
     /// g linear, a weight a play.
     Pi,
-    /// g with first and third order, a weight a play.
+    /// g with first and third order about zero volts, a weight a play.
     Mpi,
+    /// g to the third order, a weight a play: too stiff to follow a ripple of the reading.
+    Stiff,
 }
 
 /// The hysteresis.
@@ -126,6 +128,7 @@ impl Base {
             Shape::Free => 6 + 3 * n,
             Shape::Pi => 2 + n,
             Shape::Mpi => 3 + n,
+            Shape::Stiff => 4 + n,
         }
     }
 }
@@ -179,6 +182,12 @@ pub(crate) fn for_each_column(
         Shape::Free => &[1, 2, 3, 4, 5],
         Shape::Pi => &[1],
         Shape::Mpi => &[1, 3],
+        Shape::Stiff => &[1, 2, 3],
+    };
+    // The family's cubic bends about zero volts, not about the middle of what was driven.
+    let zero = match base.shape {
+        Shape::Mpi => -trace.scales.middle_v / trace.scales.unit_v,
+        Shape::Free | Shape::Pi | Shape::Stiff => 0.0,
     };
     let mut next = 1;
     let mut emit = |column: &mut Vec<f64>, visit: &mut dyn FnMut(usize, &[f64])| {
@@ -187,7 +196,10 @@ pub(crate) fn for_each_column(
         next += 1;
     };
     for &power in powers {
-        column.iter_mut().zip(&input).for_each(|(c, v)| *c = v.powi(power));
+        column
+            .iter_mut()
+            .zip(&input)
+            .for_each(|(c, v)| *c = (v - zero).powi(power));
         emit(&mut column, &mut visit);
     }
     let rates = Rates::new(effects, &input, trace.period_s);

@@ -250,6 +250,11 @@ impl Judge {
     /// Effects whose prediction is as good as the verdict's, within what these records can tell; all that are significant
     /// where the hysteresis' shape is not free to take its part.
     pub(crate) fn also_possible(&self, verdict: &str, ranking: &[RankedEffect], free: bool) -> Vec<String> {
+        // The loops alone do not tell a bend of the drive from one of the sensor, nor either from the stage's own shape.
+        let bends = |r: &&RankedEffect| r.level == Level::Shape && r.effect != verdict && r.share > EQUIVALENT_SHARE;
+        if verdict == "hysteresis-shape" {
+            return ranking.iter().filter(bends).map(|r| r.effect.clone()).collect();
+        }
         let Some(first) = ranking.iter().find(|r| r.effect == verdict && r.significant) else {
             return Vec::new();
         };
@@ -273,8 +278,7 @@ impl Judge {
             .filter(|r| r.effect != verdict && r.level == first.level && r.effect != "mains-hum")
             .filter(|r| match r.level {
                 Level::Physical => r.significant && (!free || twins(r) || as_good(r)),
-                // The loops alone do not tell a bend of the drive from one of the sensor.
-                Level::Shape => r.share > EQUIVALENT_SHARE,
+                Level::Shape => bends(r),
             })
             .map(|r| r.effect.clone())
             .collect()

@@ -87,20 +87,173 @@ pub(crate) fn search(
         ridge: 1e-7,
     };
     let given_effects = given(model, &traces);
-    let (mut bench, mut start) = Bench::new(&traces, base, &given_effects, floor.rms_um);
-    let shape_determined = shape::is_determined(&before, &start);
-    if !shape_determined {
-        (bench, start) = Bench::new(&traces, shape::of_family(model, &traces), &given_effects, floor.rms_um);
+    let told = |from: f64, to: f64| move |done: f64, name: &str| progress(from + (to - from) * done, name);
+    let mut searched = Searched::new(
+        model,
+        &traces,
+        base,
+        &given_effects,
+        floor.rms_um,
+        own,
+        &told(0.02, 0.75),
+    );
+    // Judged with what was found: a free shape bends to an effect that it has not got yet, and forecasts badly for that.
+    let determined = shape::is_determined(&before, searched.last());
+    if !determined || searched.is_users_own(own) {
+        let base = shape::of_family(model, &traces);
+        let stiff = Searched::new(
+            model,
+            &traces,
+            base,
+            &given_effects,
+            floor.rms_um,
+            own,
+            &told(0.75, 0.95),
+        );
+        // An effect of the user's own may bend the position: where it does, the hysteresis that forecasts better counts.
+        if !determined || stiff.last().validate_percent < searched.last().validate_percent {
+            searched = stiff;
+        }
     }
-    if matches!(model.family, Family::Mrpi | Family::Wrpi)
-        && !start
-            .effects
-            .iter()
-            .any(|e| matches!(e, Effect::RateShift { .. } | Effect::RateEnvelope { .. }))
-    {
-        // What the model has already is no missing effect: its rate dependence is fitted anew with everything.
-        let given = candidates::rate_of_model(&bench, &start.effects);
-        let with_rate = bench.fit(&given, Some(2));
+    conclude(model, searched, before, reasons, progress)
+}
+
+/// What a search with one kind of hysteresis found.
+struct Searched<'a> {
+    bench: Bench<'a>,
+    judge: Judge,
+    start: Trial,
+    found: Vec<(&'static str, Trial)>,
+    ranking: Vec<RankedEffect>,
+    rivals: Vec<(&'static str, Trial)>,
+}
+
+impl<'a> Searched<'a> {
+    /// Looks for effects one after another until none is significant.
+    fn new(
+        model: &Model,
+        traces: &'a Traces,
+        base: Base,
+        given: &[Effect],
+        noise_um: f64,
+        own: &[UserEffect],
+        progress: &(dyn Fn(f64, &str) + Sync),
+    ) -> Self {
+        let (bench, start) = first_fit(model, traces, base, given, noise_um);
+        let judge = Judge::new(&bench, &start);
+        let mut found: Vec<(&'static str, Trial)> = Vec::new();
+        let mut ranking = Vec::new();
+        let mut rivals: Vec<(&'static str, Trial)> = Vec::new();
+        for round in 0..ROUNDS {
+            let current = found.last().map_or(&start, |f| &f.1).clone();
+            let from = round as f64 / ROUNDS as f64;
+            let here = bench.referring_to(&current);
+            let mut trials = try_all(&here, &current, &|done, name| {
+                progress(from + done / ROUNDS as f64, name);
+            });
+            trials.extend(user::trials(&here, &current, own, &|name| {
+                progress(from + 1.0 / ROUNDS as f64, name);
+            }));
+            let mut ranked = judge.rank(&bench, &current, &trials);
+            if round == 0 {
+                ranking = ranked.iter().map(|r| r.1.clone()).collect();
+                rivals = ranked.iter().map(|r| trials[r.0].clone()).collect();
+            }
+            ranked.retain(|r| r.1.significant);
+            let Some((index, _)) = ranked.first() else { break };
+            let (name, trial) = &trials[*index];
+            found.push((name, trial.clone()));
+            if !judge.worth_going_on(found.last().map(|f| &f.1)) {
+                break;
+            }
+        }
+        let mut searched = Self {
+            bench,
+            judge,
+            start,
+            found,
+            ranking,
+            rivals,
+        };
+        searched.reconsider();
+        searched
+    }
+
+    /// What was found first was chosen while the second was still missing: its rivals are judged again beside the second.
+    fn reconsider(&mut self) {
+        let [first, second] = self.found.as_slice() else {
+            return;
+        };
+        let added = |from: &Trial, to: &Trial| -> Vec<Effect> {
+            to.effects
+                .iter()
+                .filter(|e| !is_given(&from.effects, e))
+                .cloned()
+                .collect()
+        };
+        let second_alone = added(&first.1, &second.1);
+        let here = self.bench.referring_to(&second.1);
+        let beside = |effects: &[Effect]| {
+            let mut all = effects.to_vec();
+            all.extend(second_alone.iter().filter(|e| !is_given(effects, e)).cloned());
+            here.fit_to_the_end(&all)
+        };
+        let current = beside(&self.start.effects);
+        let trials: Vec<(&'static str, Trial)> = self
+            .rivals
+            .par_iter()
+            .with_max_len(1)
+            .filter(|(name, _)| *name != second.0 && self.ranking.iter().any(|r| r.effect == *name && r.significant))
+            .map(|(name, trial)| {
+                let known = *name == first.0;
+                (
+                    *name,
+                    if known {
+                        second.1.clone()
+                    } else {
+                        beside(&trial.effects)
+                    },
+                )
+            })
+            .collect();
+        let ranked = self.judge.rank(&self.bench, &current, &trials);
+        let Some((best, entry)) = ranked.first() else { return };
+        if !entry.significant {
+            return;
+        }
+        let (name, trial) = trials[*best].clone();
+        if name != first.0 {
+            let alone = self
+                .rivals
+                .iter()
+                .find(|r| r.0 == name)
+                .map_or_else(|| trial.clone(), |r| r.1.clone());
+            self.found[0] = (name, alone);
+            self.found[1].1 = trial;
+        }
+        let again: Vec<RankedEffect> = ranked.into_iter().map(|r| r.1).collect();
+        self.ranking.retain(|r| !again.iter().any(|a| a.effect == r.effect));
+        self.ranking.splice(0..0, again);
+    }
+
+    /// Whether the first effect found is one of the user's.
+    fn is_users_own(&self, own: &[UserEffect]) -> bool {
+        let first = self.found.first();
+        first.is_some_and(|(name, _)| own.iter().any(|effect| effect.name() == *name))
+    }
+
+    fn last(&self) -> &Trial {
+        self.found.last().map_or(&self.start, |f| &f.1)
+    }
+}
+
+/// The model as it stands, its own rate dependence fitted anew with everything: what it has already is no missing effect.
+fn first_fit<'a>(model: &Model, traces: &'a Traces, base: Base, given: &[Effect], noise_um: f64) -> (Bench<'a>, Trial) {
+    let (mut bench, mut start) = Bench::new(traces, base, given, noise_um);
+    let has_rate = |e: &Effect| matches!(e, Effect::RateShift { .. } | Effect::RateEnvelope { .. });
+    if matches!(model.family, Family::Mrpi | Family::Wrpi) && !start.effects.iter().any(has_rate) {
+        let rate = candidates::rate_of_model(&bench, &start.effects);
+        let with_rate = bench.fit(&rate, Some(2));
         if judge::total(&bench, &start, &with_rate) > 0.0 {
             bench = bench.referring_to(&with_rate);
             bench.weigh_by(&with_rate);
@@ -108,38 +261,7 @@ pub(crate) fn search(
         }
     }
     let start = bench.fit(&start.effects.clone(), Some(2));
-    let judge = Judge::new(&bench, &start);
-    let mut found: Vec<(&'static str, Trial)> = Vec::new();
-    let mut ranking = Vec::new();
-    let mut rivals: Vec<(&'static str, Trial)> = Vec::new();
-    for round in 0..ROUNDS {
-        let (current, share) = match found.last() {
-            Some((_, trial)) => (trial.clone(), 0.5),
-            None => (start.clone(), 0.0),
-        };
-        let here = bench.referring_to(&current);
-        let mut trials = try_all(&here, &current, &|done, name| {
-            progress(0.05 + share * 0.9 + 0.45 * done, name)
-        });
-        trials.extend(user::trials(&here, &current, own, &|name| {
-            progress(0.05 + share * 0.9 + 0.45, name)
-        }));
-        let mut ranked = judge.rank(&bench, &current, &trials);
-        if round == 0 {
-            ranking = ranked.clone();
-            rivals = ranked.iter().map(|r| trials[r.0].clone()).collect();
-        }
-        ranked.retain(|r| r.1.significant);
-        let Some((index, _)) = ranked.first() else { break };
-        let (name, trial) = &trials[*index];
-        found.push((name, trial.clone()));
-        if !judge.worth_going_on(found.last().map(|f| &f.1)) {
-            break;
-        }
-    }
-    conclude(
-        model, &bench, &judge, start, found, ranking, rivals, before, reasons, progress,
-    )
+    (bench, start)
 }
 
 /// The effects that the model has already, as the search writes them; parameters that are linear here are fitted anew.
@@ -242,28 +364,27 @@ fn before(dataset: &Dataset, simulated: &[(hysteron_identify::InitialState, Vec<
     }
 }
 
-#[expect(
-    clippy::too_many_arguments,
-    reason = "the one place where everything that was found comes together"
-)]
 fn conclude(
     model: &Model,
-    bench: &Bench<'_>,
-    judge: &Judge,
-    start: Trial,
-    found: Vec<(&'static str, Trial)>,
-    ranking: Vec<(usize, RankedEffect)>,
-    rivals: Vec<(&'static str, Trial)>,
+    searched: Searched<'_>,
     before: Before,
     reasons: Vec<String>,
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> Diagnosis {
+    let Searched {
+        bench,
+        judge,
+        start,
+        found,
+        mut ranking,
+        rivals,
+    } = searched;
+    let bench = &bench;
     progress(0.95, "what remains");
     let last = found.last().map_or(&start, |f| &f.1);
     let residuals = bench.full_residuals(last);
     let hum = hum::find(bench.traces, &residuals, bench.noise_um);
     let remains = remains::remains(bench, last, &residuals, hum.as_ref());
-    let mut ranking: Vec<RankedEffect> = ranking.into_iter().map(|r| r.1).collect();
     let mut names: Vec<String> = found.iter().map(|f| f.0.to_owned()).collect();
     if let Some(hum) = &hum {
         let effect = judge.hum(bench, last, hum);

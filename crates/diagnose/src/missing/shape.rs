@@ -23,7 +23,8 @@ const LEAST_SHARE: f64 = 0.97;
 /// With the right effect the family comes down to the free shape; this much above it, as a ratio of errors, is a richer shape.
 const AS_GOOD: f64 = 1.5;
 
-/// ... unless it is below what ten plays leave at the least where nothing is missing, percent.
+/// ... unless it is below what ten plays leave at the least where nothing is missing, percent. For the asymmetry alone, which
+/// the plain superposition lacks by definition: a sigmoid of the stage's own and one of the sensor leave the same loops.
 const COARSE_PERCENT: f64 = 0.24;
 
 /// A free shape whose forecast is worse than the model's own by this factor is not determined by the records: sines of one
@@ -82,6 +83,7 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
         } else {
             0.0
         };
+        let coarse_percent = if name == "asymmetry" { COARSE_PERCENT } else { 0.0 };
         let entry = RankedEffect {
             effect: name.to_owned(),
             identify_percent: trial.identify_percent,
@@ -93,7 +95,7 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
             share,
             significant: share > LEAST_SHARE
                 && above.sqrt() > TOO_POOR_PERCENT
-                && pooled(&trial).sqrt() < (AS_GOOD * pooled(last).sqrt()).max(COARSE_PERCENT),
+                && pooled(&trial).sqrt() < (AS_GOOD * pooled(last).sqrt()).max(coarse_percent),
             level: Level::Shape,
             parameters: plays.parameters(&trial, &effects.last().into_iter().collect::<Vec<_>>()),
         };

@@ -12,8 +12,12 @@ use hysteron_identify::effects::{Effect as _, Signals, UserEffect};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// Starts that are followed two steps down their valley.
-const FOLLOWED: usize = 8;
+/// Places at which the parameters are tried that the position is not linear in: a ripple whose twentieth part of the stroke is
+/// 5 % off runs out of step, and a decade has 46 of those.
+const SCANNED: usize = 64;
+
+/// Starts that are followed two steps down their valley, of each look.
+const FOLLOWED: usize = 4;
 
 /// Of those, how many go on to the bottom.
 const FINISHED: usize = 2;
@@ -249,8 +253,12 @@ impl Search<'_> {
 
     /// The bottom of the deepest valley that was found.
     fn best(&self, current: &Trial) -> Point {
-        let mut points = self.first_points(current);
-        for (count, steps) in [(FOLLOWED, 2), (FINISHED, STEPS)] {
+        self.deepest(self.first_points(current)).swap_remove(0)
+    }
+
+    /// The bottoms of the valleys that go down deepest in the first steps, the deepest first.
+    fn deepest(&self, mut points: Vec<Point>) -> Vec<Point> {
+        for (count, steps) in [(usize::MAX, 2), (FINISHED, STEPS)] {
             points.truncate(count);
             points = points
                 .into_par_iter()
@@ -259,7 +267,7 @@ impl Search<'_> {
                 .collect();
             points.sort_by(|a, b| a.value.total_cmp(&b.value));
         }
-        points.swap_remove(0)
+        points
     }
 
     /// The positions before the effect.
@@ -320,40 +328,52 @@ impl Search<'_> {
             .sum()
     }
 
-    /// Where descents begin: the best starts seen from the free shape, and, for an effect on the position, as many seen from
+    /// Where descents begin: the best starts seen from the free shape, and, for an effect on the position, the bottoms seen from
     /// a stiff one. A free shape bends with a ripple of the reading, and the position before it is then off by its pitch.
     fn first_points(&self, current: &Trial) -> Vec<Point> {
         let bench = self.bench;
-        let mut points = self.quick_look(&bench.base, &current.coefficients, current);
+        let mut points = self.quick_look(&bench.base, &current.coefficients);
         if self.effect.acts_on_position() {
-            let stiff = Base {
-                shape: Shape::Mpi,
-                thresholds: bench.base.thresholds.iter().copied().step_by(3).collect(),
-                ridge: 1e-9,
-            };
-            let grams: Vec<(usize, Gram)> = bench
-                .coarse
-                .iter()
-                .map(|(i, trace)| {
-                    let matrix = chain::matrix(&stiff, self.given, trace, bench.reference(*i));
-                    (*i, Gram::new(&matrix, &target(trace, self.given, bench.reference(*i))))
-                })
-                .collect();
-            let pooled = bench.pooled(&grams, None, chain::width(&stiff, self.given));
-            let coefficients = solve_signed(&pooled, &stiff, self.given);
-            points.truncate(FOLLOWED / 2);
-            points.extend(
-                self.quick_look(&stiff, &coefficients, current)
-                    .into_iter()
-                    .take(FOLLOWED / 2),
-            );
+            points.extend(self.seen_from_stiff(current));
+        }
+        points
+    }
+
+    /// The bottoms of the deepest valleys beside a stiff hysteresis, which does not bend with the effect.
+    fn seen_from_stiff(&self, current: &Trial) -> Vec<Point> {
+        let mut bench = self.bench.clone();
+        bench.base = Base {
+            shape: Shape::Stiff,
+            thresholds: self.bench.base.thresholds.iter().copied().step_by(3).collect(),
+            ridge: 1e-9,
+        };
+        let columns = chain::width(&bench.base, self.given);
+        let grams: Vec<(usize, Gram)> = bench
+            .coarse
+            .iter()
+            .map(|(i, trace)| {
+                let matrix = chain::matrix(&bench.base, self.given, trace, bench.reference(*i));
+                (*i, Gram::new(&matrix, &target(trace, self.given, bench.reference(*i))))
+            })
+            .collect();
+        let coefficients = solve_signed(&bench.pooled(&grams, None, columns), &bench.base, self.given);
+        let stiff = Search {
+            bench: &bench,
+            columns,
+            ..*self
+        };
+        let points = stiff.quick_look(&bench.base, &coefficients);
+        let mut points = stiff.deepest(points);
+        for point in &mut points {
+            point.value = f64::INFINITY;
+            point.coefficients.clone_from(&current.coefficients);
         }
         points
     }
 
     /// Starts in the order of what their change of the modelled position takes of the squared error, up to a factor and
     /// everything that is linear fitted anew.
-    fn quick_look(&self, base: &Base, x: &DVector<f64>, current: &Trial) -> Vec<Point> {
+    fn quick_look(&self, base: &Base, x: &DVector<f64>) -> Vec<Point> {
         let bench = self.bench;
         let weight = |(i, trace): &(usize, Trace)| (bench.weights[*i] / trace.rows.len().max(1) as f64).sqrt();
         let stack = |parts: Vec<DVector<f64>>| -> DVector<f64> {
@@ -390,25 +410,38 @@ impl Search<'_> {
             .iter()
             .map(|(i, t)| target(t, self.given, bench.reference(*i)));
         let left = beyond(stack(measured.collect()) - &modelled);
-        let mut scored: Vec<(f64, Vec<f64>)> = self
-            .effect
-            .starts()
+        let with = |values: &[f64]| {
+            let shares = self.effect.shares(values);
+            stack(if self.effect.acts_on_position() {
+                self.modelled(&shares, &position_um)
+            } else {
+                self.modelled(&shares, &self.positions(base, &self.with(&shares), x).1)
+            })
+        };
+        let mut starts = self.effect.starts();
+        let linear = starts
+            .first()
+            .map_or_else(Vec::new, |values| self.linear(values, &with));
+        if !linear.is_empty() {
+            starts.truncate(SCANNED);
+        }
+        let mut scored: Vec<(f64, Vec<f64>)> = starts
             .into_par_iter()
             .map(|values| {
-                let shares = self.effect.shares(&values);
-                let with = if self.effect.acts_on_position() {
-                    self.modelled(&shares, &position_um)
+                let (taken, values) = if linear.is_empty() {
+                    let change = beyond(with(&values) - &modelled);
+                    let squares = change.norm_squared();
+                    let share = if squares > 0.0 {
+                        change.dot(&left).powi(2) / squares
+                    } else {
+                        0.0
+                    };
+                    (share, values)
                 } else {
-                    self.modelled(&shares, &self.positions(base, &self.with(&shares), x).1)
+                    let (lacking, values) = self.best_linear(values, &linear, &with, &beyond, &left, &modelled);
+                    (left.norm_squared() - lacking, values)
                 };
-                let change = beyond(stack(with) - &modelled);
-                let squares = change.norm_squared();
-                let taken = if squares > 0.0 {
-                    change.dot(&left).powi(2) / squares
-                } else {
-                    0.0
-                };
-                (taken, shares)
+                (taken, self.effect.shares(&values))
             })
             .collect();
         scored.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -416,11 +449,78 @@ impl Search<'_> {
         let point = |(_, shares): (f64, Vec<f64>)| Point {
             value: f64::INFINITY,
             shares,
-            coefficients: current.coefficients.clone(),
+            coefficients: x.clone(),
             reference_um: reference_um.clone(),
             position_um: position_um.clone(),
         };
         scored.into_iter().map(point).collect()
+    }
+
+    /// The parameters in which the position is linear, zero among their values.
+    fn linear(&self, values: &[f64], with: &(dyn Fn(&[f64]) -> DVector<f64> + Sync)) -> Vec<usize> {
+        let n = values.len();
+        let (lowest, most) = (self.effect.values(&vec![0.0; n]), self.effect.values(&vec![1.0; n]));
+        let mut zero = values.to_vec();
+        let mut linear = Vec::new();
+        let same = |a: &DVector<f64>, b: &DVector<f64>| (a - b).norm() <= 1e-9 * a.norm();
+        for j in (0..n).filter(|&j| lowest[j] <= 0.0 && most[j] > 0.0) {
+            let at = |value: f64| {
+                let mut values = values.to_vec();
+                values[j] = value;
+                with(&values)
+            };
+            let none = at(0.0);
+            if same(&(at(most[j]) - &none), &(2.0 * (at(0.5 * most[j]) - &none))) {
+                zero[j] = 0.0;
+                linear.push(j);
+            }
+        }
+        // Linear in each is not yet linear in all: a product of two is linear in either.
+        let none = with(&zero);
+        let (mut all, mut sum) = (zero.clone(), DVector::zeros(none.len()));
+        for &j in &linear {
+            let mut one = zero.clone();
+            (one[j], all[j]) = (most[j], most[j]);
+            sum += with(&one) - &none;
+        }
+        if linear.len() > 1 && !same(&(with(&all) - &none), &sum) {
+            linear.truncate(1);
+        }
+        linear
+    }
+
+    /// What is lacking with the linear parameters at their best within their bounds, and all values.
+    fn best_linear(
+        &self,
+        mut values: Vec<f64>,
+        linear: &[usize],
+        with: &(dyn Fn(&[f64]) -> DVector<f64> + Sync),
+        beyond: &(dyn Fn(DVector<f64>) -> DVector<f64> + Sync),
+        left: &DVector<f64>,
+        modelled: &DVector<f64>,
+    ) -> (f64, Vec<f64>) {
+        let n = values.len();
+        let (lowest, most) = (self.effect.values(&vec![0.0; n]), self.effect.values(&vec![1.0; n]));
+        linear.iter().for_each(|&j| values[j] = 0.0);
+        let none = with(&values);
+        let lacking = left - beyond(&none - modelled);
+        let columns: Vec<DVector<f64>> = linear
+            .iter()
+            .map(|&j| {
+                let mut one = values.clone();
+                one[j] = most[j];
+                beyond(with(&one) - &none) / most[j]
+            })
+            .collect();
+        let columns = DMatrix::from_columns(&columns);
+        let Ok(best) = columns.clone().svd(true, true).solve(&lacking, 1e-9) else {
+            return (f64::INFINITY, values);
+        };
+        for (&j, value) in linear.iter().zip(&best) {
+            values[j] = value.clamp(lowest[j], most[j]);
+        }
+        let chosen = DVector::from_iterator(linear.len(), linear.iter().map(|&j| values[j]));
+        ((lacking - columns * chosen).norm_squared(), values)
     }
 
     /// Gauss-Newton steps within the bounds, in parameters and positions at once.

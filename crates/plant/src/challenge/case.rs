@@ -258,13 +258,16 @@ pub fn generate(seed: u64, spec: &Spec) -> Result<(Case, Truth), StageError> {
     ))
 }
 
-/// The model to start from: one in four PI, one in four MPI, else MRPI, as far as it lacks what is hidden.
+/// The model to start from: one in four PI, one in four MPI, else MRPI, as far as it lacks what is hidden. With nothing hidden
+/// it is not PI, which has no asymmetry while stages do: it would lack something.
 fn start(spec: &Spec, rng: &mut Pcg64) -> Start {
     let drawn = [Start::Pi, Start::Mpi, Start::Mrpi, Start::Mrpi][rng.random_range(0..4_usize)];
     let hides = |effect| spec.hidden.iter().any(|asked| asked.effect == effect);
     if hides(Effect::Asymmetry) {
         Start::Pi
     } else if hides(Effect::RateDependence) && drawn == Start::Mrpi {
+        Start::Mpi
+    } else if spec.hidden.is_empty() && drawn == Start::Pi {
         Start::Mpi
     } else {
         drawn
