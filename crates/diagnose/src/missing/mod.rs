@@ -184,6 +184,11 @@ impl<'a> Searched<'a> {
         let [first, second] = self.found.as_slice() else {
             return;
         };
+        // These two stand for each other: neither is a second thing beside the other.
+        let twins = ["delay", "first-order-lag"];
+        if twins.contains(&first.0) && twins.contains(&second.0) {
+            return;
+        }
         let added = |from: &Trial, to: &Trial| -> Vec<Effect> {
             to.effects
                 .iter()
@@ -425,9 +430,10 @@ fn conclude(
         names.retain(|name| name != "thermal-drift");
     }
     // An effect that makes the forecast worse than the model's own is none.
-    let forecasts = before
-        .validate_percent
-        .is_none_or(|percent| last.validate_percent <= percent);
+    let forecasts = found.is_empty()
+        || before
+            .validate_percent
+            .is_none_or(|percent| last.validate_percent <= percent);
     let hum_alone = ranking
         .first()
         .is_some_and(|r| r.effect == "mains-hum" && r.significant && r.share > judge::HUM_ALONE)
