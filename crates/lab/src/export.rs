@@ -2,6 +2,7 @@
 
 use crate::App;
 use crate::error::Refusal;
+use crate::folder::RESULTS;
 use crate::session::Session;
 use hysteron_diagnose::Comparison;
 use hysteron_diagnose::diagnosis::Diagnosis;
@@ -83,7 +84,7 @@ pub(crate) fn session(app: &App) -> Result<Download, Refusal> {
     let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let options = zip::write::SimpleFileOptions::default();
     let zipped = |error: &dyn std::fmt::Display| Refusal::disk(&session.folder, error);
-    for part in ["", "uploads", "data", "models", "diagnoses", "reports", "tables"] {
+    for part in ["", "uploads", "data"].into_iter().chain(RESULTS) {
         let folder = session.folder.join(part);
         let mut files: Vec<_> = std::fs::read_dir(&folder)
             .into_iter()

@@ -7,9 +7,11 @@
 
 mod api;
 mod assets;
+mod bring;
 mod error;
 mod explain;
 mod export;
+mod folder;
 mod guard;
 mod jobs;
 mod riddle;
@@ -17,7 +19,9 @@ mod series;
 mod session;
 mod signature;
 mod state;
+mod table;
 mod uploads;
+mod views;
 mod work;
 
 pub use error::LabError;
@@ -46,8 +50,9 @@ pub struct StartingPoint {
     pub make: Box<dyn Fn(&Path, &(dyn Fn(f64) + Sync)) -> Result<(), String> + Send + Sync>,
 }
 
-/// Makes the text of a table for the firmware from a direct inverse and the options of `hysteron export`, as that writes it.
-pub type TableMaker = Box<dyn Fn(&Model, &[String]) -> Result<String, String> + Send + Sync>;
+/// Makes a table for the firmware from a direct inverse and the options of `hysteron export`: its text as that writes it, and
+/// what it is in words.
+pub type TableMaker = Box<dyn Fn(&Model, &[String]) -> Result<(String, String), String> + Send + Sync>;
 
 /// How the workbench is opened.
 pub struct Options {
@@ -172,7 +177,7 @@ fn begin_with(session: &mut Session, data: &Path) -> Result<(), LabError> {
         });
     }
     let dataset = hysteron_data::read_dataset(data)?;
-    let taken = session.take_data(shown, String::new(), dataset);
+    let taken = folder::fresh(&session.folder).and_then(|_| session.take_data(shown, String::new(), dataset));
     taken.map_err(|refusal| LabError::Session {
         folder: session.folder.display().to_string(),
         reason: refusal.message,

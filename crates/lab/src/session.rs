@@ -4,6 +4,8 @@
 //! step carries the command that does the same when typed in the folder.
 
 use crate::error::{LabError, Refusal};
+use crate::folder::{RESULTS, finish_taking, nothing_else_in, write_whole};
+use crate::table::Made;
 use crate::uploads::{Reading, Uploads};
 use hysteron_data::Dataset;
 use hysteron_diagnose::{Comparison, RecordComparison};
@@ -35,9 +37,9 @@ pub(crate) struct Book {
     pub(crate) steps: Vec<Step>,
     /// The step looked at.
     pub(crate) current: Option<usize>,
-    /// The commands that made the tables for the firmware, by step.
+    /// The tables for the firmware that were made, by step.
     #[serde(default)]
-    pub(crate) tables: BTreeMap<usize, String>,
+    pub(crate) tables: BTreeMap<usize, Made>,
     /// How the files that were brought are read.
     #[serde(default)]
     pub(crate) reading: Reading,
@@ -93,13 +95,17 @@ impl Session {
             folder: folder.display().to_string(),
             reason,
         };
-        for part in ["uploads", "models", "diagnoses", "reports", "tables"] {
+        let file = folder.join("session.json");
+        if !file.exists() && !folder.join("fresh/session.json").exists() {
+            nothing_else_in(folder).map_err(failed)?;
+        }
+        for part in RESULTS.into_iter().chain(["uploads"]) {
             std::fs::create_dir_all(folder.join(part)).map_err(|error| failed(error.to_string()))?;
         }
         let lock = File::create(folder.join(".lock")).map_err(|error| failed(error.to_string()))?;
         lock.try_lock()
             .map_err(|_| failed("another `hysteron lab` has it open; use that one or give --session".to_owned()))?;
-        let file = folder.join("session.json");
+        finish_taking(folder).map_err(|refusal| failed(refusal.message))?;
         let book = match std::fs::read_to_string(&file) {
             Ok(text) => serde_json::from_str::<Book>(&text)
                 .map_err(|error| failed(format!("session.json: {error}; move the file away to begin anew")))?,
@@ -119,6 +125,9 @@ impl Session {
             comparisons: VecDeque::new(),
             _lock: lock,
         };
+        if !file.exists() {
+            session.save().map_err(|refusal| failed(refusal.message))?;
+        }
         if let Some(data) = session.book.data.clone() {
             let dataset = hysteron_data::read_dataset(&folder.join(data))?;
             session.shown = dataset.records.iter().map(crate::state::record).collect();
@@ -130,28 +139,28 @@ impl Session {
     /// Writes the book as a whole, one revision on.
     pub(crate) fn save(&mut self) -> Result<(), Refusal> {
         self.book.revision += 1;
-        let file = self.folder.join("session.json");
-        let text = serde_json::to_string_pretty(&self.book).map_err(|error| Refusal::disk(&file, &error))?;
-        write_whole(&file, text.as_bytes())
+        self.book.write(&self.folder.join("session.json"))
     }
 
-    /// Takes a dataset; steps on other data end.
+    /// Takes a dataset; steps on other data end. Where the fresh folder has data, they become the session's `data`. A server
+    /// that ends in the midst of it leaves the session as it was or as it will be: the next one finishes.
     pub(crate) fn take_data(&mut self, data: String, command: String, dataset: Dataset) -> Result<(), Refusal> {
-        self.book.data = Some(data);
-        self.book.files_taken = true;
-        self.book.data_command = Some(command);
-        self.book.steps.clear();
-        self.book.tables.clear();
-        self.book.current = None;
+        let book = Book {
+            version: VERSION,
+            revision: self.book.revision + 1,
+            data: Some(data),
+            data_command: Some(command),
+            reading: self.book.reading.clone(),
+            files_taken: true,
+            ..Book::default()
+        };
+        book.write(&self.folder.join("fresh/session.json"))?;
+        finish_taking(&self.folder)?;
+        self.book = book;
         self.comparisons.clear();
         self.shown = dataset.records.iter().map(crate::state::record).collect();
         self.dataset = Some(Arc::new(dataset));
-        let results = ["diagnoses", "reports", "tables"].map(|part| std::fs::read_dir(self.folder.join(part)));
-        for file in results.into_iter().flatten().flatten().flatten() {
-            // A result of other data that cannot be removed is overwritten by the next one.
-            let _ = std::fs::remove_file(file.path());
-        }
-        self.save()
+        Ok(())
     }
 
     /// Appends a model as a step and makes it the current one.
@@ -267,6 +276,11 @@ impl Session {
 }
 
 impl Book {
+    fn write(&self, file: &Path) -> Result<(), Refusal> {
+        let text = serde_json::to_string_pretty(self).map_err(|error| Refusal::disk(file, &error))?;
+        write_whole(file, text.as_bytes())
+    }
+
     /// Whether every number in it names a step that is there.
     fn check(&self) -> Result<(), String> {
         if self.version != VERSION {
@@ -311,42 +325,4 @@ fn noise_percent(comparison: &Comparison) -> Option<f64> {
 fn noise_of(record: &RecordComparison, noise_rms: f64) -> Option<f64> {
     let percent = record.nrmse_percent?;
     (record.rms_um > 0.0).then(|| percent * noise_rms / record.rms_um)
-}
-
-/// A folder in which new data are made before they replace those that are there; what an earlier try left is gone.
-pub(crate) fn fresh(folder: &Path) -> Result<PathBuf, Refusal> {
-    let fresh = folder.join("fresh");
-    if fresh.exists() {
-        std::fs::remove_dir_all(&fresh).map_err(|error| Refusal::disk(&fresh, &error))?;
-    }
-    std::fs::create_dir_all(&fresh).map_err(|error| Refusal::disk(&fresh, &error))?;
-    Ok(fresh)
-}
-
-/// Puts `fresh/data` and its key, if it has one, into the places of those that were there.
-pub(crate) fn replace_data(folder: &Path) -> Result<(), Refusal> {
-    let (fresh, data) = (folder.join("fresh"), folder.join("data"));
-    let key = folder.join("data.key");
-    let moved = || -> std::io::Result<()> {
-        if data.exists() {
-            std::fs::remove_dir_all(&data)?;
-        }
-        if key.exists() {
-            std::fs::remove_file(&key)?;
-        }
-        std::fs::rename(fresh.join("data"), &data)?;
-        if fresh.join("data.key").exists() {
-            std::fs::rename(fresh.join("data.key"), &key)?;
-        }
-        std::fs::remove_dir_all(&fresh)
-    };
-    moved().map_err(|error| Refusal::disk(&data, &error))
-}
-
-/// Writes a file beside its place, then into it.
-pub(crate) fn write_whole(file: &Path, bytes: &[u8]) -> Result<(), Refusal> {
-    let beside = file.with_extension("part");
-    std::fs::write(&beside, bytes)
-        .and_then(|()| std::fs::rename(&beside, file))
-        .map_err(|error| Refusal::disk(file, &error))
 }

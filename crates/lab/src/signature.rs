@@ -4,7 +4,7 @@ use crate::series;
 use hysteron_data::{Dataset, Record};
 use hysteron_diagnose::Comparison;
 use hysteron_diagnose::diagnosis::Diagnosis;
-use hysteron_identify::period;
+use hysteron_identify::{Model, period};
 use serde::{Deserialize, Serialize};
 
 /// Candidates that are shown where fewer count.
@@ -27,6 +27,9 @@ pub(crate) struct Signature {
     pub(crate) with: Vec<f64>,
     /// Its parameters in that fit.
     pub(crate) parameters: Vec<Fitted>,
+    /// Pooled errors of the model with the candidate, percent of peak to peak: what a step of the ladder will show.
+    pub(crate) identify_percent: Option<f64>,
+    pub(crate) validate_percent: Option<f64>,
 }
 
 /// A parameter of a candidate as `add` fits it.
@@ -41,7 +44,7 @@ pub(crate) struct Fitted {
 /// The signatures of the candidates that count, or of the first ones. One that cannot be added to these data has none.
 pub(crate) fn signatures(
     dataset: &Dataset,
-    model: &hysteron_identify::Model,
+    model: &Model,
     comparison: &Comparison,
     diagnosis: &Diagnosis,
     progress: &(dyn Fn(f64, &str) + Sync),
@@ -59,33 +62,31 @@ pub(crate) fn signatures(
             let share = |part: f64| (done as f64 + part) / shown as f64;
             progress(share(0.0), &effect.effect);
             let added = hysteron_diagnose::add(dataset, model, &effect.effect, &|part| {
-                progress(share(part), &effect.effect);
+                progress(share(0.8 * part), &effect.effect);
             });
-            signature(dataset, &added.ok()?.model, comparison, &effect.effect)
+            let with = added.ok()?.model;
+            let after = hysteron_diagnose::compare(dataset, &with, &|part| {
+                progress(share(0.8 + 0.2 * part), &effect.effect);
+            });
+            signature(dataset, &with, [comparison, &after], &effect.effect)
         })
         .collect()
 }
 
-fn signature(
-    dataset: &Dataset,
-    with: &hysteron_identify::Model,
-    comparison: &Comparison,
-    effect: &str,
-) -> Option<Signature> {
+/// The trace of an effect in the comparisons before it was added and after.
+fn signature(dataset: &Dataset, with: &Model, [before, after]: [&Comparison; 2], effect: &str) -> Option<Signature> {
+    let pairs = before.records.iter().zip(&after.records);
     let traces = dataset
         .records
         .iter()
-        .zip(&comparison.records)
-        .filter_map(|(record, compared)| {
-            compared.nrmse_percent?;
-            let measured = &compared.series.measured;
-            let modelled = with.simulate(record).output;
-            let without: Vec<f64> = measured
-                .iter()
-                .zip(&compared.series.modelled)
-                .map(|(y, m)| y - m)
-                .collect();
-            let with: Vec<f64> = measured.iter().zip(&modelled).map(|(y, m)| y - m).collect();
+        .zip(pairs)
+        .filter_map(|(record, (before, after))| {
+            before.nrmse_percent?;
+            let measured = &before.series.measured;
+            let [without, with] = [before, after].map(|compared| {
+                let pairs = compared.series.measured.iter().zip(&compared.series.modelled);
+                pairs.map(|(y, m)| y - m).collect::<Vec<f64>>()
+            });
             let squares = |errors: &[f64]| errors.iter().map(|e| e * e).sum::<f64>();
             let low = measured.iter().copied().fold(f64::INFINITY, f64::min);
             let high = measured.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -117,6 +118,8 @@ fn signature(
         without,
         with,
         parameters: parameters.collect(),
+        identify_percent: after.identify.map(|pooled| pooled.nrmse_percent),
+        validate_percent: after.validate.map(|pooled| pooled.nrmse_percent),
     })
 }
 

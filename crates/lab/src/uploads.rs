@@ -4,8 +4,9 @@ use crate::error::Refusal;
 use hysteron_data::import::{ColumnChoice, Gaps, ImportOptions, Jitter, Missing, import};
 use hysteron_data::{Dataset, Record, Role};
 use serde::{Deserialize, Serialize};
-use std::io::{Read, Seek, Write};
+use std::io::{Read, Seek};
 use std::path::{Component, Path, PathBuf};
+use tempfile::{NamedTempFile, TempPath};
 
 /// Largest file taken, bytes: some twenty million samples as text.
 pub(crate) const FILE_LIMIT: u64 = 512 << 20;
@@ -51,11 +52,16 @@ impl Uploads {
         let mut names: Vec<String> = entries
             .filter(|entry| entry.path().is_file())
             .filter_map(|entry| entry.file_name().into_string().ok())
-            // What a transfer that broke off left is no file that was brought.
-            .filter(|name| safe_name(name).is_ok())
+            .filter(|name| {
+                let brought = safe_name(name).is_ok();
+                if !brought {
+                    // What a transfer that broke off left; where it cannot be removed it stays unseen.
+                    let _ = std::fs::remove_file(folder.join(name));
+                }
+                brought
+            })
             .collect();
         names.sort();
-        names.truncate(FILES);
         Self {
             folder: folder.to_owned(),
             files: names.iter().map(|name| read_one(folder, name, reading)).collect(),
@@ -72,17 +78,29 @@ impl Uploads {
     }
 
     /// Takes files into the list in place of those of the same name.
-    pub(crate) fn take(&mut self, new: Vec<Upload>) -> Result<(), Refusal> {
+    pub(crate) fn take(&mut self, new: Vec<Upload>) {
         for upload in new {
             self.files.retain(|file| file.name != upload.name);
-            if self.files.len() >= FILES {
-                return Err(Refusal::unusable(format!(
-                    "more than {FILES} files; take some away first"
-                )));
-            }
             self.files.push(upload);
         }
         self.files.sort_by(|a, b| a.name.cmp(&b.name));
+    }
+
+    /// Puts files that are whole into the folder, in place of those of the same name.
+    pub(crate) fn put(&self, whole: Vec<(String, TempPath)>) -> Result<(), Refusal> {
+        let new = whole
+            .iter()
+            .filter(|(name, _)| self.files.iter().all(|file| file.name != *name));
+        if self.files.len() + new.count() > FILES {
+            return Err(Refusal::unusable(format!(
+                "more than {FILES} files; take some away first"
+            )));
+        }
+        for (name, file) in whole {
+            let path = self.folder.join(name);
+            file.persist(&path)
+                .map_err(|error| Refusal::disk(&path, &error.error))?;
+        }
         Ok(())
     }
 
@@ -286,8 +304,8 @@ fn common_folder(paths: &[String]) -> usize {
     common
 }
 
-/// Takes the recordings out of a zip archive; other files in it stay in it.
-pub(crate) fn unzip(archive: impl Read + Seek, into: &Path) -> Result<Vec<String>, Refusal> {
+/// Unpacks the recordings of a zip archive beside the files of a folder; other files in it stay in it.
+pub(crate) fn unzip(archive: impl Read + Seek, beside: &Path) -> Result<Vec<(String, TempPath)>, Refusal> {
     let mut archive =
         zip::ZipArchive::new(archive).map_err(|error| Refusal::unusable(format!("zip archive: {error}")))?;
     if archive.len() > 10 * FILES {
@@ -309,34 +327,35 @@ pub(crate) fn unzip(archive: impl Read + Seek, into: &Path) -> Result<Vec<String
             paths.push(given);
         }
     }
+    if wanted.is_empty() {
+        return Err(Refusal::unusable(
+            "the zip archive holds no recording (.csv, .tsv, .txt, .dat, .asc, .mat, dataset.toml)",
+        ));
+    }
     let common = common_folder(&paths);
-    let mut names = Vec::new();
+    let mut whole = Vec::new();
     let mut left = FILE_LIMIT;
     for (index, given) in wanted.into_iter().zip(&paths) {
         let mut entry = archive.by_index(index).map_err(|error| broken(&error))?;
         let name = safe_name(&given[common..])?;
-        let path = into.join(&name);
-        let mut file = std::fs::File::create(&path).map_err(|error| Refusal::disk(&path, &error))?;
+        let mut file = NamedTempFile::new_in(beside).map_err(|error| Refusal::disk(beside, &error))?;
         let written = std::io::copy(&mut (&mut entry).take(left + 1), &mut file)
             .map_err(|error| Refusal::unusable(format!("zip archive, {name}: {error}")))?;
-        file.flush().map_err(|error| Refusal::disk(&path, &error))?;
         if written > left {
-            // What was unpacked beyond the limit is not kept.
-            let _ = std::fs::remove_file(&path);
             return Err(Refusal::new(
                 axum::http::StatusCode::PAYLOAD_TOO_LARGE,
                 format!("the zip archive unpacks to more than {} MB", FILE_LIMIT >> 20),
             ));
         }
         left -= written;
-        names.push(name);
+        if whole.iter().any(|(other, _)| *other == name) {
+            return Err(Refusal::unusable(format!(
+                "zip archive: two of its recordings come to the name {name}"
+            )));
+        }
+        whole.push((name, file.into_temp_path()));
     }
-    if names.is_empty() {
-        return Err(Refusal::unusable(
-            "the zip archive holds no recording (.csv, .tsv, .txt, .dat, .mat, dataset.toml)",
-        ));
-    }
-    Ok(names)
+    Ok(whole)
 }
 
 /// Whether a file of a folder or an archive is looked at.

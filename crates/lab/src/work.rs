@@ -3,14 +3,13 @@
 use crate::App;
 use crate::error::Refusal;
 use crate::jobs::{self, Progress};
-use crate::session::{self, Session, model_name};
+use crate::session::{Session, model_name};
 use crate::uploads::{self, quoted};
-use crate::{export, signature};
+use crate::{export, folder, signature};
 use hysteron_data::{Dataset, Overwrite, write_dataset};
 use hysteron_diagnose::Comparison;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_identify::{Direction, Family, FitOptions, Model};
-use serde::Deserialize;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -46,7 +45,7 @@ pub(crate) fn take_files(app: &Arc<App>) -> Result<(), Refusal> {
                 records,
             )
         };
-        let data = session::fresh(&folder)?.join("data");
+        let data = folder::fresh(&folder)?.join("data");
         let command = if native {
             let read = uploads::read_native(&folder.join("uploads"))?;
             copy_native(&folder.join("uploads"), &data, &read)?;
@@ -83,7 +82,7 @@ pub(crate) fn take_start(app: &Arc<App>, name: &str) -> Result<(), Refusal> {
         let start = &own.starts[index];
         progress.at(0.05, &start.title);
         let folder = own.session().folder.clone();
-        let data = session::fresh(&folder)?.join("data");
+        let data = folder::fresh(&folder)?.join("data");
         (start.make)(&data, &|share| progress.at(0.8 * share, &start.title)).map_err(Refusal::unusable)?;
         take_fresh(&own, start.command.clone())
     })
@@ -92,11 +91,8 @@ pub(crate) fn take_start(app: &Arc<App>, name: &str) -> Result<(), Refusal> {
 /// Takes what was made in the fresh folder, once it is known to be readable.
 fn take_fresh(app: &App, command: String) -> Result<(), Refusal> {
     let folder = app.session().folder.clone();
-    uploads::read_native(&folder.join("fresh/data"))?;
-    let mut session = app.session();
-    session::replace_data(&folder)?;
-    let dataset = uploads::read_native(&folder.join("data"))?;
-    session.take_data("data".to_owned(), command, dataset)
+    let dataset = uploads::read_native(&folder.join("fresh/data"))?;
+    app.session().take_data("data".to_owned(), command, dataset)
 }
 
 /// Fits a model as a new root.
@@ -184,7 +180,7 @@ pub(crate) fn diagnose(app: &Arc<App>) -> Result<(), Refusal> {
         });
         let shown = serde_json::to_string(&shown).map_err(Refusal::unusable)?;
         let session = own.session();
-        session::write_whole(&session.signatures_file(number), shown.as_bytes())?;
+        folder::write_whole(&session.signatures_file(number), shown.as_bytes())?;
         keep(&session, number, &diagnosis)
     })
 }
@@ -197,9 +193,9 @@ fn diagnosed(dataset: &Dataset, model: &Model, progress: &Progress, whole: f64) 
 fn keep(session: &Session, number: usize, diagnosis: &Diagnosis) -> Result<(), Refusal> {
     let text = serde_json::to_string_pretty(diagnosis).map_err(Refusal::unusable)? + "\n";
     if let Some(next) = &diagnosis.next_record {
-        session::write_whole(&session.next_record_file(number), next.csv().as_bytes())?;
+        folder::write_whole(&session.next_record_file(number), next.csv().as_bytes())?;
     }
-    session::write_whole(&session.diagnosis_file(number), text.as_bytes())
+    folder::write_whole(&session.diagnosis_file(number), text.as_bytes())
 }
 
 /// Writes the report on the current step; what was diagnosed before is not diagnosed again.
@@ -216,93 +212,7 @@ pub(crate) fn report(app: &Arc<App>) -> Result<(), Refusal> {
         };
         progress.at(0.95, "pictures");
         let page = export::report_page(&own, number, &comparison, diagnosis.as_ref())?;
-        session::write_whole(&own.session().report_file(number), page.as_bytes())
-    })
-}
-
-/// Why a step has no table for the firmware, and what to do; nothing where it has one.
-pub(crate) fn no_table(model: &Model) -> Option<String> {
-    (!model.effects.is_empty()).then(|| {
-        let names: Vec<&str> = model.effects.iter().map(|effect| effect.name.as_str()).collect();
-        format!(
-            "This step has {}, and a table holds the inverse of the hysteresis alone: the controller does not compensate \
-             effects yet. Choose a step without effects on the ladder.",
-            names.join(" and ")
-        )
-    })
-}
-
-/// What the controller's ends are, where they are not those of the paper's bench; each as the option of `hysteron export`.
-#[derive(Debug, Clone, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(crate) struct Ends {
-    /// Lowest and highest reference, micrometres.
-    input_min_um: Option<f64>,
-    input_max_um: Option<f64>,
-    /// Volts that the stack may be given.
-    amplifier_min_v: Option<f64>,
-    amplifier_max_v: Option<f64>,
-    latency_us: Option<f64>,
-    mode_hz: Option<f64>,
-    damping: Option<f64>,
-}
-
-impl Ends {
-    fn options(&self) -> Result<Vec<String>, Refusal> {
-        let single = [
-            ("input-min", self.input_min_um),
-            ("input-max", self.input_max_um),
-            ("latency-us", self.latency_us),
-            ("mode", self.mode_hz),
-            ("damping", self.damping),
-        ];
-        let mut options: Vec<String> = single
-            .into_iter()
-            .filter_map(|(name, value)| Some(format!("--{name}={}", value?)))
-            .collect();
-        match (self.amplifier_min_v, self.amplifier_max_v) {
-            (Some(low), Some(high)) => options.push(format!("--amplifier={low},{high}")),
-            (None, None) => {}
-            _ => return Err(Refusal::unusable("give the lowest and the highest voltage, or neither")),
-        }
-        Ok(options)
-    }
-}
-
-fn inverse_name(number: usize) -> String {
-    format!("models/{}-inverse.toml", number + 1)
-}
-
-/// Fits the direct inverse of the current step's family to the data, and makes the table for the firmware.
-pub(crate) fn table(app: &Arc<App>, ends: &Ends) -> Result<(), Refusal> {
-    let (dataset, number, model) = current(&app.session())?;
-    if let Some(why) = no_table(&model) {
-        return Err(Refusal::conflict(why));
-    }
-    let options = ends.options()?;
-    let own = Arc::clone(app);
-    jobs::start(app, "making the table", move |progress| {
-        let plays = model.thresholds.len();
-        let fit = FitOptions {
-            plays,
-            direction: Direction::Inverse,
-            ..FitOptions::new(model.family)
-        };
-        let fitted = hysteron_identify::fit(&dataset, &fit, &|share| progress.at(0.95 * share, "direct inverse"));
-        let inverse = fitted.map_err(Refusal::unusable)?.model;
-        let text = (own.table)(&inverse, &options).map_err(Refusal::unusable)?;
-        let mut session = own.session();
-        let (file, table) = (inverse_name(number), Session::table_name(number));
-        inverse.write(&session.folder.join(&file)).map_err(Refusal::unusable)?;
-        session::write_whole(&session.folder.join(&table), text.as_bytes())?;
-        let command = format!(
-            "hysteron fit {} --model {} --plays {plays} --direction inverse -o {file} && hysteron export {file} {} -o {table}",
-            data_word(&session),
-            model.family.name(),
-            options.join(" ")
-        );
-        session.book.tables.insert(number, command.replace("  ", " "));
-        session.save()
+        folder::write_whole(&own.session().report_file(number), page.as_bytes())
     })
 }
 
@@ -325,7 +235,7 @@ fn compare(dataset: &Dataset, model: &Model, progress: &Progress) -> Comparison 
     hysteron_diagnose::compare(dataset, model, &|share| progress.at(0.8 + 0.2 * share, "comparing"))
 }
 
-fn current(session: &Session) -> Result<(Arc<Dataset>, usize, Model), Refusal> {
+pub(crate) fn current(session: &Session) -> Result<(Arc<Dataset>, usize, Model), Refusal> {
     let dataset = session.data()?;
     let number = session
         .book

@@ -5,7 +5,7 @@ import { num, quantity, readable, unit } from "./numbers.js";
 import { dataPage, fitForm } from "./data.js";
 import { comparePage } from "./compare.js";
 import { diagnosePage } from "./diagnose.js";
-import { effectPage } from "./effects.js";
+import { effectName, effectPage } from "./effects.js";
 import { ladderPage } from "./ladder.js";
 import { exportPage } from "./take.js";
 
@@ -88,7 +88,7 @@ function drawJob() {
   by("job").hidden = !job.running;
   by("job-share").value = job.share;
   const kind = job.kind.charAt(0).toUpperCase() + job.kind.slice(1);
-  const text = `${kind}: ${job.message.replaceAll("-", " ")}, ${Math.round(100 * job.share)} %`;
+  const text = `${kind}: ${effectName(job.message)}, ${Math.round(100 * job.share)} %`;
   if (by("job-text").textContent !== text) by("job-text").textContent = text;
 }
 

@@ -4,6 +4,7 @@ import { el, table, command, panel, right, tiles } from "./dom.js";
 import { count, num, percent, quantity, unit } from "./numbers.js";
 import { timePlot, loopPlot, spectrumPlot, COLOURS } from "./plots.js";
 import { errorMap } from "./map.js";
+import { effectName } from "./effects.js";
 
 let chosen = 0;
 
@@ -22,12 +23,13 @@ function regionText(region, outputUnit) {
   const lines = [el("p", {}, `Here the error is ${quantity(region.rms, outputUnit)} rms, ${num(region.noise_ratio)} times the noise floor: ${percent(region.share_percent)} of the record's squared error in ${percent(region.samples_percent)} of its samples. The largest is ${quantity(region.max, outputUnit)}.`)];
   if (region.noise_ratio < 1.2) lines.push(el("p", {}, "That is the noise; there is nothing to explain here."));
   else if (told.length === 0) lines.push(el("p", {}, "It goes with none of offset, position, speed, acceleration or time: look at the spectrum for a tone, or diagnose."));
-  else lines.push(el("ul", {}, told.map((g) => el("li", {}, `${percent(g.share_percent)} of it goes with ${WORDS[g.quantity]}: `, ...g.effects.flatMap((name, i) => [i ? ", " : "", el("a", { href: `#effects/${name}` }, name.replaceAll("-", " "))]), " could make it."))));
+  else lines.push(el("ul", {}, told.map((g) => el("li", {}, `${percent(g.share_percent)} of it goes with ${WORDS[g.quantity]}: `, ...g.effects.flatMap((name, i) => [i ? ", " : "", el("a", { href: `#effects/${name}` }, effectName(name))]), " could make it."))));
   return lines;
 }
 
 const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
-const sentence = (text) => `${capital(unit(text))}${/[.:]$/.test(text) ? "" : "."}`;
+/** A finding as a sentence; the name of a file stays as it is. */
+const sentence = (text) => `${/^\S+\.\S/.test(text) ? unit(text) : capital(unit(text))}${/[.:]$/.test(text) ? "" : "."}`;
 
 export async function comparePage(lab) {
   const step = lab.state.current;
@@ -64,7 +66,7 @@ export async function comparePage(lab) {
     el("div", { class: "pair" },
       panel("Spectrum of the error over the noise floor", hosts.spectrum),
       panel("Where the error is", el("ul", { class: "findings" }, comparison.where.map((b) => el("li", {}, sentence(b.finding)))))),
-    table("All records", ["Record", "Role", "Error, p-p", "Fit", "rms", "Largest", "Times noise", "Samples", "Start"], rows),
+    table("All records", ["Record", "Role", "Error (of p-p)", "Fit", "rms", "Largest", "Times noise", "Samples", "Start"], rows),
     el("p", {}, el("a", { class: "button", href: "#diagnose" }, "Which effect is missing?")),
     command(words.compare_command));
 

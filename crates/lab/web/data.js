@@ -149,6 +149,9 @@ export function rawView(lab, of, records) {
   return view;
 }
 
+/** That other data end the models there are. */
+const end = (state) => (state.steps.length ? el("p", { class: "notice" }, `Other recordings take the place of the data of this session; its models (${state.steps.length}) end with them. Export what should stay.`) : null);
+
 /** Files that were brought and are not used yet. */
 function found(lab, views) {
   const { state } = lab;
@@ -162,7 +165,7 @@ function found(lab, views) {
     el("div", { class: "cards" }, state.files.map((file) => fileCard(lab, file))),
     readingForm(lab),
     view,
-    state.steps.length ? el("p", { class: "notice" }, `These recordings take the place of the data of this session; its models (${state.steps.length}) end with them. Export what should stay.`) : null,
+    end(state),
     native || state.files.some((file) => state.reading.validate.includes(file.name)) || state.files.length < 2 ? null : el("p", { class: "notice" }, "No file is kept to judge the model by. Let one that was recorded differently judge it: only that tells whether a model holds beyond its own data."),
     el("p", {}, el("button", { type: "button", id: "use", class: "main", disabled: !usable || state.job.running, click: () => lab.act({ what: "take-files" }) }, "Use these recordings")),
     command(native ? "cp -r uploads data" : state.import_command),
@@ -200,7 +203,7 @@ export async function dataPage(lab) {
     page.append(...taken(lab, views).filter(Boolean),
       el("details", { class: "other" }, el("summary", {}, "Bring other recordings"), dropZone(lab),
         state.files.length ? el("p", {}, el("button", { type: "button", id: "files-again", click: () => { again = true; lab.redraw(); } }, `See the files brought before (${state.files.length})`)) : null,
-        el("p", {}, "Or begin anew with"), starts(lab)));
+        el("p", {}, "Or begin anew with"), starts(lab), end(state)));
   } else {
     page.append(el("h2", {}, "Bring recordings"), el("p", {}, "From recordings of a piezo stage to a model that explains them: go the way above from left to right."), dropZone(lab), el("h2", {}, "Or begin with"), starts(lab));
   }
@@ -208,9 +211,12 @@ export async function dataPage(lab) {
   return page;
 }
 
+/** What was chosen last: news must not take it away. */
+const wish = { model: "mrpi", plays: "10" };
+
 export function fitForm(lab) {
-  const model = el("select", { id: "model" }, FAMILIES.map(([value, title]) => el("option", { value }, title)));
-  const plays = el("input", { id: "plays", type: "number", min: "1", max: "64", value: "10", required: true });
+  const model = el("select", { id: "model", change: () => { wish.model = model.value; } }, FAMILIES.map(([value, title]) => el("option", { value, selected: value === wish.model }, title)));
+  const plays = el("input", { id: "plays", type: "number", min: "1", max: "64", value: wish.plays, required: true, input: () => { wish.plays = plays.value; } });
   return el("form", { class: "fit panel", id: "fit-form", submit: (event) => {
     event.preventDefault();
     lab.act({ what: "fit", model: model.value, plays: Number(plays.value) }, "compare");

@@ -8,18 +8,22 @@ import { riddlePart } from "./riddle.js";
 
 /** Why a candidate does not count, from its figures. */
 function whyNot(effect, numbers) {
+  if (numbers.further.includes(effect.effect)) return `Counts once ${effectName(numbers.verdict)} is in the model: add that first, then this.`;
   if (effect.statistic <= effect.threshold) return "Does not count: what it gains on records it was not fitted to could be chance.";
   if (numbers.verdict === "unknown" || numbers.cannot_answer.length) return "Gains something, but these records cannot confirm it.";
   return "Does not count: it is too small to matter, or another explains the same better.";
 }
 
-function evidence(effect, numbers) {
+/** What the candidate gains: added to this model as a step of the ladder will show it, and beside loops of free shape, by which it is judged. */
+function evidence(effect, numbers, signature) {
   const share = effect.share < 0 ? "nothing; records it was not fitted to get worse" : percent(100 * effect.share);
-  const from = (before, after) => `${percent(after)}${before === null ? "" : `, now ${percent(before)}`}`;
+  const judged = numbers.before.validate_percent !== null;
+  const of = (errors) => (judged ? errors.validate_percent : errors.identify_percent);
+  const fell = (after, before) => `${percent(of(after))}, without it ${percent(of(before))}`;
   return facts([
+    ...(signature ? [[`Error once added, records ${judged ? "not fitted to" : "fitted to"}`, fell(signature, numbers.before)]] : []),
+    [numbers.shape_determined ? "Error with it, loops of free shape" : "Error with it, plays fitted anew", fell(effect, numbers.free_shape)],
     ["Takes of the squared error", share],
-    ["Error with it, records not fitted to", from(numbers.before.validate_percent, effect.validate_percent)],
-    ["Error with it, records fitted to", from(numbers.before.identify_percent, effect.identify_percent)],
     ["Statistic", `${num(effect.statistic)}; must exceed ${num(effect.threshold)}`],
     ["Independent samples", count(effect.effective_samples)],
     ["Kind", effect.level === "physical" ? "physical: a hysteresis of free shape does not explain it" : "a matter of the loops' shape"],
@@ -39,9 +43,11 @@ function parameters(effect, bounds, signature) {
   return table(signature ? "Parameters, with standard errors" : "Parameters as tried", ["Parameter", "Value", "Physical between"], rows);
 }
 
-/** Which others of the verdict cannot be told from this one. */
-function notToldFrom(effect, numbers) {
+/** How a candidate that counts stands to the verdict: part of it, not told apart from others, or behind it. */
+function standing(effect, numbers) {
   const set = [numbers.verdict, ...numbers.also_possible];
+  const named = [...set, ...numbers.further].includes(effect.effect);
+  if (!named && numbers.verdict !== "unknown") return el("p", { class: "told" }, `Significant by itself, but ${effectName(numbers.verdict)} explains these records better and takes most of the same error.`);
   if (numbers.also_possible.length === 0 || !set.includes(effect.effect)) return null;
   return el("p", { class: "told" }, `These records cannot tell it from ${set.filter((name) => name !== effect.effect).map(effectName).join(" or ")}.`);
 }
@@ -54,13 +60,13 @@ function card(lab, found, index, words, views) {
   const picture = signature ? el("div", { class: "plot" }) : null;
   if (picture) views.push(() => tracePlot(picture, signature.time_s, signature.without, signature.with, "um"));
   const more = [
-    evidence(effect, numbers), parameters(effect, bounds[index], signature),
+    evidence(effect, numbers, signature), parameters(effect, bounds[index], signature),
     words ? facts([["What it is", text(words.summary)], ["Equation", el("code", {}, text(words.equation))], ["How it shows", text(words.shows)], ["Mistaken for", text(words.mistaken_for)], ["Separated by", text(words.separated_by)], ["Compensated by", text(words.compensated_by)]]) : null,
   ];
   return el("article", { class: effect.significant ? "card counts" : "card", id: `card-${effect.effect}` },
     el("h3", {}, `${index + 1}. ${name}`),
     el("p", {}, effect.significant ? "Significant, and large enough to matter." : whyNot(effect, numbers)),
-    effect.significant ? notToldFrom(effect, numbers) : null,
+    effect.significant ? standing(effect, numbers) : null,
     signature ? [el("p", { class: "hint" }, `Error in ${signature.file} without it and with it, everything fitted anew:`), picture] : null,
     effect.significant ? more.slice(0, 2) : null,
     el("details", {}, el("summary", {}, effect.significant ? `What ${name} is, and what it is mistaken for` : "Evidence, parameters, what it is"), effect.significant ? more.slice(2) : more),

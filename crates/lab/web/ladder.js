@@ -69,7 +69,7 @@ export async function ladderPage(lab) {
     command(way(steps, current).map((k) => steps[k].command).join(" && ")));
   const select = el("select", { id: "effect" }, known.map((k) => el("option", { value: k.name }, effectName(k.name))));
   page.append(el("h2", {}, "What if it is another?"),
-    el("p", { class: "row" }, el("label", { for: "effect" }, `Add to ${step.title} `), select, " ",
+    el("p", { class: "row" }, el("label", { for: "effect" }, `Add to step ${current + 1}, ${step.title} `), select, " ",
       el("button", { type: "button", id: "add", class: "main", disabled: lab.state.job.running, click: () => lab.act({ what: "add", effect: select.value }, "ladder") }, "Add"),
       " ", el("a", { href: "#diagnose" }, "Or ask which")));
   const tables = el("div", { class: "pair" });

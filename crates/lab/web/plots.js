@@ -1,5 +1,5 @@
 // Charts by uPlot, with zoom, pan, a shared cursor, and finer points fetched once the view rests.
-import { num, power, readable } from "./numbers.js";
+import { count, num, power, readable } from "./numbers.js";
 import uPlot from "./vendor/uPlot.esm.js";
 
 const style = getComputedStyle(document.documentElement);
@@ -168,6 +168,9 @@ function trace(u, index) {
   return null;
 }
 
+/** Labels at the powers of ten alone. */
+const decades = (words) => (_, ticks) => ticks.map((v) => (Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-9 ? words(v) : ""));
+
 /** Spectra on logarithmic axes. */
 export function spectrumPlot(host, spectrum, outputUnit, height = 300) {
   const keep = spectrum.frequency_hz.map((f, k) => [f, k]).filter(([f]) => f > 0).map(([, k]) => k);
@@ -176,7 +179,7 @@ export function spectrumPlot(host, spectrum, outputUnit, height = 300) {
   const chart = new uPlot({
     width: width(host), height, scales: { x: { time: false, distr: 3 }, y: { distr: 3 } }, cursor: { drag: { x: true, y: false } },
     series: [{ label: "frequency, Hz", value: (_, v) => (v === null || v === undefined ? "–" : num(v)) }, line("measured", COLOURS.measured), line("error", COLOURS.residual), line("noise floor", COLOURS.noise, [6, 4])],
-    axes: [axis("frequency, Hz", "x", { size: 34 }), axis(`${outputUnit}/√Hz`, "y", { values: (_, ticks) => ticks.map((v) => (Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-9 ? power(Math.round(Math.log10(v))) : "")) })],
+    axes: [axis("frequency, Hz", "x", { size: 34, values: decades((v) => (v >= 1 ? count(v) : String(v))) }), axis(`${outputUnit}/√Hz`, "y", { values: decades((v) => power(Math.round(Math.log10(v)))) })],
   }, [keep.map((k) => spectrum.frequency_hz[k]), positive(spectrum.measured_um_per_rthz), positive(spectrum.residual_um_per_rthz), positive(spectrum.noise_um_per_rthz)], host);
   host.setAttribute("role", "img");
   host.setAttribute("aria-label", "Spectrum of the error, against the measurement and the noise floor");

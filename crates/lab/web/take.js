@@ -1,12 +1,14 @@
-// What is taken home: model, report, session.
+// What is taken home: model, table, report, session.
 import { ask, download } from "./api.js";
 import { el, command, typed } from "./dom.js";
 
-/** What differs from the paper's bench: name, title, the option's meaning. */
-const ENDS = [
-  ["input_min_um", "Lowest position, µm"], ["input_max_um", "Highest position, µm"],
-  ["amplifier_min_v", "Lowest voltage at the stack, V"], ["amplifier_max_v", "Highest voltage at the stack, V"],
-  ["latency_us", "Latency of the loop, µs"], ["mode_hz", "First mode, Hz"], ["damping", "Its damping ratio"],
+/** What the bench is: its part, then field, title and what holds where it is left empty. */
+const BENCH = [
+  ["Reference", [["input_min_um", "Lowest position, µm", "as fitted"], ["input_max_um", "Highest position, µm", "as fitted"]]],
+  ["Loop", [["rate_hz", "Rate of the control loop, Hz", "50000"], ["latency_us", "Latency, command to reading, µs", "unknown"], ["mode_hz", "First mode, Hz", "unknown"], ["damping", "Its damping ratio", "unknown"]]],
+  ["Amplifier, DAC and ADC", [["amplifier_min_v", "Lowest voltage at the stack, V", "the paper's"], ["amplifier_max_v", "Highest voltage at the stack, V", "the paper's"],
+    ["dac_min_v", "DAC's lowest code, V at the stack", "the paper's"], ["dac_full_v", "DAC's full scale, V at the stack", "the paper's"],
+    ["adc_min_um", "ADC's lowest code, µm", "the paper's"], ["adc_full_um", "ADC's full scale, µm", "the paper's"]]],
 ];
 
 /** What was typed last: a refusal must not take it away. */
@@ -16,17 +18,24 @@ let given = {};
 function tableItem(lab, words, link) {
   const { state } = lab;
   const made = state.tables[state.current];
-  if (words.no_table) return el("li", { class: "card wide" }, el("h3", {}, "Table for the firmware"), el("p", { id: "no-table" }, words.no_table), el("p", {}, el("a", { href: "#ladder" }, "To the ladder")));
+  const item = el("li", { class: "card wide" }, el("h3", {}, "Table for the firmware"));
+  if (words.no_table) {
+    item.append(el("p", { id: "no-table" }, words.no_table), el("p", {}, el("a", { href: "#ladder" }, "To the ladder")));
+    return item;
+  }
+  const field = ([name, title, otherwise]) => el("p", {}, el("label", { for: name }, title), el("input", { id: name, type: "number", step: "any", placeholder: otherwise, value: given[name] ?? null }));
   const form = el("form", { id: "table-form", submit: (event) => {
     event.preventDefault();
-    given = Object.fromEntries(ENDS.map(([name]) => [name, typed(form.querySelector(`#${name}`).value)]));
-    lab.act({ what: "table", ends: given });
+    given = Object.fromEntries([...form.querySelectorAll("input")].map((input) => [input.id, typed(input.value)]));
+    lab.act({ what: "table", bench: given });
   } },
-  el("div", { class: "fields" }, ENDS.map(([name, title]) => el("p", {}, el("label", { for: name }, title), el("input", { id: name, type: "number", step: "any", placeholder: "by default", value: given[name] ?? null })))),
+  BENCH.map(([part, fields]) => el("fieldset", {}, el("legend", {}, part), el("div", { class: "fields" }, fields.map(field)))),
   el("button", { type: "submit", id: "make-table", class: made ? "" : "main", disabled: state.job.running }, made ? "Make it again" : "Make the table"));
-  return el("li", { class: "card wide" }, el("h3", {}, "Table for the firmware"),
-    el("p", {}, "The direct inverse of this model's family, fitted to the same data, as the controller reads it at start. Left empty, positions are those of the fit, converters and voltages those of the paper's bench, and feedback is off: no gain is safe without the loop's latency and first mode."),
-    form, made ? el("p", {}, link("table", "Download the table")) : null, made ? command(made) : null);
+  item.append(
+    el("p", {}, "The direct inverse of this model's family, fitted to the same data, as the controller reads it at start. Without the loop's latency feedback stays off: no gain is known to be safe."),
+    form);
+  if (made) item.append(el("p", { class: "told lines", id: "table-said" }, made.said.trim()), el("p", {}, link("table", "Download the table")), command(made.command));
+  return item;
 }
 
 export async function exportPage(lab) {
@@ -41,8 +50,8 @@ export async function exportPage(lab) {
     el("h2", {}, `Take it home: ${state.steps[number].title}`),
     el("ul", { class: "exports" },
       item("Model", "All parameters with units and standard errors, as a readable file; the one that every command takes.", link("model", "Download the model"), state.steps[number].command),
-      tableItem(lab, words, link),
       item("Report", `Comparison, diagnosis and ladder in one file to send to a colleague; it needs no program and no network.${state.diagnosed[number] || written ? "" : " This step is not diagnosed yet, so writing it takes some seconds; it can be stopped."}`,
         written ? [link("report", "Download the report"), write("Write it again", "small")] : write("Write the report", "main"), words.report_command),
-      item("Session", "Recordings, data, models, diagnoses and reports as a folder that the command line opens, and the workbench too.", link("session", "Download the session"), `hysteron lab --session ${state.folder}`)));
+      item("Session", "Recordings, data, models, diagnoses and reports as a folder that the command line opens, and the workbench too.", link("session", "Download the session"), `hysteron lab --session ${state.folder}`),
+      tableItem(lab, words, link)));
 }

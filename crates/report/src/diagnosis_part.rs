@@ -28,7 +28,7 @@ pub(crate) fn section(diagnosis: &Diagnosis) -> Section {
     if let Some(figure) = shares(&diagnosis.ranking) {
         section = section.with(Block::Figure(figure));
     }
-    section = section.with(Block::Table(table(&diagnosis.ranking)));
+    section = section.with(Block::Table(table(diagnosis)));
     for effect in diagnosis.ranking.iter().filter(|effect| effect.significant) {
         section = section.with(card(effect));
     }
@@ -96,7 +96,12 @@ fn shares(ranking: &[RankedEffect]) -> Option<Figure> {
     ))
 }
 
-fn table(ranking: &[RankedEffect]) -> Table {
+fn table(diagnosis: &Diagnosis) -> Table {
+    let beside = if diagnosis.shape_determined {
+        "a hysteresis of free shape"
+    } else {
+        "the plays fitted anew"
+    };
     let columns = [
         "Candidate",
         "Kind",
@@ -107,9 +112,11 @@ fn table(ranking: &[RankedEffect]) -> Table {
         "Share, %",
         "Counts",
     ];
-    ranking
+    let title = format!("The candidates, best first, each together with {beside}");
+    diagnosis
+        .ranking
         .iter()
-        .fold(Table::new("The candidates, best first", &columns), |table, effect| {
+        .fold(Table::new(&title, &columns), |table, effect| {
             table.row(vec![
                 Cell::text(effect_name(&effect.effect, false)),
                 Cell::text(match effect.level {

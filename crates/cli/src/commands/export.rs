@@ -88,7 +88,11 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Done, CliError> {
         path: args.output.clone(),
         source,
     })?;
-    output::print(&said(&table, designed.as_ref(), args))?;
+    output::print(&format!(
+        "{}written to {}\n",
+        said(&table, designed.as_ref(), args),
+        args.output.display()
+    ))?;
     Ok(Done::Answered)
 }
 
@@ -99,8 +103,8 @@ struct Words {
     args: ExportArgs,
 }
 
-/// The table of a direct inverse as the command writes it with these options.
-pub(crate) fn text(model: &Model, options: &[String]) -> Result<String, CliError> {
+/// The table of a direct inverse as the command writes it with these options, and what the command says of it.
+pub(crate) fn text(model: &Model, options: &[String]) -> Result<(String, String), CliError> {
     let fixed = ["export", "the direct inverse", "--output", "table.toml"].map(str::to_owned);
     let Words { args } = Words::try_parse_from(fixed.iter().chain(options))
         .map_err(|error| CliError::Option(error.render().to_string()))?;
@@ -108,8 +112,9 @@ pub(crate) fn text(model: &Model, options: &[String]) -> Result<String, CliError
         path: args.model.clone(),
         source,
     };
-    let (table, _) = table(model, &args, &refused)?;
-    table.to_toml().map_err(refused)
+    let (table, designed) = table(model, &args, &refused)?;
+    let text = table.to_toml().map_err(refused)?;
+    Ok((text, said(&table, designed.as_ref(), &args)))
 }
 
 fn said(table: &Table, designed: Option<&Design>, args: &ExportArgs) -> String {
@@ -133,7 +138,6 @@ fn said(table: &Table, designed: Option<&Design>, args: &ExportArgs) -> String {
         ),
         None => Ok(()),
     };
-    let _ = writeln!(text, "written to {}", args.output.display());
     text
 }
 

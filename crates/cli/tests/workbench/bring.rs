@@ -101,10 +101,10 @@ fn val_a_folder_an_archive_and_a_matlab_file_are_dropped() {
         browser.see(".cards article:nth-of-type(5)").await;
         for (name, samples) in [
             ("bench.mat", "1500"),
-            ("down-run.csv", "750"),
+            ("runs-down-run.csv", "750"),
             ("first.csv", "500"),
             ("second.csv", "1250"),
-            ("up-run.csv", "1000"),
+            ("runs-up-run.csv", "1000"),
         ] {
             let card = "return [...document.querySelectorAll('.cards article')].find((card) => card.querySelector('h3').textContent === arguments[0]).innerText";
             let card = browser.run(card, vec![json!(name)]).await;
@@ -229,7 +229,7 @@ fn val_a_stage_with_something_hidden_is_answered_and_shown() {
         browser.choose("#answer-1", "delay").await;
         browser.choose("#answer-2", "first-order-lag").await;
         browser.click("#answer").await;
-        browser.see_text("You answered delay and first-order-lag").await;
+        browser.see_text("You answered delay and first-order lag").await;
         browser.click("#reveal").await;
         let judged = browser.see("#judgement").await;
         let said = hysteron(&session, &["challenge", "reveal", "data", "data.key", "--json"]);

@@ -36,8 +36,8 @@ pub(crate) struct Browser {
     _profile: tempfile::TempDir,
 }
 
-/// The slowest machine that tests run on diagnoses in less.
-const PATIENCE_MS: u64 = 120_000;
+/// A page that does not get there in this time hangs; a machine with other work diagnoses in less.
+const PATIENCE_MS: u64 = 600_000;
 
 /// The checker of accessibility, axe-core 4.14.1 (MPL-2.0).
 const AXE: &str = include_str!("../vendor/axe.min.js");

@@ -185,7 +185,9 @@ fn refuse_fifty_bad_requests() {
         r#"{"what":"stop"}"#,
         r#"{"what":"answer","effects":["delay"]}"#,
         r#"{"what":"reveal"}"#,
-        r#"{"what":"table","ends":{"amplifier_min_v":1}}"#,
+        r#"{"what":"table","bench":{"amplifier_min_v":1}}"#,
+        r#"{"what":"table","bench":{"dac_min_v":10,"dac_full_v":-10}}"#,
+        r#"{"what":"table","bench":{"mode_hz":100}}"#,
         r#"{"what":"start","name":"../x"}"#,
     ] {
         bad(
@@ -322,6 +324,23 @@ fn broken() -> Vec<(String, Vec<u8>)> {
             .unwrap();
         add(&format!("{name}.zip"), zip.finish().unwrap().into_inner());
     }
+    // The first recording is whole, the second is cut: neither is kept.
+    let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    let plain = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    for name in ["whole.csv", "hurt.csv"] {
+        zip.start_file(name, plain).unwrap();
+        zip.write_all(good.as_bytes()).unwrap();
+    }
+    let mut bytes = zip.finish().unwrap().into_inner();
+    let second = bytes.windows(8).position(|w| w == b"hurt.csv").unwrap();
+    bytes[second + 200] ^= 1;
+    add("hurt.zip", bytes);
+    let mut twice = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    for name in ["up/run.csv", "up-run.csv"] {
+        twice.start_file(name, plain).unwrap();
+        twice.write_all(good.as_bytes()).unwrap();
+    }
+    add("twice.zip", twice.finish().unwrap().into_inner());
     let mut empty = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
     empty
         .add_directory("folder", zip::write::SimpleFileOptions::default())
@@ -354,8 +373,18 @@ fn refuse_fifty_broken_uploads() {
             "{name} tells the folder: {said}"
         );
     }
-    // The good one is still there, and the server works.
+    // The good one is still there, of a broken archive nothing is, and the server works.
     let state = server.state();
+    let kept: Vec<_> = std::fs::read_dir(session.join("uploads"))
+        .unwrap()
+        .flatten()
+        .map(|e| e.file_name())
+        .collect();
+    assert_eq!(kept.len(), state["files"].as_array().unwrap().len(), "{kept:?}");
+    assert!(
+        kept.iter().all(|name| name != "whole.csv" && name != "up-run.csv"),
+        "{kept:?}"
+    );
     let found = state["files"]
         .as_array()
         .unwrap()

@@ -60,6 +60,7 @@ async fn the_way(browser: &Browser, session: &Path, name: &str, model: &str) {
         card.to_lowercase(),
         format!("1. {}", first.replace('-', " ").replace("first order", "first-order"))
     );
+    let evidence = browser.see(&format!("#card-{first}")).await;
     browser.picture(&format!("{name}-diagnose")).await;
     browser.accessible("diagnose").await;
 
@@ -70,6 +71,10 @@ async fn the_way(browser: &Browser, session: &Path, name: &str, model: &str) {
     let error = three(said["validate"]["nrmse_percent"].as_f64().unwrap());
     let rung = browser.see(".rung.here .figure").await;
     assert_eq!(rung, error);
+    assert!(
+        evidence.contains(&error),
+        "{evidence} should promise what {first} gives: {error}"
+    );
     browser.click("#undo").await;
     browser.see("#step-0[aria-current]").await;
     // A branch: what if it is a lag?
@@ -147,16 +152,20 @@ async fn make_the_table(browser: &Browser, session: &Path, name: &str) {
     browser.accessible("table").await;
     let get = "const done = arguments[0]; fetch(document.querySelector('#export-table').href).then((r) => r.text()).then(done)";
     let table = browser.run_async(get, vec![]).await;
+    let said = browser.see("#table-said").await;
     let told = "return document.querySelector('#export-table').closest('li').querySelector('code').textContent";
     let told = browser.run(told, vec![]).await;
+    let mut printed = String::new();
     for command in told.as_str().unwrap().split(" && ") {
         let typed = command.replace("tables/1", "typed").replace("1-inverse", "1-typed");
-        assert_cmd::Command::new(env!("CARGO_BIN_EXE_hysteron"))
+        let out = assert_cmd::Command::new(env!("CARGO_BIN_EXE_hysteron"))
             .current_dir(session)
             .args(typed.split(' ').skip(1))
             .assert()
             .success();
+        printed = String::from_utf8(out.get_output().stdout.clone()).unwrap();
     }
+    assert_eq!(printed, format!("{said}\nwritten to typed.toml\n"));
     assert_eq!(
         table.as_str().unwrap(),
         std::fs::read_to_string(session.join("typed.toml")).unwrap()

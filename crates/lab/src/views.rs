@@ -1,0 +1,224 @@
+//! What is looked at: records, a step's comparison and diagnosis, effects.
+
+use crate::api::{Answer, Parameters, Shared, aside, number};
+use crate::error::Refusal;
+use crate::signature::Signature;
+use crate::{explain, series, table, work};
+use axum::Json;
+use axum::extract::{Query, State};
+use axum::http::header;
+use axum::response::IntoResponse;
+use hysteron_diagnose::{Comparison, RecordComparison};
+use serde_json::{Value, json};
+use std::collections::HashMap;
+
+/// A record as it was brought or taken, as few points.
+pub(crate) async fn raw(State(app): Shared, Query(parameters): Parameters) -> Answer {
+    let index: usize = number(&parameters, "record")?;
+    let width: usize = number(&parameters, "width")?;
+    let uploaded = parameters.get("of").is_some_and(|of| of == "files");
+    aside(move || {
+        let session = app.session();
+        let absent = || Refusal::absent("there is no such record");
+        let records: Vec<&hysteron_data::Record> = if uploaded {
+            session.uploads.files.iter().filter_map(|file| file.read.as_ref().ok()).flat_map(|read| &read.0).collect()
+        } else {
+            session.dataset.iter().flat_map(|dataset| &dataset.records).collect()
+        };
+        let record = records.get(index).ok_or_else(absent)?;
+        let (first, len) = window(&parameters, record.start_s, record.period_s, record.len());
+        let time = |k: usize| record.start_s + k as f64 * record.period_s;
+        let points = series::columns(first, len, width, time, &[&|k| record.voltage_v[k], &|k| record.position_um[k]]);
+        Ok(Json(json!({ "points": points, "loop": series::path(&record.voltage_v[first..first + len], &record.position_um[first..first + len]) })).into_response())
+    })
+    .await
+}
+
+/// The samples between `from` and `to` seconds, with a neighbour on either side; all without them.
+fn window(parameters: &HashMap<String, String>, start_s: f64, period_s: f64, len: usize) -> (usize, usize) {
+    let at = |name: &str| number::<f64>(parameters, name).ok().filter(|t| t.is_finite());
+    let index = |t: f64| ((t - start_s) / period_s).clamp(0.0, len as f64);
+    let first = at("from")
+        .map_or(0, |t| (index(t).floor() as usize).saturating_sub(1))
+        .min(len.saturating_sub(2));
+    let end = at("to").map_or(len, |t| (index(t).ceil() as usize + 2).min(len));
+    (first, end.saturating_sub(first).max(2).min(len - first))
+}
+
+/// A record of a comparison, and the samples of it that are asked about: the first and how many.
+fn stretch<'a>(
+    comparison: &'a Comparison,
+    index: usize,
+    parameters: &HashMap<String, String>,
+) -> Result<(&'a RecordComparison, usize, usize), Refusal> {
+    let record = comparison
+        .records
+        .get(index)
+        .ok_or_else(|| Refusal::absent(format!("there is no record {index}")))?;
+    let time = &record.series.time_s;
+    let period_s = time.get(1).zip(time.first()).map_or(1.0, |(b, a)| b - a);
+    let (first, len) = window(parameters, time.first().copied().unwrap_or(0.0), period_s, time.len());
+    Ok((record, first, len))
+}
+
+/// The comparison of a step: the same text as `hysteron compare --json`.
+pub(crate) async fn compare(State(app): Shared, Query(parameters): Parameters) -> Answer {
+    let step = number(&parameters, "step")?;
+    aside(move || {
+        let comparison = work::comparison(&app, step)?;
+        let text = serde_json::to_string_pretty(&*comparison).map_err(Refusal::unusable)? + "\n";
+        Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response())
+    })
+    .await
+}
+
+/// The comparison in sentences, the model's parameters, and the commands.
+pub(crate) async fn words(State(app): Shared, Query(parameters): Parameters) -> Answer {
+    let number = number(&parameters, "step")?;
+    aside(move || {
+        let comparison = work::comparison(&app, number)?;
+        let session = app.session();
+        let model = session.model(number)?;
+        let step = session.step(number)?;
+        let (data, file) = (work::data_word(&session), &step.model);
+        let row = |name: String, p: &hysteron_identify::Parameter| json!({"name": name, "value": p.value, "unit": p.unit, "standard_error": p.standard_error});
+        let parameters = model.parameters();
+        let own = parameters.iter().map(|p| row(p.name.clone(), p));
+        let effects = model.effects.iter().flat_map(|e| e.parameters.iter().map(move |p| row(format!("{}: {}", e.name, p.name), p)));
+        Ok(Json(json!({
+            "headline": hysteron_report::headline(&comparison),
+            "notices": model.notices,
+            "parameters": effects.chain(own).collect::<Vec<_>>(),
+            "effects": model.effects.iter().map(|e| &e.name).collect::<Vec<_>>(),
+            "compare_command": format!("hysteron compare {data} {file} -o page.html"),
+            "diagnose_command": format!("hysteron diagnose {data} {file} -o next.csv"),
+            "no_table": table::no_table(&model),
+            "report_command": format!("hysteron report {data} {file} -o report.html"),
+        }))
+        .into_response())
+    })
+    .await
+}
+
+pub(crate) async fn spectrum(State(app): Shared, Query(parameters): Parameters) -> Answer {
+    let step = number(&parameters, "step")?;
+    aside(move || Ok(Json(&work::comparison(&app, step)?.spectrum).into_response())).await
+}
+
+/// Measured, modelled and error of one record, as few points, with its loop.
+pub(crate) async fn plotted(State(app): Shared, Query(parameters): Parameters) -> Answer {
+    let (step, index, width) = (
+        number(&parameters, "step")?,
+        number::<usize>(&parameters, "record")?,
+        number(&parameters, "width")?,
+    );
+    aside(move || {
+        let comparison = work::comparison(&app, step)?;
+        let (record, first, len) = stretch(&comparison, index, &parameters)?;
+        let s = &record.series;
+        let points = series::columns(
+            first,
+            len,
+            width,
+            |k| s.time_s[k],
+            &[&|k| s.measured[k], &|k| s.modelled[k], &|k| {
+                s.measured[k] - s.modelled[k]
+            }],
+        );
+        let all = first..first + len;
+        let at = |x: &f64| s.time_s.partition_point(|t| t < x).min(s.time_s.len() - 1);
+        let places: Vec<usize> = points.x.iter().map(at).collect();
+        let pick = |values: &[f64]| places.iter().map(|&k| values[k]).collect::<Vec<f64>>();
+        Ok(Json(json!({
+            "points": points,
+            "at": {"input": pick(&s.input), "measured": pick(&s.measured), "modelled": pick(&s.modelled)},
+            "measured_loop": series::path(&s.input[all.clone()], &s.measured[all.clone()]),
+            "modelled_loop": series::path(&s.input[all.clone()], &s.modelled[all]),
+        }))
+        .into_response())
+    })
+    .await
+}
+
+/// What the error in a stretch is, and what could make it.
+pub(crate) async fn region(State(app): Shared, Query(parameters): Parameters) -> Answer {
+    let (step, index) = (number(&parameters, "step")?, number::<usize>(&parameters, "record")?);
+    aside(move || {
+        let comparison = work::comparison(&app, step)?;
+        let (record, first, len) = stretch(&comparison, index, &parameters)?;
+        let region = hysteron_diagnose::region(record, first..first + len, comparison.noise_rms_um)
+            .ok_or_else(|| Refusal::unusable("fewer than eight samples; select more"))?;
+        Ok(Json(region).into_response())
+    })
+    .await
+}
+
+/// A step's diagnosis: the same text as `hysteron diagnose --json`, and its words.
+pub(crate) async fn diagnosis(State(app): Shared, Query(parameters): Parameters) -> Answer {
+    let step = number(&parameters, "step")?;
+    let (file, shown) = {
+        let session = app.session();
+        session.step(step)?;
+        (session.diagnosis_file(step), session.signatures_file(step))
+    };
+    let text = tokio::fs::read_to_string(&file)
+        .await
+        .map_err(|_| Refusal::absent("this step is not diagnosed yet"))?;
+    if parameters.contains_key("plain") {
+        return Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response());
+    }
+    let numbers: Value = serde_json::from_str(&text).map_err(|error| Refusal::disk(&file, &error))?;
+    let read: hysteron_diagnose::diagnosis::Diagnosis =
+        serde_json::from_str(&text).map_err(|error| Refusal::disk(&file, &error))?;
+    let read_names: Vec<String> = read.ranking.iter().map(|effect| effect.effect.clone()).collect();
+    let signatures: Vec<Signature> = tokio::fs::read_to_string(&shown)
+        .await
+        .ok()
+        .and_then(|text| serde_json::from_str(&text).ok())
+        .unwrap_or_default();
+    let bounds: Vec<_> = {
+        let (dataset, model) = {
+            let session = app.session();
+            (session.data()?, session.model(step)?)
+        };
+        aside(move || {
+            Ok(read_names
+                .iter()
+                .map(|name| explain::bounds(&dataset, &model, name))
+                .collect())
+        })
+        .await?
+    };
+    Ok(Json(json!({
+        "numbers": numbers,
+        "bounds": bounds,
+        "signatures": signatures,
+        "verdict": hysteron_report::verdict_sentence(&read),
+        "lines": hysteron_report::diagnosis_lines(&read),
+    }))
+    .into_response())
+}
+
+pub(crate) async fn effects() -> Json<Value> {
+    Json(explain::catalogue())
+}
+
+pub(crate) async fn effect(State(app): Shared, Query(parameters): Parameters) -> Answer {
+    let step = number(&parameters, "step")?;
+    let frequency_hz = match parameters.contains_key("frequency") {
+        true => Some(number(&parameters, "frequency")?),
+        false => None,
+    };
+    let values: Vec<f64> = parameters
+        .get("values")
+        .into_iter()
+        .flat_map(|text| text.split(','))
+        .map(|text| text.parse().unwrap_or(f64::NAN))
+        .collect();
+    let name = parameters.get("name").cloned().unwrap_or_default();
+    aside(move || {
+        let model = app.session().model(step)?;
+        Ok(Json(explain::picture(&model, &name, frequency_hz, &values)?).into_response())
+    })
+    .await
+}
