@@ -10,7 +10,7 @@ pub(crate) const BOARDS: [(&str, &str); 2] = [("mps2-an386", "cortex-m4"), ("mps
 pub(crate) const IMAGES: &str = "firmware/target/images";
 
 /// The table in the images that `board run` takes by default.
-const TABLE: &str = "firmware/tables/paper-rate-mrpi.toml";
+pub(crate) const TABLE: &str = "firmware/tables/paper-rate-mrpi.toml";
 
 /// Smallest code of an image: an image that was linked without its linker script has two bytes of it.
 const SMALLEST_BYTES: u64 = 4096;
@@ -21,50 +21,88 @@ pub(crate) fn build(table: Option<&str>) -> Result<(), String> {
 }
 
 fn build_into(table: &Path, folder: &Path) -> Result<(), String> {
+    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    for (board, core) in BOARDS {
+        let built = build_image("mps2", core, table)?;
+        let image = folder.join(board);
+        std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
+        crate::firmware_image::check(board, &image)?;
+    }
+    Ok(())
+}
+
+/// Whether an image with a reachable panic is refused by the linker, for that reason: it must be.
+pub(crate) fn refuses_panics() -> Result<(), String> {
+    println!("> the image with a panic in its interrupt, which must not link");
+    let table = Path::new(TABLE)
+        .canonicalize()
+        .map_err(|error| format!("{TABLE}: {error}"))?;
+    let tried = std::process::Command::new("cargo")
+        .args(words("mps2", BOARDS[0].1))
+        .args(["--features", "panic-on-purpose"])
+        .env("HYSTERON_TABLE", table)
+        .env("HYSTERON_CORE", BOARDS[0].1)
+        .env_remove("RUSTFLAGS")
+        .env_remove("CARGO_TARGET_DIR")
+        .current_dir("firmware")
+        .output()
+        .map_err(|error| format!("cannot start cargo: {error}"))?;
+    let said = String::from_utf8_lossy(&tried.stderr);
+    match (
+        tried.status.success(),
+        said.contains("undefined symbol: a_panic_can_be_reached"),
+    ) {
+        (false, true) => Ok(()),
+        (false, false) => Err(format!("the image with a panic failed for another reason:\n{said}")),
+        (true, _) => Err("an image with a reachable panic has linked".to_owned()),
+    }
+}
+
+/// The arguments of cargo that build a package of the firmware's workspace for a core.
+fn words(package: &str, core: &str) -> Vec<String> {
+    let flags = format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]");
+    let mut words = vec!["build", "--release", "--locked", "--package", package, "--target", CHIP];
+    words.extend(["--config", &flags]);
+    if core == "cortex-m7" {
+        words.extend(["--features", "max-instruction"]);
+    }
+    words.into_iter().map(str::to_owned).collect()
+}
+
+/// Builds a package of the firmware's workspace for a core, with a table in it; returns its image.
+pub(crate) fn build_image(package: &str, core: &str, table: &Path) -> Result<PathBuf, String> {
     let table = table.canonicalize().map_err(|error| {
         format!(
             "{}: {error}; give a table that `hysteron export` wrote",
             table.display()
         )
     })?;
-    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    let target = PathBuf::from("firmware/target");
-    for (board, core) in BOARDS {
-        let flags = format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]");
-        let arguments = [
-            "build",
-            "--release",
-            "--locked",
-            "--package",
-            "mps2",
-            "--target",
-            CHIP,
-            "--config",
-            &flags,
-        ];
-        // RUSTFLAGS would replace the flags above.
-        run_in(
-            "firmware",
-            "cargo",
-            &arguments,
-            &[
-                ("HYSTERON_TABLE", Some(&table.display().to_string())),
-                ("RUSTFLAGS", None),
-                ("CARGO_TARGET_DIR", None),
-            ],
-        )?;
-        let built = target.join(CHIP).join("release/mps2");
-        let size = std::fs::metadata(&built).map_or(0, |found| found.len());
-        if size < SMALLEST_BYTES {
-            return Err(format!(
-                "{} has {size} bytes: it was linked without its script",
-                built.display()
-            ));
-        }
-        let image = folder.join(board);
-        std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
+    let words = words(package, core);
+    let arguments: Vec<&str> = words.iter().map(String::as_str).collect();
+    // RUSTFLAGS would replace the flags above.
+    run_in(
+        "firmware",
+        "cargo",
+        &arguments,
+        &[
+            ("HYSTERON_TABLE", Some(&table.display().to_string())),
+            ("HYSTERON_CORE", Some(core)),
+            ("RUSTFLAGS", None),
+            ("CARGO_TARGET_DIR", None),
+        ],
+    )?;
+    let built = PathBuf::from("firmware/target")
+        .join(CHIP)
+        .join("release")
+        .join(package);
+    let size = std::fs::metadata(&built).map_or(0, |found| found.len());
+    if size < SMALLEST_BYTES {
+        return Err(format!(
+            "{} has {size} bytes: it was linked without its script",
+            built.display()
+        ));
     }
-    Ok(())
+    Ok(built)
 }
 
 /// Writes the tables in `firmware/tables` anew: the built-in stages' inverses of every family, by the tool's own commands.

@@ -2,6 +2,8 @@
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a tool of the command line")]
 
 mod firmware;
+mod firmware_bench;
+mod firmware_image;
 
 use std::path::PathBuf;
 use std::process::{Command, ExitCode, Stdio};
@@ -15,6 +17,7 @@ usage: cargo xtask <command>
           effect and strength (default 4) and the first seed (default 1000)
   firmware run      build the images, run each in the emulator against the simulated stage
   firmware build    build the images for the emulator's boards; takes a table, by default firmware/tables/paper-rate-mrpi.toml
+  firmware bench    instructions of one control tick in the emulator, beside the same algorithm in C by gcc -O3
   firmware tables   write the tables in firmware/tables anew with the tool's own commands
   fuzz    run every fuzz target for SECONDS (default 60) with cargo-fuzz; needs the nightly toolchain
 
@@ -70,8 +73,11 @@ fn firmware(what: Option<&str>, table: Option<&str>) -> Result<(), String> {
     match what {
         Some("build") => firmware::build(table),
         Some("tables") => firmware::tables(),
+        Some("bench") => install_emulator()
+            .and_then(|()| install_compiler())
+            .and_then(|()| firmware_bench::bench()),
         Some("run") => install_emulator().and_then(|()| firmware::show()),
-        other => Err(format!("firmware: {other:?} is none of run, build, tables")),
+        other => Err(format!("firmware: {other:?} is none of run, build, bench, tables")),
     }
 }
 
@@ -79,6 +85,7 @@ fn test() -> Result<(), String> {
     install_target()?;
     install_browser()?;
     install_emulator()?;
+    install_compiler()?;
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&[
         "clippy",
@@ -99,6 +106,8 @@ fn test() -> Result<(), String> {
         "--locked",
     ])?;
     firmware::build(None)?;
+    firmware::refuses_panics()?;
+    firmware_bench::bench()?;
     count_tests(&["test", "--workspace", "--locked", "--no-fail-fast"])
 }
 
@@ -125,6 +134,11 @@ fn install_browser() -> Result<(), String> {
 /// Installs the emulator that the firmware is tested in.
 fn install_emulator() -> Result<(), String> {
     install("qemu-system-arm", &["qemu-system-arm"])
+}
+
+/// Installs the C compiler that the core is measured against.
+fn install_compiler() -> Result<(), String> {
+    install("arm-none-eabi-gcc", &["gcc-arm-none-eabi"])
 }
 
 /// Installs Debian's packages where a program is absent.

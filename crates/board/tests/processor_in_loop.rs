@@ -1,7 +1,7 @@
 //! The firmware's image in QEMU against the same application run here: the same codes, bit for bit.
 //!
 //! Skipped, and said so, where there is no QEMU or no image; `cargo xtask test` installs the one and builds the other and then
-//! sets `HYSTERON_NEED_EMULATOR`, with which nothing is skipped.
+//! sets `HYSTERON_EMULATOR=required`, with which nothing is skipped.
 #![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
 #![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 

@@ -23,15 +23,23 @@ pub struct PlayBank<T, const N: usize> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlayState<T, const N: usize> {
     outputs: [T; N],
-    last_input: T,
-    /// [`STARTED`] and [`FAULT`].
+    input: InputState<T>,
+}
+
+/// What a bank remembers of its input.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct InputState<T> {
+    last: T,
+    /// [`STARTED`], [`FAULT`] and [`ORDERED`].
     seen: u8,
 }
 
-/// Bit of [`PlayState::seen`]: there is a last input; the first sample has no rate.
+/// Bit of [`InputState::seen`]: there is a last input; the first sample has no rate.
 const STARTED: u8 = 1;
-/// Bit of [`PlayState::seen`]: an input was not finite.
+/// Bit of [`InputState::seen`]: an input was not finite.
 const FAULT: u8 = 2;
+/// Bit of [`InputState::seen`]: it began at equal outputs or on one side, so that only the first plays need to be touched.
+const ORDERED: u8 = 4;
 
 impl<T: Real, const N: usize> PlayBank<T, N> {
     /// Builds a bank. Inputs are clamped to `input_min..=input_max`; rates are backward differences at `sample_rate_hz`,
@@ -86,32 +94,44 @@ impl<T: Real, const N: usize> PlayBank<T, N> {
     /// An input that is not finite is replaced by the last one and sets the sticky fault bit.
     #[inline(always)]
     pub(crate) fn advance(&self, state: &mut PlayState<T, N>, input: T, envelope: &Envelope<T>) -> (T, T) {
-        let (input, rate) = self.admit(state, input);
+        let (input, rate) = self.admit(&mut state.input, input);
         let (left, right) = envelope.bounds(input, rate);
-        play::advance(self.thresholds.values(), &mut state.outputs, left, right);
+        self.move_plays(state, left, right);
         (input, rate)
     }
 
     /// As [`Self::advance`] with a static envelope: both bounds are the input.
     #[inline(always)]
     pub(crate) fn advance_static(&self, state: &mut PlayState<T, N>, input: T) -> (T, T) {
-        let (input, rate) = self.admit(state, input);
-        play::advance(self.thresholds.values(), &mut state.outputs, input, input);
+        let (input, rate) = self.admit(&mut state.input, input);
+        self.move_plays(state, input, input);
         (input, rate)
+    }
+
+    #[inline(always)]
+    fn move_plays(&self, state: &mut PlayState<T, N>, left: T, right: T) {
+        if state.input.seen & ORDERED != 0 {
+            play::advance_ordered(self.thresholds.values(), &mut state.outputs, left, right);
+        } else {
+            play::advance(self.thresholds.values(), &mut state.outputs, left, right);
+        }
+    }
+
+    /// As after an input, brought into range.
+    pub(crate) fn input_at(&self, input: T) -> InputState<T> {
+        let last = self.clamped(if input.is_finite() { input } else { T::ZERO });
+        let seen = STARTED | ORDERED;
+        InputState { last, seen }
     }
 
     /// The input as used and its rate.
     #[inline(always)]
-    fn admit(&self, state: &mut PlayState<T, N>, input: T) -> (T, T) {
+    pub(crate) fn admit(&self, state: &mut InputState<T>, input: T) -> (T, T) {
         let finite = input.is_finite();
-        let input = self.clamped(if finite { input } else { state.last_input });
+        let input = self.clamped(if finite { input } else { state.last });
         // The first input is its own predecessor.
-        let last = if state.seen & STARTED != 0 {
-            state.last_input
-        } else {
-            input
-        };
-        state.last_input = input;
+        let last = if state.seen & STARTED != 0 { state.last } else { input };
+        state.last = input;
         state.seen |= if finite { STARTED } else { FAULT };
         (input, (input - last) * self.sample_rate_hz)
     }
@@ -127,8 +147,10 @@ impl<T: Real, const N: usize> PlayState<T, N> {
     pub fn virgin() -> Self {
         Self {
             outputs: [T::ZERO; N],
-            last_input: T::ZERO,
-            seen: 0,
+            input: InputState {
+                last: T::ZERO,
+                seen: ORDERED,
+            },
         }
     }
 
@@ -137,15 +159,20 @@ impl<T: Real, const N: usize> PlayState<T, N> {
     pub fn remanent(bank: &PlayBank<T, N>, input: T, fraction: T) -> Self {
         let mut state = Self::virgin();
         // The bank's own rule for inputs that are out of range or not finite.
-        let (input, _) = bank.admit(&mut state, input);
+        let (input, _) = bank.admit(&mut state.input, input);
         let fraction = T::ZERO.select_max(fraction).select_min(T::ONE);
         for (output, &threshold) in state.outputs.iter_mut().zip(bank.thresholds.values()) {
             *output = input - fraction * threshold;
+        }
+        if fraction != T::ZERO && fraction != T::ONE {
+            state.input.seen &= !ORDERED;
         }
         state
     }
 
     /// Outputs as given, for a state that is known; the first rate is from `last_input`.
+    ///
+    /// Unless they are equal, every step from here touches every play: outputs that no input leads to may come in any order.
     ///
     /// # Errors
     /// An output that is not finite, a last input that is not or is beyond [`LARGEST_INPUT`].
@@ -154,11 +181,18 @@ impl<T: Real, const N: usize> PlayState<T, N> {
             finite("play output", Some(i + 1), output)?;
         }
         in_range("last input", None, last_input, -LARGEST_INPUT, LARGEST_INPUT)?;
-        Ok(Self {
-            outputs,
-            last_input,
-            seen: STARTED,
-        })
+        let equal = outputs.iter().all(|output| *output == outputs[0]);
+        let seen = if equal { STARTED | ORDERED } else { STARTED };
+        let input = InputState { last: last_input, seen };
+        Ok(Self { outputs, input })
+    }
+
+    /// All plays at one output, which becomes 0 where it is not finite; the first rate is from `last_input`, brought into range.
+    pub fn at_rest(bank: &PlayBank<T, N>, output: T, last_input: T) -> Self {
+        Self {
+            outputs: [if output.is_finite() { output } else { T::ZERO }; N],
+            input: bank.input_at(last_input),
+        }
     }
 
     /// The plays' outputs.
@@ -168,12 +202,12 @@ impl<T: Real, const N: usize> PlayState<T, N> {
 
     /// Whether an input that was not finite has come since the last [`Self::clear_fault`].
     pub fn input_fault(&self) -> bool {
-        self.seen & FAULT != 0
+        self.input.seen & FAULT != 0
     }
 
     /// Clears the fault bit.
     pub fn clear_fault(&mut self) {
-        self.seen &= !FAULT;
+        self.input.seen &= !FAULT;
     }
 }
 

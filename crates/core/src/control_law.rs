@@ -69,20 +69,19 @@ impl<T: Real, F: Hysteresis<T>> ControlLaw<T, F> {
             Some(inverse) => inverse.step(&mut state.feedforward, reference),
             None => T::ZERO,
         };
+        let room = self.limiter.room(&state.limiter);
         let feedback = match &self.feedback {
-            Some(pi) => {
-                // What the limiter leaves to the feedback once the feedforward has taken its part.
-                let (lowest, highest) = self.limiter.room(&state.limiter);
-                pi.step(
-                    &mut state.feedback,
-                    (reference - measured) * state.feedback_weight,
-                    lowest - feedforward,
-                    highest - feedforward,
-                )
-            }
+            // What the limiter leaves to the feedback once the feedforward has taken its part.
+            Some(pi) => pi.step(
+                &mut state.feedback,
+                (reference - measured) * state.feedback_weight,
+                room.0 - feedforward,
+                room.1 - feedforward,
+            ),
             None => T::ZERO,
         };
-        self.limiter.step(&mut state.limiter, feedforward + feedback)
+        self.limiter
+            .step_within(&mut state.limiter, room, feedforward + feedback)
     }
 }
 

@@ -17,6 +17,7 @@ pub mod bank;
 pub mod biquad;
 pub mod codes;
 pub mod control_law;
+pub mod corners;
 pub mod effects;
 pub mod envelope;
 pub mod error;

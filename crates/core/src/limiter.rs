@@ -74,7 +74,12 @@ impl<T: Real> Limiter<T> {
     /// One sample. A command that is not finite holds the last one and counts as limited.
     #[inline(always)]
     pub fn step(&self, state: &mut LimiterState<T>, command: T) -> T {
-        let (lowest, highest) = self.room(state);
+        self.step_within(state, self.room(state), command)
+    }
+
+    /// As [`Self::step`] with [`Self::room`] known already.
+    #[inline(always)]
+    pub(crate) fn step_within(&self, state: &mut LimiterState<T>, (lowest, highest): (T, T), command: T) -> T {
         let wanted = if command.is_finite() { command } else { state.last };
         let allowed = lowest.select_max(wanted).select_min(highest);
         state.limited = allowed != command;

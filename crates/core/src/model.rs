@@ -16,6 +16,24 @@ pub trait Hysteresis<T: Real> {
     fn step(&self, state: &mut Self::State, input: T) -> T;
 }
 
+/// A model that can be put where a stage rests.
+pub trait AtRest<T: Real>: Hysteresis<T> {
+    /// All plays at one output, as after a long way down to it; the first rate is from `last_input`, brought into range.
+    fn at_rest(&self, output: T, last_input: T) -> Self::State;
+}
+
+/// Implements [`AtRest`] for models whose state is a [`crate::bank::PlayState`].
+macro_rules! impl_at_rest {
+    ($model:ident) => {
+        impl<T: Real, const N: usize> crate::model::AtRest<T> for $model<T, N> {
+            fn at_rest(&self, output: T, last_input: T) -> PlayState<T, N> {
+                PlayState::at_rest(&self.bank, output, last_input)
+            }
+        }
+    };
+}
+pub(crate) use impl_at_rest;
+
 /// `sum c_i x_i`, even and odd elements apart: half as long a chain of additions, and pairs fit a vector register.
 ///
 /// Both slices have the same length.

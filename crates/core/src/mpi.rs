@@ -61,6 +61,8 @@ impl<T: Real, const N: usize> Mpi<T, N> {
     }
 }
 
+crate::model::impl_at_rest!(Mpi);
+
 impl<T: Real, const N: usize> Hysteresis<T> for Mpi<T, N> {
     type State = PlayState<T, N>;
 

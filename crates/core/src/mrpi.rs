@@ -64,6 +64,8 @@ impl<T: Real, const N: usize> Mrpi<T, N> {
     }
 }
 
+crate::model::impl_at_rest!(Mrpi);
+
 impl<T: Real, const N: usize> Hysteresis<T> for Mrpi<T, N> {
     type State = PlayState<T, N>;
 

@@ -57,6 +57,8 @@ impl<T: Real, const N: usize> Pi<T, N> {
     }
 }
 
+crate::model::impl_at_rest!(Pi);
+
 impl<T: Real, const N: usize> Hysteresis<T> for Pi<T, N> {
     type State = PlayState<T, N>;
 

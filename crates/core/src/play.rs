@@ -32,6 +32,33 @@ pub fn advance<T: Real>(thresholds: &[T], outputs: &mut [T], left: T, right: T) 
     }
 }
 
+/// As [`advance`], of which it moves the first plays only, where the others cannot move.
+///
+/// With ascending thresholds and `left <= right`, outputs that any number of samples has reached from equal ones do not rise from
+/// play to play, and a play that is strictly inside its bounds has none behind it that is outside: where it was last pushed, those
+/// behind it were pushed as far or farther. (Strictly, since two plays may be rounded onto one bound.) All move on one side.
+#[inline(always)]
+pub fn advance_ordered<T: Real>(thresholds: &[T], outputs: &mut [T], left: T, right: T) {
+    let mut moved = false;
+    for output in outputs.iter_mut() {
+        if right >= *output {
+            break;
+        }
+        *output = right;
+        moved = true;
+    }
+    if moved {
+        return;
+    }
+    for (output, &threshold) in outputs.iter_mut().zip(thresholds) {
+        let pushed = left - threshold;
+        if pushed < *output {
+            break;
+        }
+        *output = pushed;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -72,6 +72,8 @@ impl<T: Real, const N: usize> PlayPolynomial<T, N> {
     }
 }
 
+crate::model::impl_at_rest!(PlayPolynomial);
+
 impl<T: Real, const N: usize> Hysteresis<T> for PlayPolynomial<T, N> {
     type State = PlayState<T, N>;
 

@@ -28,24 +28,37 @@ pub trait Real:
     /// Neither infinite nor NaN.
     fn is_finite(self) -> bool;
 
-    /// The larger of the two by compare-select (one `vsel` on Cortex-M; `f32::max` calls out of line).
+    /// The larger of the two by compare-select (`f32::max` calls out of line on a Cortex-M4).
     /// Returns `other` when `self` is NaN.
+    ///
+    /// With the feature `max-instruction` by the processor's own, which returns `self` where `other` is NaN, and of two zeros the
+    /// positive one; no step of this crate depends on either.
     #[inline(always)]
     fn select_max(self, other: Self) -> Self {
+        #[cfg(feature = "max-instruction")]
+        return self.instruction_max(other);
+        #[cfg(not(feature = "max-instruction"))]
         if self > other { self } else { other }
     }
 
-    /// The smaller of the two by compare-select. Returns `other` when `self` is NaN.
+    /// The smaller of the two by compare-select. Returns `other` when `self` is NaN. The feature as in [`Self::select_max`].
     #[inline(always)]
     fn select_min(self, other: Self) -> Self {
+        #[cfg(feature = "max-instruction")]
+        return self.instruction_min(other);
+        #[cfg(not(feature = "max-instruction"))]
         if self < other { self } else { other }
     }
 
-    /// Absolute value by compare-select.
-    #[inline(always)]
-    fn magnitude(self) -> Self {
-        if self < Self::ZERO { -self } else { self }
-    }
+    /// The larger by the processor's instruction (`vmaxnm` of Cortex-M7, M33, M55), where it has one.
+    #[cfg(feature = "max-instruction")]
+    fn instruction_max(self, other: Self) -> Self;
+    /// The smaller, `vminnm`.
+    #[cfg(feature = "max-instruction")]
+    fn instruction_min(self, other: Self) -> Self;
+
+    /// Absolute value, one instruction.
+    fn magnitude(self) -> Self;
 }
 
 macro_rules! impl_real {
@@ -64,6 +77,20 @@ macro_rules! impl_real {
             #[inline(always)]
             fn is_finite(self) -> bool {
                 <$type>::is_finite(self)
+            }
+            #[inline(always)]
+            fn magnitude(self) -> Self {
+                <$type>::abs(self)
+            }
+            #[cfg(feature = "max-instruction")]
+            #[inline(always)]
+            fn instruction_max(self, other: Self) -> Self {
+                <$type>::max(self, other)
+            }
+            #[cfg(feature = "max-instruction")]
+            #[inline(always)]
+            fn instruction_min(self, other: Self) -> Self {
+                <$type>::min(self, other)
             }
         }
     };

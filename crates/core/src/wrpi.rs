@@ -46,6 +46,8 @@ impl<T: Real, const N: usize> Wrpi<T, N> {
     }
 }
 
+crate::model::impl_at_rest!(Wrpi);
+
 impl<T: Real, const N: usize> Hysteresis<T> for Wrpi<T, N> {
     type State = PlayState<T, N>;
 

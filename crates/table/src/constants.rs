@@ -1,6 +1,6 @@
 //! A table as Rust constants in `f32`.
 
-use crate::{Family, Table, TableError, hash};
+use crate::{CORNERS_ABOVE, Family, Table, TableError, hash};
 use std::fmt::Write;
 
 /// What builds the inverse of each family from the constants.
@@ -18,6 +18,14 @@ pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
 ";
 const MRPI: &str = "
 pub type Inverse = hysteron_core::mrpi::Mrpi<f32, PLAYS>;
+pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
+    let envelope = hysteron_core::envelope::Envelope { alpha_s: ALPHA_S, beta_s: BETA_S };
+    Inverse::new(bank()?, coefficients(), envelope)
+}
+";
+/// PI, MPI and MRPI of many plays.
+const CORNERS: &str = "
+pub type Inverse = hysteron_core::corners::CornerMrpi<f32, PLAYS>;
 pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
     let envelope = hysteron_core::envelope::Envelope { alpha_s: ALPHA_S, beta_s: BETA_S };
     Inverse::new(bank()?, coefficients(), envelope)
@@ -94,7 +102,8 @@ impl Table {
         for (name, value) in scalars {
             scalar(name, value);
         }
-        if self.family == Family::Mrpi {
+        let corners = self.thresholds_um.len() >= CORNERS_ABOVE;
+        if self.family == Family::Mrpi || corners {
             scalar("ALPHA_S", self.alpha_s);
             scalar("BETA_S", self.beta_s);
         }
@@ -124,6 +133,7 @@ impl Table {
             _ => COEFFICIENTS,
         };
         source += match self.family {
+            Family::Pi | Family::Mpi | Family::Mrpi if corners => CORNERS,
             Family::Pi | Family::Mpi => MPI,
             Family::Wrpi => WRPI,
             Family::Mrpi => MRPI,

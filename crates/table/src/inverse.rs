@@ -38,9 +38,18 @@ impl<const N: usize> Hysteresis<f32> for Inverse<N> {
 }
 
 impl Table {
+    /// The thresholds; those behind the table's are each the next number that `f32` has.
+    fn thresholds<const N: usize>(&self) -> [f32; N] {
+        let mut last = 0.0_f32;
+        core::array::from_fn(|i| {
+            last = self.thresholds_um.get(i).map_or(last.next_up(), |&value| value as f32);
+            last
+        })
+    }
+
     /// The bank of plays and the inverse; `at_rest` without everything that depends on the rate.
     ///
-    /// Lists that are shorter than N are filled up with zeros: call it with N plays.
+    /// Where the table has fewer than N plays, those behind weigh nothing.
     ///
     /// # Errors
     /// What the core's constructors refuse in `f32`.
@@ -48,7 +57,7 @@ impl Table {
         let list = |values: &[f64]| core::array::from_fn::<f32, N, _>(|i| values.get(i).map_or(0.0, |&v| v as f32));
         let share = if at_rest { 0.0 } else { 1.0 };
         let bank = PlayBank::new(
-            Thresholds::new(list(&self.thresholds_um))?,
+            Thresholds::new(self.thresholds())?,
             self.input_min_um as f32,
             self.input_max_um as f32,
             self.sample_rate_hz as f32,

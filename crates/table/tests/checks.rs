@@ -2,6 +2,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
 
+use hysteron_core::bank::PlayState;
+use hysteron_core::model::Hysteresis;
 use hysteron_table::{Family, Table, hash};
 
 const GOOD: &str = include_str!("../../../firmware/tables/paper-rate-mrpi.toml");
@@ -36,6 +38,61 @@ fn val_one_changed_digit_changes_the_hash() {
     assert_ne!(hash(&GOOD.replacen('1', "2", 1)), hash(GOOD));
 }
 
+/// The table with each play split into `parts`, evenly up to the next threshold, of equal weights.
+fn finer(parts: usize) -> Table {
+    let mut table = Table::parse(GOOD).unwrap();
+    let (thresholds, weights) = (table.thresholds_um.clone(), table.weights_v_per_um.clone());
+    let ends = thresholds[1..].iter().copied().chain([2.8]);
+    let split = |f: &dyn Fn(f64) -> f64| (0..parts).map(|k| f(k as f64 / parts as f64)).collect::<Vec<_>>();
+    table.thresholds_um = thresholds
+        .iter()
+        .zip(ends)
+        .flat_map(|(&from, to)| split(&|share| from + share * (to - from)))
+        .collect();
+    table.weights_v_per_um = weights
+        .iter()
+        .flat_map(|&weight| split(&|_| weight / parts as f64))
+        .collect();
+    table
+}
+
+/// Up to a hundred plays, of which the chip touches few or remembers corners; one more is refused.
+#[test]
+fn val_many_plays() {
+    for (parts, inverse) in [
+        (1, "mrpi::Mrpi<"),
+        (3, "mrpi::Mrpi<"),
+        (4, "corners::CornerMrpi<"),
+        (10, "corners::CornerMrpi<"),
+    ] {
+        let table = finer(parts);
+        let source = table.constants(&table.to_toml().unwrap()).unwrap();
+        assert!(source.contains(inverse), "{parts}");
+        assert!(source.contains(&format!("pub const PLAYS: usize = {};", 10 * parts)));
+    }
+    let error = finer(11).check().unwrap_err().to_string();
+    assert!(error.contains("110 values: a table has 1 to 100 plays"), "{error}");
+}
+
+/// Plays that a table does not have change nothing: the inverse with room for 100 gives the same bits.
+#[test]
+fn val_room_for_more_plays_changes_nothing() {
+    let table = Table::parse(GOOD).unwrap();
+    let ((_, ten), (_, hundred)) = (
+        table.inverse::<10>(false).unwrap(),
+        table.inverse::<100>(false).unwrap(),
+    );
+    let (mut of_ten, mut of_hundred) = (PlayState::virgin(), PlayState::virgin());
+    for k in 0..2000_u32 {
+        let input = 0.1 + 2.2 * ((k * k % 997) as f32 / 997.0);
+        assert_eq!(
+            ten.step(&mut of_ten, input).to_bits(),
+            hundred.step(&mut of_hundred, input).to_bits(),
+            "{k}"
+        );
+    }
+}
+
 #[test]
 fn refuse_a_bad_table_naming_the_field() {
     let mut cases: Vec<(String, &str)> = vec![
@@ -62,10 +119,11 @@ fn refuse_a_bad_table_naming_the_field() {
                 t.weights_v_per_um.clear();
                 t.thresholds_um.clear();
             }),
-            "thresholds_um = 0 values: a table has 1 to 32 plays",
+            "thresholds_um = 0 values: a table has 1 to 100 plays",
         ),
         (
-            refusal(|t| t.linear_v_per_um = -t.linear_v_per_um),
+            // Within the amplifier, but falling.
+            refusal(|t| (t.linear_v_per_um, t.offset_v) = (-t.linear_v_per_um, 190.0)),
             "linear_v_per_um, cubic_v_per_um3, weights_v_per_um = ",
         ),
         (refusal(|t| t.output_max_v = 20.0), "input_min_um, input_max_um = "),

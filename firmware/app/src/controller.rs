@@ -4,22 +4,21 @@ use crate::monitor::{Fault, Monitor, MonitorState, Tick};
 use crate::parameters::Parameters;
 use crate::trajectory::Sine;
 use crate::wire::{Frame, Input, Mode, Order, Setup, flags};
-use hysteron_core::bank::PlayState;
 use hysteron_core::codes::AdcCode;
 use hysteron_core::control_law::{ControlLaw, ControlState};
 use hysteron_core::limiter::LimiterState;
-use hysteron_core::model::Hysteresis;
+use hysteron_core::model::AtRest;
 
-/// Control law, trajectory, monitor, and what the controller is at; N plays.
+/// Control law, trajectory, monitor, and what the controller is at.
 ///
 /// It begins at the safe level. [`Order::Start`] ramps the command to what the inverse asks for at the trajectory's first value, then
 /// the loop runs. [`Order::Stop`] and every fault ramp it to the safe level. A fault is latched until [`Order::Clear`], and nothing
 /// but a new [`Order::Start`] lets it rise again.
 #[derive(Debug, Clone)]
-pub struct Controller<I, const N: usize> {
-    parameters: Parameters<I, N>,
+pub struct Controller<I: AtRest<f32>> {
+    parameters: Parameters<I>,
     law: ControlLaw<f32, I>,
-    state: ControlState<f32, PlayState<f32, N>>,
+    state: ControlState<f32, I::State>,
     ramp: LimiterState<f32>,
     monitor: Monitor,
     seen: MonitorState,
@@ -32,15 +31,15 @@ pub struct Controller<I, const N: usize> {
     number: u32,
 }
 
-impl<I: Hysteresis<f32, State = PlayState<f32, N>> + Copy, const N: usize> Controller<I, N> {
+impl<I: AtRest<f32> + Copy> Controller<I> {
     /// The controller at its safe level.
-    pub fn new(parameters: Parameters<I, N>, setup: &Setup) -> Self {
+    pub fn new(parameters: Parameters<I>, setup: &Setup) -> Self {
         let law = ControlLaw {
             feedforward: setup.feedforward.then_some(parameters.inverse),
             feedback: setup.feedback.then_some(parameters.feedback),
             limiter: parameters.limiter,
         };
-        let plays = PlayState::remanent(&parameters.bank, setup.low_um, 0.0);
+        let plays = parameters.inverse.at_rest(setup.low_um, setup.low_um);
         let frequency_hz = setup.frequency_hz(parameters.sample_rate_hz);
         Self {
             law,
@@ -114,8 +113,7 @@ impl<I: Hysteresis<f32, State = PlayState<f32, N>> + Copy, const N: usize> Contr
 
     /// The plays where the stage's are: at rest at the safe level after coming down to it, wherever the sensor sees that.
     fn start(&mut self, measured_um: f32) {
-        let remanent = PlayState::remanent(&self.parameters.bank, self.setup.low_um, 0.0);
-        let plays = PlayState::from_outputs([measured_um; N], self.setup.low_um).unwrap_or(remanent);
+        let plays = self.parameters.inverse.at_rest(measured_um, self.setup.low_um);
         self.state = self.law.start(plays, self.command_v);
         self.state.set_feedback_weight(self.feedback_weight);
         self.ramp = self.parameters.ramp.start_at(self.command_v);

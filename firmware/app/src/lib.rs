@@ -13,9 +13,8 @@ pub mod trajectory;
 pub mod wire;
 
 use controller::Controller;
-use hysteron_core::bank::PlayState;
 use hysteron_core::codes::DacCode;
-use hysteron_core::model::Hysteresis;
+use hysteron_core::model::AtRest;
 use wire::{Frame, Input};
 
 /// What the application needs of a board.
@@ -30,11 +29,7 @@ pub trait Board {
 
 /// The body of the converter's interrupt: convert, one call of the core, convert.
 #[inline(always)]
-pub fn tick<B, I, const N: usize>(board: &mut B, controller: &mut Controller<I, N>)
-where
-    B: Board,
-    I: Hysteresis<f32, State = PlayState<f32, N>> + Copy,
-{
+pub fn tick<B: Board, I: AtRest<f32> + Copy>(board: &mut B, controller: &mut Controller<I>) {
     let input = board.read();
     let frame = controller.step(input, board.late());
     board.write(DacCode(frame.dac), &frame);

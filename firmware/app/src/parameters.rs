@@ -1,18 +1,15 @@
 //! What a controller does not change while it runs: the numbers of one table.
 
 use crate::monitor::Scales;
-use hysteron_core::bank::PlayBank;
 use hysteron_core::codes::Converter;
 use hysteron_core::limiter::Limiter;
 use hysteron_core::pi_controller::PiController;
 
-/// Inverse, feedback, limits and converters of one axis; N plays.
+/// Inverse, feedback, limits and converters of one axis.
 ///
 /// On the chip these are the constants of the table that was compiled in, [`crate::table::parameters`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Parameters<I, const N: usize> {
-    /// Plays of the inverse, with the range of the reference.
-    pub bank: PlayBank<f32, N>,
+pub struct Parameters<I> {
     /// The direct inverse.
     pub inverse: I,
     /// PI gains.

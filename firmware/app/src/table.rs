@@ -17,9 +17,8 @@ include!(concat!(env!("OUT_DIR"), "/table.rs"));
 ///
 /// # Errors
 /// What the core refuses; the build has run the same constructors on the same numbers, so it refuses nothing here.
-pub fn parameters() -> Result<Parameters<Inverse, PLAYS>, ParamError> {
+pub fn parameters() -> Result<Parameters<Inverse>, ParamError> {
     Ok(Parameters {
-        bank: bank()?,
         inverse: inverse()?,
         feedback: PiController::new(PROPORTIONAL_V_PER_UM, INTEGRAL_V_PER_UM_S, SAMPLE_RATE_HZ)?,
         limiter: Limiter::new(OUTPUT_MIN_V, OUTPUT_MAX_V, SLEW_V_PER_S, SAMPLE_RATE_HZ)?,

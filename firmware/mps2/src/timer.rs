@@ -2,6 +2,7 @@
 
 use core::ptr::{read_volatile, write_volatile};
 
+/// Number of the interrupt (ARM AN386, table 4-1).
 pub const IRQ: usize = 8;
 
 const BASE: usize = 0x4000_0000;
@@ -22,13 +23,21 @@ const INTERRUPT_ENABLE: u32 = 1 << 3;
 pub const PERIOD: u32 = 500;
 const LAST: u32 = PERIOD - 1;
 
-/// Starts the clock; the first edge comes after one period.
-pub fn start() {
-    // SAFETY: the timer's registers, of which nobody else is user; interrupt 8 has its entry in the vector table.
+/// Starts the free timer alone.
+pub fn start_free() {
+    // SAFETY: the timer's registers, of which nobody else is user.
     unsafe {
         write_volatile(FREE_RELOAD, u32::MAX);
         write_volatile(FREE_VALUE, u32::MAX);
         write_volatile(FREE_CTRL, ENABLE);
+    }
+}
+
+/// Starts the clock; the first edge comes after one period.
+pub fn start() {
+    start_free();
+    // SAFETY: the timer's registers, of which nobody else is user; interrupt 8 has its entry in the vector table.
+    unsafe {
         write_volatile(RELOAD, LAST);
         write_volatile(VALUE, LAST);
         write_volatile(CTRL, ENABLE | INTERRUPT_ENABLE);

@@ -1,0 +1,212 @@
+//! The control law of the core, and the one in C with the same numbers.
+
+use hysteron_core::bank::PlayBank;
+use hysteron_core::codes::{AdcCode, Converter};
+use hysteron_core::control_law::{ControlLaw, ControlState};
+use hysteron_core::corners::CornerMrpi;
+use hysteron_core::envelope::Envelope;
+use hysteron_core::error::ParamError;
+use hysteron_core::model::{AtRest, Hysteresis};
+use hysteron_core::mpi::MpiCoefficients;
+use hysteron_core::thresholds::Thresholds;
+use hysteron_firmware::table;
+
+/// Plays of the larger bank.
+pub const MANY: usize = 100;
+
+/// FNV-1a of codes.
+pub struct Code(pub u32);
+
+impl Default for Code {
+    fn default() -> Self {
+        Self(0x811c_9dc5)
+    }
+}
+
+impl Code {
+    pub fn add(&mut self, code: u16) {
+        for byte in code.to_le_bytes() {
+            self.0 = (self.0 ^ u32::from(byte)).wrapping_mul(0x0100_0193);
+        }
+    }
+}
+
+/// The core's law between codes.
+#[derive(Clone, Copy)]
+pub struct RustTick<I: Hysteresis<f32>> {
+    law: ControlLaw<f32, I>,
+    state: ControlState<f32, I::State>,
+    adc: Converter<f32>,
+    dac: Converter<f32>,
+}
+
+impl<I: Hysteresis<f32>> RustTick<I> {
+    #[inline(never)]
+    pub extern "C" fn tick(&mut self, code: u32, reference_um: f32) -> u16 {
+        let measured_um = self.adc.volts(AdcCode(code as u16));
+        self.dac
+            .code(self.law.step(&mut self.state, reference_um, measured_um))
+            .0
+    }
+
+    fn new(inverse: I, plays: I::State) -> Result<Self, ParamError> {
+        let parameters = table::parameters()?;
+        let law = ControlLaw {
+            feedforward: Some(inverse),
+            feedback: Some(parameters.feedback),
+            limiter: parameters.limiter,
+        };
+        let state = law.start(plays, parameters.safe_v);
+        Ok(Self {
+            law,
+            state,
+            adc: parameters.adc,
+            dac: parameters.dac,
+        })
+    }
+}
+
+/// The table's law, N = 10.
+pub fn ten() -> Result<RustTick<table::Inverse>, ParamError> {
+    let inverse = table::inverse()?;
+    RustTick::new(inverse, inverse.at_rest(table::INPUT_MIN_UM, table::INPUT_MIN_UM))
+}
+
+/// A law with many plays: thresholds evenly over the range, the weights' sum that of the table.
+pub fn hundred() -> Result<RustTick<CornerMrpi<f32, MANY>>, ParamError> {
+    let thresholds = Thresholds::new(many_thresholds())?;
+    let bank = PlayBank::new(
+        thresholds,
+        table::INPUT_MIN_UM,
+        table::INPUT_MAX_UM,
+        table::SAMPLE_RATE_HZ,
+    )?;
+    let coefficients = MpiCoefficients {
+        offset: table::OFFSET_V,
+        cubic: table::CUBIC_V_PER_UM3,
+        linear: table::LINEAR_V_PER_UM,
+        weights: many_weights(),
+    };
+    let envelope = Envelope {
+        alpha_s: table::ALPHA_S,
+        beta_s: table::BETA_S,
+    };
+    let inverse = CornerMrpi::new(bank, coefficients, envelope)?;
+    RustTick::new(inverse, inverse.at_rest(table::INPUT_MIN_UM, table::INPUT_MIN_UM))
+}
+
+fn many_thresholds() -> [f32; MANY] {
+    core::array::from_fn(|i| i as f32 * ((table::INPUT_MAX_UM - table::INPUT_MIN_UM) / MANY as f32))
+}
+
+fn many_weights() -> [f32; MANY] {
+    let sum: f32 = table::WEIGHTS_V_PER_UM.iter().sum();
+    [sum / MANY as f32; MANY]
+}
+
+/// `struct tick` of `c/tick.c`.
+#[repr(C)]
+pub struct CTick<const N: usize> {
+    thresholds: [f32; N],
+    weights: [f32; N],
+    offset: f32,
+    cubic: f32,
+    linear: f32,
+    alpha_s: f32,
+    beta_s: f32,
+    input_min: f32,
+    input_max: f32,
+    rate_hz: f32,
+    proportional: f32,
+    integral_a_sample: f32,
+    output_min: f32,
+    output_max: f32,
+    largest_change: f32,
+    dac_min: f32,
+    codes_per_v: f32,
+    adc_min: f32,
+    um_per_code: f32,
+    feedback_weight: f32,
+    outputs: [f32; N],
+    last_input: f32,
+    integral: f32,
+    last_command: f32,
+    started: u32,
+}
+
+impl<const N: usize> CTick<N> {
+    fn new(thresholds: [f32; N], weights: [f32; N]) -> Self {
+        Self {
+            thresholds,
+            weights,
+            offset: table::OFFSET_V,
+            cubic: table::CUBIC_V_PER_UM3,
+            linear: table::LINEAR_V_PER_UM,
+            alpha_s: table::ALPHA_S,
+            beta_s: table::BETA_S,
+            input_min: table::INPUT_MIN_UM,
+            input_max: table::INPUT_MAX_UM,
+            rate_hz: table::SAMPLE_RATE_HZ,
+            proportional: table::PROPORTIONAL_V_PER_UM,
+            integral_a_sample: table::INTEGRAL_V_PER_UM_S / table::SAMPLE_RATE_HZ,
+            output_min: table::OUTPUT_MIN_V,
+            output_max: table::OUTPUT_MAX_V,
+            largest_change: table::SLEW_V_PER_S / table::SAMPLE_RATE_HZ,
+            dac_min: table::DAC_MIN_V,
+            codes_per_v: 65_535.0 / (table::DAC_TOP_V - table::DAC_MIN_V),
+            adc_min: table::ADC_MIN_UM,
+            um_per_code: (table::ADC_TOP_UM - table::ADC_MIN_UM) / 65_535.0,
+            feedback_weight: 1.0,
+            outputs: [table::INPUT_MIN_UM; N],
+            last_input: table::INPUT_MIN_UM,
+            integral: 0.0,
+            last_command: table::SAFE_V,
+            started: 1,
+        }
+    }
+}
+
+impl CTick<{ table::PLAYS }> {
+    pub fn ten() -> Self {
+        Self::new(table::THRESHOLDS_UM, table::WEIGHTS_V_PER_UM)
+    }
+}
+
+impl CTick<MANY> {
+    pub fn hundred() -> Self {
+        Self::new(many_thresholds(), many_weights())
+    }
+}
+
+macro_rules! from_c {
+    ($($name:ident: $plays:expr),*) => {
+        mod c {
+            // SAFETY: as `tick.c` defines them; they read and write the struct alone.
+            unsafe extern "C" {
+                $(pub safe fn $name(state: &mut super::CTick<{ $plays }>, code: u32, reference_um: f32) -> u16;)*
+            }
+        }
+    };
+}
+from_c!(
+    c_10: hysteron_firmware::table::PLAYS, c_10_exact: hysteron_firmware::table::PLAYS,
+    c_10_fast: hysteron_firmware::table::PLAYS, c_10_prefix: hysteron_firmware::table::PLAYS,
+    c_10_prefix_exact: hysteron_firmware::table::PLAYS,
+    c_100: super::MANY, c_100_prefix: super::MANY, c_100_prefix_exact: super::MANY
+);
+
+type CCall<const N: usize> = extern "C" fn(&mut CTick<N>, u32, f32) -> u16;
+
+/// With their names in the table.
+pub const C_10: [(&str, CCall<{ table::PLAYS }>); 5] = [
+    ("c 10", c::c_10),
+    ("c-exact 10", c::c_10_exact),
+    ("c-fast-math 10", c::c_10_fast),
+    ("c-prefix 10", c::c_10_prefix),
+    ("c-prefix-exact 10", c::c_10_prefix_exact),
+];
+pub const C_100: [(&str, CCall<MANY>); 3] = [
+    ("c 100", c::c_100),
+    ("c-prefix 100", c::c_100_prefix),
+    ("c-prefix-exact 100", c::c_100_prefix_exact),
+];
