@@ -45,10 +45,24 @@ fn val_data_flows_one_way() {
     check("identify", &["core", "data"]);
     check("diagnose", &["core", "data", "identify"]);
     check("tracking", &["core", "data", "identify", "plant"]);
+    check("table", &["core"]);
+    check("board", &["core", "firmware", "plant"]);
     check("report", &["data", "identify", "diagnose", "tracking"]);
-    check("lab", &["data", "identify", "diagnose", "report"]);
+    check("challenge", &["data", "plant"]);
+    check("lab", &["challenge", "data", "identify", "diagnose", "report"]);
     let known = [
-        "core", "data", "plant", "identify", "diagnose", "tracking", "report", "lab", "cli",
+        "core",
+        "data",
+        "plant",
+        "challenge",
+        "identify",
+        "diagnose",
+        "tracking",
+        "report",
+        "lab",
+        "table",
+        "board",
+        "cli",
     ];
     for name in found.keys() {
         assert!(known.contains(&name.as_str()), "{name} is not in ARCHITECTURE.md");

@@ -1,6 +1,9 @@
 //! `cargo xtask`: what CI does, as one command at home.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a tool of the command line")]
 
+mod firmware;
+
+use std::path::PathBuf;
 use std::process::{Command, ExitCode, Stdio};
 
 const HELP: &str = "\
@@ -8,6 +11,11 @@ usage: cargo xtask <command>
 
   test    install what the tests need, then format check, lints, chip build and all tests; ends on a count
   bench   print the figures of the README: cargo bench over the workspace
+  calibrate   verdicts on hundreds of simulated stages with hidden effects, as the README quotes them; takes cases an
+          effect and strength (default 4) and the first seed (default 1000)
+  firmware run      build the images, run each in the emulator against the simulated stage
+  firmware build    build the images for the emulator's boards; takes a table, by default firmware/tables/paper-rate-mrpi.toml
+  firmware tables   write the tables in firmware/tables anew with the tool's own commands
   fuzz    run every fuzz target for SECONDS (default 60) with cargo-fuzz; needs the nightly toolchain
 
 Example:
@@ -22,6 +30,8 @@ fn main() -> ExitCode {
     let done = match words.next().as_deref() {
         Some("test") => test(),
         Some("bench") => cargo(&["bench", "--workspace"]),
+        Some("calibrate") => calibrate(&words.collect::<Vec<_>>()),
+        Some("firmware") => firmware(words.next().as_deref(), words.next().as_deref()),
         Some("fuzz") => fuzz(words.next().as_deref().unwrap_or("60")),
         Some("help" | "--help" | "-h") => {
             print!("{HELP}");
@@ -41,9 +51,34 @@ fn main() -> ExitCode {
     }
 }
 
+fn calibrate(words: &[String]) -> Result<(), String> {
+    let mut all = vec![
+        "run",
+        "--release",
+        "--package",
+        "host-tests",
+        "--example",
+        "calibrate",
+        "--",
+    ];
+    all.extend(words.iter().map(String::as_str));
+    cargo(&all)
+}
+
+fn firmware(what: Option<&str>, table: Option<&str>) -> Result<(), String> {
+    install_target()?;
+    match what {
+        Some("build") => firmware::build(table),
+        Some("tables") => firmware::tables(),
+        Some("run") => install_emulator().and_then(|()| firmware::show()),
+        other => Err(format!("firmware: {other:?} is none of run, build, tables")),
+    }
+}
+
 fn test() -> Result<(), String> {
     install_target()?;
     install_browser()?;
+    install_emulator()?;
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&[
         "clippy",
@@ -63,7 +98,13 @@ fn test() -> Result<(), String> {
         "--release",
         "--locked",
     ])?;
+    firmware::build(None)?;
     count_tests(&["test", "--workspace", "--locked", "--no-fail-fast"])
+}
+
+/// Where cargo puts what it builds.
+fn targets() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from)
 }
 
 /// Adds the chip's target, and says what to do where rustup cannot.
@@ -76,25 +117,34 @@ fn install_target() -> Result<(), String> {
     run("rustup", &["target", "add", CHIP])
 }
 
-/// Installs the browser and its driver that the workbench is tested in, where Debian's packages are at hand.
+/// Installs the browser and its driver that the workbench is tested in.
 fn install_browser() -> Result<(), String> {
-    if output("chromedriver", &["--version"]).is_ok() {
+    install("chromedriver", &["chromium", "chromium-driver"])
+}
+
+/// Installs the emulator that the firmware is tested in.
+fn install_emulator() -> Result<(), String> {
+    install("qemu-system-arm", &["qemu-system-arm"])
+}
+
+/// Installs Debian's packages where a program is absent.
+fn install(wanted: &str, packages: &[&str]) -> Result<(), String> {
+    if output(wanted, &["--version"]).is_ok() {
         return Ok(());
     }
-    let install = [
-        "apt-get",
-        "install",
-        "--yes",
-        "--no-install-recommends",
-        "chromium",
-        "chromium-driver",
-    ];
     let by_root = output("id", &["-u"]).is_ok_and(|id| id.trim() == "0");
     let (program, before) = if by_root { ("apt-get", 1) } else { ("sudo", 0) };
     let update = ["apt-get", "update"];
+    let mut install = vec!["apt-get", "install", "--yes", "--no-install-recommends"];
+    install.extend(packages);
     run(program, &update[before..])
         .and_then(|()| run(program, &install[before..]))
-        .map_err(|reason| format!("{reason}; install chromium and its chromedriver by your distribution's packages"))
+        .map_err(|reason| {
+            format!(
+                "{reason}; install {} by your distribution's packages",
+                packages.join(" and ")
+            )
+        })
 }
 
 /// Runs `cargo test`, shows its output as it comes, and closes on the sum of its counts.
@@ -102,8 +152,9 @@ fn count_tests(arguments: &[&str]) -> Result<(), String> {
     use std::io::BufRead;
     let mut child = Command::new("cargo")
         .args(arguments)
-        // The browser was installed above: a test that does not find it fails.
+        // Browser and emulator were installed above: a test that does not find them fails.
         .env("HYSTERON_BROWSER", "required")
+        .env("HYSTERON_EMULATOR", "required")
         .stdout(Stdio::piped())
         .spawn()
         .map_err(|error| format!("cannot start cargo: {error}"))?;
@@ -171,9 +222,22 @@ fn cargo(arguments: &[&str]) -> Result<(), String> {
 }
 
 fn run(program: &str, arguments: &[&str]) -> Result<(), String> {
+    run_in(".", program, arguments, &[])
+}
+
+/// Runs a program in a folder, with variables set or, where there is no value, taken out.
+fn run_in(folder: &str, program: &str, arguments: &[&str], variables: &[(&str, Option<&str>)]) -> Result<(), String> {
     println!("> {program} {}", arguments.join(" "));
-    let status = Command::new(program)
+    let mut command = Command::new(program);
+    for (name, value) in variables {
+        match value {
+            Some(value) => command.env(name, value),
+            None => command.env_remove(name),
+        };
+    }
+    let status = command
         .args(arguments)
+        .current_dir(folder)
         .status()
         .map_err(|error| format!("cannot start {program}: {error}"))?;
     if status.success() {

@@ -1,10 +1,10 @@
 //! The commands; each has its arguments and its help in its own file.
 
 use crate::commands::{
-    add::AddArgs, challenge::ChallengeArgs, compare::CompareArgs, control::design::DesignArgs,
+    add::AddArgs, board::BoardArgs, challenge::ChallengeArgs, compare::CompareArgs, control::design::DesignArgs,
     control::record::CampaignArgs, control::track::TrackArgs, demo::DemoArgs, diagnose::DiagnoseArgs,
-    explain::ExplainArgs, fit::FitArgs, import::ImportArgs, lab::LabArgs, ladder::LadderArgs, learn::LearnArgs,
-    paper::PaperArgs, report::ReportArgs, simulate::SimulateArgs,
+    explain::ExplainArgs, export::ExportArgs, fit::FitArgs, import::ImportArgs, lab::LabArgs, ladder::LadderArgs,
+    learn::LearnArgs, paper::PaperArgs, report::ReportArgs, simulate::SimulateArgs,
 };
 use clap::{Parser, Subcommand};
 
@@ -54,6 +54,10 @@ pub(crate) enum Command {
     Track(TrackArgs),
     /// Redo the paper on the simulated stages, its figures beside ours
     Paper(PaperArgs),
+    /// Turn a direct inverse into the table that is compiled into the firmware
+    Export(ExportArgs),
+    /// Run the firmware and record what it does
+    Board(BoardArgs),
     /// Run the main job on the simulated stage and leave a page with pictures
     Demo(DemoArgs),
 }

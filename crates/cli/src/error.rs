@@ -16,9 +16,23 @@ pub(crate) enum CliError {
     /// A simulated stage or an excitation that is refused.
     #[error(transparent)]
     Plant(#[from] hysteron_plant::StageError),
+    /// A challenge that cannot be made, answered or shown.
+    #[error(transparent)]
+    Challenge(#[from] hysteron_challenge::ChallengeError),
     /// A tracking run that cannot be made.
     #[error(transparent)]
     Tracking(#[from] hysteron_tracking::TrackingError),
+    /// A model that makes no table.
+    #[error("{}: {source}", path.display())]
+    Table {
+        /// The model.
+        path: PathBuf,
+        /// What is wrong.
+        source: hysteron_table::TableError,
+    },
+    /// A run of the firmware that failed.
+    #[error(transparent)]
+    Board(#[from] hysteron_board::BoardError),
     /// A file of ours that cannot be written.
     #[error("{}: {source}", path.display())]
     #[diagnostic(help("choose another place with -o, or make the folder writable"))]

@@ -36,6 +36,8 @@ fn main() -> ExitCode {
         Command::Design(args) => commands::control::design::run(&args),
         Command::Track(args) => commands::control::track::run(&args),
         Command::Paper(args) => commands::paper::run(&args),
+        Command::Export(args) => commands::export::run(&args),
+        Command::Board(args) => commands::board::run(&args),
         Command::Demo(args) => commands::demo::run(&args),
     };
     exit::code(done)

@@ -3,7 +3,7 @@
 use crate::breakdown::{Sample, breakdowns};
 use crate::comparison::{Comparison, NoiseSource, Pooled, RecordComparison, Series};
 use crate::straight_line::StraightLine;
-use crate::{error_map, noise, spectrum};
+use crate::{error_map, noise, spectrum, swing_map};
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::family::peak_to_peak;
 use hysteron_identify::{Direction, Model};
@@ -50,6 +50,7 @@ pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)
         straight_line: line.and_then(|line| line.pooled(&records, judged)),
         r#where: breakdowns(&samples, model.direction),
         error_map: error_map::error_map(&samples),
+        swing_map: swing_map::swing_map(&samples, noise_rms),
         spectrum: spectrum::spectrum(&records, noise_rms),
         output_unit: model.direction.output_unit(),
         notices: notices(dataset, model, &records, floor.source),

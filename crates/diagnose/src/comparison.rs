@@ -139,6 +139,17 @@ pub struct ErrorMap {
     pub rms_um: Vec<Vec<Option<f64>>>,
 }
 
+/// Error over the frequency (columns) and amplitude (rows) of the swing that it lies in.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SwingMap {
+    /// Column edges: frequency of the swing, hertz, ascending.
+    pub frequency_edges_hz: Vec<f64>,
+    /// Row edges: amplitude of the swing, half its height, output unit, ascending.
+    pub amplitude_edges_um: Vec<f64>,
+    /// Error rms of each cell, row by row; `None` where no swing fell.
+    pub rms_um: Vec<Vec<Option<f64>>>,
+}
+
 /// Amplitude spectral densities, one-sided, pooled over records.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Spectrum {
@@ -172,6 +183,8 @@ pub struct Comparison {
     pub r#where: Vec<Breakdown>,
     /// The error over position and rate.
     pub error_map: ErrorMap,
+    /// The error over frequency and amplitude.
+    pub swing_map: SwingMap,
     /// The error's spectrum against the noise floor, pooled over records of the most common sample rate.
     #[serde(skip)]
     pub spectrum: Spectrum,

@@ -1,6 +1,7 @@
 //! What a diagnosis says, in numbers and names.
 
 use serde::{Deserialize, Serialize};
+use std::fmt::Write;
 
 /// How an effect is told from the shape of the loops.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -85,6 +86,18 @@ pub struct NextRecord {
     pub voltage_v: Vec<f64>,
 }
 
+impl NextRecord {
+    /// The record to play as a native CSV without a position.
+    pub fn csv(&self) -> String {
+        let mut text = "time_s,voltage_v\n".to_owned();
+        for (k, v) in self.voltage_v.iter().enumerate() {
+            // Writing to a String does not fail.
+            let _ = writeln!(text, "{:.6},{v:.5}", k as f64 * self.sample_period_s);
+        }
+        text
+    }
+}
+
 /// What the remaining structure is locked to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Lock {
@@ -116,6 +129,9 @@ pub struct Diagnosis {
     pub further: Vec<String>,
     /// Whether the family of plays is too poor for this stage's loops.
     pub shape_too_poor: bool,
+    /// Whether the records determine a hysteresis of free shape; otherwise the model's own family stood in for it, and every
+    /// significant effect is possible.
+    pub shape_determined: bool,
     /// Why these records cannot answer, where they cannot.
     pub cannot_answer: Vec<String>,
     /// Noise floor, micrometres rms.

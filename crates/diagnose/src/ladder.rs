@@ -2,6 +2,7 @@
 
 use crate::noise::noise_floor;
 use hysteron_data::{Dataset, Role};
+use hysteron_identify::effects::UserEffect;
 use hysteron_identify::{Added, Change, IdentifyError, Model, RecordError, Step};
 use serde::Serialize;
 
@@ -70,6 +71,21 @@ pub fn add(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Added, IdentifyError> {
     let mut added = hysteron_identify::add_effect(dataset, model, effect, progress)?;
+    added.model.fitted_on.noise_rms = Some(noise_floor(dataset).rms_um);
+    Ok(added)
+}
+
+/// The same with an effect of the user's own, as [`hysteron_identify::add_own_effect`] does.
+///
+/// # Errors
+/// As [`hysteron_identify::add_own_effect`].
+pub fn add_own(
+    dataset: &Dataset,
+    model: &Model,
+    effect: UserEffect,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Added, IdentifyError> {
+    let mut added = hysteron_identify::add_own_effect(dataset, model, effect, progress)?;
     added.model.fitted_on.noise_rms = Some(noise_floor(dataset).rms_um);
     Ok(added)
 }

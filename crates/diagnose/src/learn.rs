@@ -2,10 +2,13 @@
 
 use crate::diagnosis::{Diagnosis, Unexplained};
 use crate::ladder::percent;
-use crate::missing::diagnose;
+use crate::missing::search;
 use crate::noise::noise_floor;
 use hysteron_data::{Dataset, Role};
-use hysteron_identify::{Added, FitOptions, IdentifyError, Model, Step, add_effect, fit, remove_effect};
+use hysteron_identify::effects::UserEffect;
+use hysteron_identify::{
+    Added, FitOptions, IdentifyError, Model, Step, add_effect, add_own_effect, fit, remove_effect,
+};
 use serde::Serialize;
 
 /// What `learn` did, and why it stopped.
@@ -79,7 +82,7 @@ const CONFIRMED: f64 = 0.97;
 /// A step without which the validation error rises by less than this share is superfluous.
 const SUPERFLUOUS: f64 = 0.01;
 
-/// Fits a model of this family, then adds what [`diagnose`] names, as long as records that it was not fitted to confirm it.
+/// Fits a model of this family, then adds what [`crate::diagnose`] names, as long as records that it was not fitted to confirm it.
 ///
 /// A later step may make an earlier one superfluous (a lag that stood in for a delay): such a step is taken out again.
 /// `progress` is called with what is done now, and the share of it done.
@@ -93,15 +96,34 @@ pub fn learn(
     options: &FitOptions,
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<Learned, IdentifyError> {
+    learn_with(dataset, options, &[], progress)
+}
+
+/// As [`learn`], with effects of the user's own among the candidates.
+///
+/// # Errors
+/// As [`learn`]; an effect whose equations need a column that the records lack.
+pub fn learn_with(
+    dataset: &Dataset,
+    options: &FitOptions,
+    own: &[UserEffect],
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Result<Learned, IdentifyError> {
+    own.iter().try_for_each(|effect| effect.check(dataset))?;
     let model = fit(dataset, options, &|share| progress("fitting", share))?.model;
-    Ok(learn_from(dataset, model, progress))
+    Ok(go_on(dataset, model, own, progress))
 }
 
 /// Goes on from a model, as [`learn`] does.
 pub fn learn_from(dataset: &Dataset, model: Model, progress: &(dyn Fn(&str, f64) + Sync)) -> Learned {
+    go_on(dataset, model, &[], progress)
+}
+
+fn go_on(dataset: &Dataset, model: Model, own: &[UserEffect], progress: &(dyn Fn(&str, f64) + Sync)) -> Learned {
     let mut learner = Learner {
         dataset,
         model,
+        own,
         attempts: Vec::new(),
         progress,
     };
@@ -146,13 +168,14 @@ fn answered(diagnosis: &Diagnosis) -> Option<Stop> {
 struct Learner<'a> {
     dataset: &'a Dataset,
     model: Model,
+    own: &'a [UserEffect],
     attempts: Vec<Attempt>,
     progress: &'a (dyn Fn(&str, f64) + Sync),
 }
 
 impl Learner<'_> {
     fn diagnose(&self) -> Diagnosis {
-        diagnose(self.dataset, &self.model, &|share, effect| {
+        search(self.dataset, &self.model, self.own, &|share, effect| {
             (self.progress)(&format!("is it {effect}?"), share);
         })
     }
@@ -190,9 +213,11 @@ impl Learner<'_> {
         let mut tried = Vec::new();
         let mut refused = None;
         for effect in named {
-            let added = add_effect(self.dataset, &self.model, effect, &|share| {
-                (self.progress)(&format!("adding {effect}"), share);
-            });
+            let progress = |share| (self.progress)(&format!("adding {effect}"), share);
+            let added = match self.own.iter().find(|own| own.name() == effect) {
+                Some(own) => add_own_effect(self.dataset, &self.model, *own, &progress),
+                None => add_effect(self.dataset, &self.model, effect, &progress),
+            };
             match added {
                 Ok(added) => tried.push((effect.clone(), added)),
                 Err(error) => refused = refused.or(Some(error)),

@@ -14,12 +14,13 @@ pub mod noise;
 mod region;
 mod spectrum;
 mod straight_line;
+mod swing_map;
 
 pub use compare::compare;
 pub use comparison::{
-    Bin, Breakdown, Comparison, ErrorMap, NoiseFloor, NoiseSource, Pooled, RecordComparison, Series, Spectrum,
+    Bin, Breakdown, Comparison, ErrorMap, NoiseFloor, NoiseSource, Pooled, RecordComparison, Series, Spectrum, SwingMap,
 };
-pub use ladder::{Ladder, Rung, add, ladder};
-pub use learn::{Attempt, Learned, Stop, learn, learn_from};
-pub use missing::diagnose;
+pub use ladder::{Ladder, Rung, add, add_own, ladder};
+pub use learn::{Attempt, Learned, Stop, learn, learn_from, learn_with};
+pub use missing::{diagnose, diagnose_with};
 pub use region::{GoesWith, Region, region};

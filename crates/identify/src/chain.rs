@@ -184,9 +184,7 @@ impl Chain {
         for (i, link) in self.links.iter().enumerate() {
             if link.effect.acts() == Acts::Nonlinearly {
                 let signals = signals(trace, stack_v, i);
-                for column in columns.iter_mut() {
-                    link.effect.on_change(&link.values, &signals, &position, column);
-                }
+                link.effect.on_changes(&link.values, &signals, &position, columns);
                 link.effect.on_position(&link.values, &signals, &mut position);
             }
         }

@@ -6,7 +6,7 @@ use crate::chain_fit::{Fitted, Problem, prepare};
 use crate::chain_start::best_of_starts;
 use crate::chain_trace::Trace;
 use crate::columns::Design;
-use crate::effects::{self, Bounds, Effect, Facts, Shape};
+use crate::effects::{self, Bounds, Effect, Facts, Shape, UserEffect};
 use crate::error::IdentifyError;
 use crate::family::{Direction, Family, range};
 use crate::history::{self, record_errors};
@@ -59,6 +59,29 @@ pub fn add_effect(
         name: name.to_owned(),
         known: effects::names().join(", "),
     })?;
+    add(dataset, model, &effect, progress)
+}
+
+/// Adds an effect of the user's own, as [`add_effect`] does one of the catalogue; the new model keeps its definition.
+///
+/// # Errors
+/// As [`add_effect`]; records without a column that its equations need.
+pub fn add_own_effect(
+    dataset: &Dataset,
+    model: &Model,
+    effect: UserEffect,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Added, IdentifyError> {
+    add(dataset, model, &effect.effect(), progress)
+}
+
+fn add(
+    dataset: &Dataset,
+    model: &Model,
+    effect: &Arc<dyn Effect>,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Added, IdentifyError> {
+    let name = effect.description().name;
     let refuse = |reason: String| IdentifyError::EffectRefused {
         effect: name.to_owned(),
         reason,
@@ -72,7 +95,7 @@ pub fn add_effect(
         return Err(IdentifyError::NothingToFit);
     }
     let facts = facts(dataset, model.family);
-    let plan = plan(dataset, model, &effect, &facts).map_err(refuse)?;
+    let plan = plan(dataset, model, effect, &facts).map_err(refuse)?;
     Ok(carry_out(dataset, model, &plan, Change::Added, name, progress))
 }
 
@@ -420,6 +443,7 @@ fn fitted_effect(link: &Link, errors: &[Option<f64>]) -> FittedEffect {
                 standard_error,
             })
             .collect(),
+        definition: link.effect.file().cloned(),
     }
 }
 

@@ -7,7 +7,7 @@ use crate::initial;
 use hysteron_data::{Dataset, Record, Role};
 
 /// What the effects may know of a dataset.
-pub(crate) fn facts(dataset: &Dataset, family: Family) -> Facts {
+pub fn facts(dataset: &Dataset, family: Family) -> Facts {
     let records = || dataset.with_role(Role::Identify);
     let (v_low, v_high) = range(records().flat_map(|r| r.voltage_v.iter().copied()));
     let (y_low, y_high) = range(records().flat_map(|r| r.position_um.iter().copied()));

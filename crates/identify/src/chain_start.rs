@@ -51,7 +51,15 @@ pub(crate) fn best_of_starts(
     followed.into_iter().next().unwrap_or_else(|| start.clone())
 }
 
-/// The starts whose change of the modelled position explains most of what the model leaves, up to a factor and a gain.
+/// A record without the effect: what its response is, and what else may move while the starts are looked at.
+struct Before {
+    stroke: Stroke,
+    modelled: Vec<f64>,
+    basis: Vec<Vec<f64>>,
+}
+
+/// The starts whose change of the modelled position explains most of what the model leaves, up to a factor and a gain; for
+/// an effect of the user's own, of which nothing is known, with all linear coefficients fitted anew.
 fn quick_look(
     problem: &Problem<'_>,
     start: &Fitted,
@@ -59,16 +67,35 @@ fn quick_look(
     starts: Vec<Vec<f64>>,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Vec<Vec<f64>> {
-    let before: Vec<(Stroke, Vec<f64>)> = problem
+    let own = start.chain.links[link].effect.file().is_some();
+    let without = || {
+        let mut chain = start.chain.clone();
+        chain.links.remove(link);
+        chain
+    };
+    let before: Vec<Before> = problem
         .traces
         .par_iter()
         .map(|trace| {
             let stroke = start.chain.stroke(&start.coefficients, trace);
+            if own {
+                let tangent = without().tangent(&start.coefficients, trace);
+                return Before {
+                    stroke,
+                    modelled: tangent.output,
+                    basis: tangent.columns,
+                };
+            }
             let modelled = start.chain.respond_from(&start.coefficients, trace, &stroke);
-            (stroke, modelled)
+            Before {
+                stroke,
+                basis: vec![vec![1.0; modelled.len()], modelled.clone()],
+                modelled,
+            }
         })
         .collect();
     let count = starts.len() as f64;
+    let columns = before.first().map_or(0, |b| b.basis.len()) + 1;
     let mut scored: Vec<(f64, Vec<f64>)> = Vec::with_capacity(starts.len());
     for (i, values) in starts.into_iter().enumerate() {
         let mut chain = start.chain.clone();
@@ -77,12 +104,12 @@ fn quick_look(
             .traces
             .par_iter()
             .zip(&before)
-            .map(|(trace, (stroke, modelled))| {
-                let with = respond_again(&chain, link, &start.coefficients, trace, stroke);
-                of_trace(problem, trace, modelled, &with)
+            .map(|(trace, before)| {
+                let with = respond_again(&chain, link, &start.coefficients, trace, &before.stroke);
+                of_trace(problem, trace, before, &with)
             })
             .collect();
-        let mut sum = Normal::new(3);
+        let mut sum = Normal::new(columns);
         for (system, trace) in systems.iter().zip(problem.traces) {
             sum.add_scaled(system, trace.weight);
         }
@@ -105,12 +132,18 @@ fn respond_again(chain: &Chain, link: usize, coefficients: &[f64], trace: &Trace
     }
 }
 
-/// What is left, over an offset, the modelled position and its change.
-fn of_trace(problem: &Problem<'_>, trace: &Trace<'_>, before: &[f64], with: &[f64]) -> Normal {
-    let mut system = Normal::new(3);
+/// What is left, over what may move and the effect's change of the modelled position.
+fn of_trace(problem: &Problem<'_>, trace: &Trace<'_>, before: &Before, with: &[f64]) -> Normal {
+    let moving = before.basis.len();
+    let mut system = Normal::new(moving + 1);
+    let mut row = vec![0.0; moving + 1];
     let measured = &trace.record.position_um;
     for k in (trace.fit_from..measured.len()).filter(|k| k % problem.stride == 0) {
-        system.add_row(&[1.0, before[k], with[k] - before[k]], measured[k] - before[k]);
+        for (cell, column) in row.iter_mut().zip(&before.basis) {
+            *cell = column[k];
+        }
+        row[moving] = with[k] - before.modelled[k];
+        system.add_row(&row, measured[k] - before.modelled[k]);
     }
     system
 }

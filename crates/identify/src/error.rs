@@ -37,7 +37,7 @@ pub enum IdentifyError {
         family: &'static str,
     },
     /// An effect that is not in the catalogue.
-    #[error("there is no effect `{name}`; the catalogue has {known}")]
+    #[error("there is no effect `{name}`; the catalogue has {known}; an effect file of your own ends with .toml")]
     NoSuchEffect {
         /// What was asked for.
         name: String,
@@ -98,6 +98,14 @@ pub enum IdentifyError {
         /// The file.
         file: String,
         /// What is wrong, with line and what is allowed.
+        reason: String,
+    },
+    /// An effect file that is refused.
+    #[error("{file}: {reason}")]
+    EffectFile {
+        /// The file.
+        file: String,
+        /// What is wrong, with line or field, and what is allowed.
         reason: String,
     },
     /// A model file that cannot be opened or written.

@@ -227,6 +227,22 @@ fn file(scene: Scene) -> &'static str {
     }
 }
 
+/// The record that shows a kind of scene, for a stage that is driven between two voltages; its position is a straight line.
+pub fn scene_record(scene: Scene, range_v: [f64; 2]) -> Option<Record> {
+    let mut record = dataset()
+        .records
+        .into_iter()
+        .find(|record| record.file == file(scene))?;
+    for voltage in record
+        .voltage_v
+        .iter_mut()
+        .chain(record.voltage2_v.iter_mut().flatten())
+    {
+        *voltage = range_v[0] + *voltage / FULL_V * (range_v[1] - range_v[0]);
+    }
+    Some(record)
+}
+
 /// One record of each kind, from a stage that has come to rest at 0 V.
 fn dataset() -> Dataset {
     let sine = |hz: f64| move |t: f64| 0.5 * FULL_V * (1.0 - (TAU * hz * t).cos());

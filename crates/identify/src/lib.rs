@@ -31,7 +31,8 @@ pub mod placement;
 mod separable;
 mod uncertainty;
 
-pub use chain_add::{Added, add_effect, remove_effect};
+pub use chain_add::{Added, add_effect, add_own_effect, remove_effect};
+pub use chain_facts::facts;
 pub use core_model::CoreModel;
 pub use error::IdentifyError;
 pub use family::{Direction, Family};

@@ -4,7 +4,7 @@ use crate::chain::{Chain, Link};
 use crate::chain_fit;
 use crate::chain_trace::Trace;
 use crate::columns::{Design, Run};
-use crate::effects;
+use crate::effects::{self, Effect, EffectFile, UserEffect};
 use crate::error::IdentifyError;
 use crate::family::{Direction, Family};
 use crate::fit::Method;
@@ -14,6 +14,7 @@ use crate::placement::Placement;
 use hysteron_core::envelope::Envelope;
 use hysteron_data::{Record, Role};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// A fitted hysteresis model.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,11 +94,29 @@ pub struct FittedRecord {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FittedEffect {
-    /// Name in the catalogue.
+    /// Name in the catalogue, or in the effect file.
     pub name: String,
-    /// Its parameters, in the catalogue's order.
+    /// Its parameters, in the order of the catalogue or the effect file.
     #[serde(rename = "parameter")]
     pub parameters: Vec<Parameter>,
+    /// The effect file, where it is one of the user's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub definition: Option<EffectFile>,
+}
+
+impl FittedEffect {
+    /// The effect itself; `None` where neither the catalogue nor a definition has it.
+    pub fn effect(&self) -> Option<Arc<dyn Effect>> {
+        match &self.definition {
+            Some(file) => Some(UserEffect::of(file).ok()?.effect()),
+            None => effects::find(&self.name),
+        }
+    }
+
+    /// The effect where it is one of the user's own.
+    pub fn own(&self) -> Option<UserEffect> {
+        self.definition.as_ref().and_then(|file| UserEffect::of(file).ok())
+    }
 }
 
 /// What a step of a model's history did.
@@ -224,7 +243,7 @@ impl Model {
         period_s: f64,
         initial: InitialState,
     ) -> Result<Vec<f64>, IdentifyError> {
-        let beyond = |link: &&Link| link.effect.description().place == effects::Place::Coupling;
+        let beyond = |link: &&Link| link.effect.needs_columns();
         if let Some(link) = chain.links.iter().find(beyond) {
             return Err(IdentifyError::EffectNeedsRecord {
                 effect: link.effect.description().name.to_owned(),
@@ -266,7 +285,7 @@ impl Model {
     pub(crate) fn chain_with(&self, mut links: Vec<Link>) -> Chain {
         links.extend(self.effects.iter().filter_map(|fitted| {
             Some(Link {
-                effect: effects::find(&fitted.name)?,
+                effect: fitted.effect()?,
                 values: fitted.parameters.iter().map(|parameter| parameter.value).collect(),
             })
         }));

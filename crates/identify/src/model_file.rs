@@ -1,6 +1,6 @@
 //! `model.toml`: readable, complete, and back bit for bit.
 
-use crate::effects;
+use crate::effects::{self, UserEffect};
 use crate::error::IdentifyError;
 use crate::family::{Direction, Family};
 use crate::model::{FittedEffect, FittedOn, Model, Parameter, Step};
@@ -218,11 +218,19 @@ fn check_effects(found: &[FittedEffect], direction: Direction) -> Result<(), Str
     }
     for (i, fitted) in found.iter().enumerate() {
         let name = &fitted.name;
-        let Some(effect) = effects::find(name) else {
-            return Err(format!(
-                "effect `{name}` is not in the catalogue: {}",
-                effects::names().join(", ")
-            ));
+        let effect = match &fitted.definition {
+            Some(file) if file.name != *name => {
+                return Err(format!("effect `{name}` has the definition of `{}`", file.name));
+            }
+            Some(file) => UserEffect::of(file)
+                .map_err(|reason| format!("definition of the effect `{name}`: {reason}"))?
+                .effect(),
+            None => effects::find(name).ok_or_else(|| {
+                format!(
+                    "effect `{name}` has no definition here and is not in the catalogue: {}",
+                    effects::names().join(", ")
+                )
+            })?,
         };
         if found[..i].iter().any(|other| other.name == *name) {
             return Err(format!("effect `{name}` stands twice; a chain has each effect once"));

@@ -4,8 +4,9 @@ use crate::error::Refusal;
 use crate::export::{self, Download};
 use crate::guard::{self, Guard};
 use crate::session::Session;
+use crate::signature::Signature;
 use crate::uploads::{self, FILE_LIMIT, Reading, Upload};
-use crate::{App, assets, explain, jobs, series, state, work};
+use crate::{App, assets, explain, jobs, riddle, series, state, work};
 use axum::body::{Body, Bytes};
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
 use axum::http::{StatusCode, header};
@@ -135,7 +136,7 @@ async fn upload(State(app): Shared, Query(parameters): Parameters, mut content: 
     }
     let own = Arc::clone(&app);
     let errors = aside(move || {
-        let reading = own.session().uploads.reading.clone();
+        let reading = own.session().book.reading.clone();
         let names = if name.to_ascii_lowercase().ends_with(".zip") {
             let archive = beside.reopen().map_err(|error| Refusal::disk(&folder, &error))?;
             uploads::unzip(archive, &folder)?
@@ -145,12 +146,20 @@ async fn upload(State(app): Shared, Query(parameters): Parameters, mut content: 
                 .map_err(|error| Refusal::disk(&folder, &error))?;
             vec![name]
         };
-        let read: Vec<Upload> = names.iter().map(|name| read_one(&folder, name, &reading)).collect();
+        let read: Vec<Upload> = names
+            .iter()
+            .map(|name| uploads::read_one(&folder, name, &reading))
+            .collect();
         let errors: Vec<String> = read
             .iter()
             .filter_map(|upload| upload.read.as_ref().err().cloned())
             .collect();
-        own.session().uploads.take(read)?;
+        {
+            let mut session = own.session();
+            session.uploads.take(read)?;
+            session.book.files_taken = false;
+            session.save()?;
+        }
         own.changed();
         Ok(errors)
     })
@@ -164,23 +173,6 @@ async fn upload(State(app): Shared, Query(parameters): Parameters, mut content: 
     Ok((status, Json(said)).into_response())
 }
 
-/// A manifest is no recording; it is kept and read with its records.
-fn read_one(folder: &std::path::Path, name: &str, reading: &Reading) -> Upload {
-    if name == "dataset.toml" {
-        let bytes = std::fs::metadata(folder.join(name)).map_or(0, |data| data.len());
-        return Upload {
-            name: name.to_owned(),
-            bytes,
-            shown: Vec::new(),
-            read: Ok((
-                Vec::new(),
-                "a dataset of hysteron: roles and units are taken from it".to_owned(),
-            )),
-        };
-    }
-    uploads::read(folder, name, reading)
-}
-
 /// Reads all files anew with other options.
 async fn reading(State(app): Shared, content: Bytes) -> Answer {
     let reading: Reading = body(&content)?;
@@ -188,7 +180,9 @@ async fn reading(State(app): Shared, content: Bytes) -> Answer {
     aside(move || {
         let (folder, names) = {
             let mut session = app.session();
-            session.uploads.reading = reading.clone();
+            session.book.reading = reading.clone();
+            session.book.files_taken = false;
+            session.save()?;
             (
                 session.uploads.folder.clone(),
                 session
@@ -199,8 +193,11 @@ async fn reading(State(app): Shared, content: Bytes) -> Answer {
                     .collect::<Vec<_>>(),
             )
         };
-        let read = names.iter().map(|name| read_one(&folder, name, &reading)).collect();
-        app.session().uploads.take(read)?;
+        let read = names
+            .iter()
+            .map(|name| uploads::read_one(&folder, name, &reading))
+            .collect();
+        app.session().uploads.renew(read);
         app.changed();
         Ok(Json(json!({})).into_response())
     })
@@ -238,6 +235,10 @@ enum Deed {
     Fit { model: String, plays: usize },
     Add { effect: String },
     Diagnose,
+    Report,
+    Table { ends: work::Ends },
+    Answer { effects: Vec<String> },
+    Reveal,
     Stop,
     Undo,
     Redo,
@@ -265,6 +266,16 @@ async fn perform(State(app): Shared, content: Bytes) -> Answer {
         Deed::Fit { model, plays } => work::fit(&app, &model, plays)?,
         Deed::Add { effect } => work::add(&app, &effect)?,
         Deed::Diagnose => work::diagnose(&app)?,
+        Deed::Report => work::report(&app)?,
+        Deed::Table { ends } => work::table(&app, &ends)?,
+        Deed::Answer { effects } => {
+            riddle::answer(&app, &effects)?;
+            app.changed();
+        }
+        Deed::Reveal => {
+            riddle::reveal(&app)?;
+            app.changed();
+        }
         Deed::Stop => jobs::stop(&app)?,
         Deed::Undo | Deed::Redo | Deed::GoTo { .. } => {
             walk(&mut app.session(), &deed)?;
@@ -365,6 +376,7 @@ async fn words(State(app): Shared, Query(parameters): Parameters) -> Answer {
             "effects": model.effects.iter().map(|e| &e.name).collect::<Vec<_>>(),
             "compare_command": format!("hysteron compare {data} {file} -o page.html"),
             "diagnose_command": format!("hysteron diagnose {data} {file} -o next.csv"),
+            "no_table": work::no_table(&model),
             "report_command": format!("hysteron report {data} {file} -o report.html"),
         }))
         .into_response())
@@ -408,8 +420,12 @@ async fn plotted(State(app): Shared, Query(parameters): Parameters) -> Answer {
             }],
         );
         let all = first..first + len;
+        let at = |x: &f64| s.time_s.partition_point(|t| t < x).min(s.time_s.len() - 1);
+        let places: Vec<usize> = points.x.iter().map(at).collect();
+        let pick = |values: &[f64]| places.iter().map(|&k| values[k]).collect::<Vec<f64>>();
         Ok(Json(json!({
             "points": points,
+            "at": {"input": pick(&s.input), "measured": pick(&s.measured), "modelled": pick(&s.modelled)},
             "measured_loop": series::path(&s.input[all.clone()], &s.measured[all.clone()]),
             "modelled_loop": series::path(&s.input[all.clone()], &s.modelled[all]),
         }))
@@ -440,10 +456,10 @@ async fn region(State(app): Shared, Query(parameters): Parameters) -> Answer {
 /// A step's diagnosis: the same text as `hysteron diagnose --json`, and its words.
 async fn diagnosis(State(app): Shared, Query(parameters): Parameters) -> Answer {
     let step = number(&parameters, "step")?;
-    let file = {
+    let (file, shown) = {
         let session = app.session();
         session.step(step)?;
-        session.diagnosis_file(step)
+        (session.diagnosis_file(step), session.signatures_file(step))
     };
     let text = tokio::fs::read_to_string(&file)
         .await
@@ -454,8 +470,29 @@ async fn diagnosis(State(app): Shared, Query(parameters): Parameters) -> Answer 
     let numbers: Value = serde_json::from_str(&text).map_err(|error| Refusal::disk(&file, &error))?;
     let read: hysteron_diagnose::diagnosis::Diagnosis =
         serde_json::from_str(&text).map_err(|error| Refusal::disk(&file, &error))?;
+    let read_names: Vec<String> = read.ranking.iter().map(|effect| effect.effect.clone()).collect();
+    let signatures: Vec<Signature> = tokio::fs::read_to_string(&shown)
+        .await
+        .ok()
+        .and_then(|text| serde_json::from_str(&text).ok())
+        .unwrap_or_default();
+    let bounds: Vec<_> = {
+        let (dataset, model) = {
+            let session = app.session();
+            (session.data()?, session.model(step)?)
+        };
+        aside(move || {
+            Ok(read_names
+                .iter()
+                .map(|name| explain::bounds(&dataset, &model, name))
+                .collect())
+        })
+        .await?
+    };
     Ok(Json(json!({
         "numbers": numbers,
+        "bounds": bounds,
+        "signatures": signatures,
         "verdict": hysteron_report::verdict_sentence(&read),
         "lines": hysteron_report::diagnosis_lines(&read),
     }))
@@ -467,7 +504,11 @@ async fn effects() -> Json<Value> {
 }
 
 async fn effect(State(app): Shared, Query(parameters): Parameters) -> Answer {
-    let (step, frequency_hz) = (number(&parameters, "step")?, number(&parameters, "frequency")?);
+    let step = number(&parameters, "step")?;
+    let frequency_hz = match parameters.contains_key("frequency") {
+        true => Some(number(&parameters, "frequency")?),
+        false => None,
+    };
     let values: Vec<f64> = parameters
         .get("values")
         .into_iter()
@@ -487,9 +528,10 @@ async fn download(State(app): Shared, Path(what): Path<String>, Query(parameters
     let (name, kind, bytes): Download = aside(move || match what.as_str() {
         "model" => export::model(&app, step?),
         "report" => export::report(&app, step?),
+        "table" => export::table(&app, step?),
         "next" => export::next_record(&app, step?),
         "session" => export::session(&app),
-        _ => Err(Refusal::absent("known are model, report, next, session")),
+        _ => Err(Refusal::absent("known are model, report, table, next, session")),
     })
     .await?;
     let headers = [

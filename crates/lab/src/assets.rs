@@ -17,7 +17,7 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: [Asset; 12] = [
+const ASSETS: [Asset; 16] = [
     asset!("app.js", JS),
     asset!("api.js", JS),
     asset!("dom.js", JS),
@@ -26,6 +26,10 @@ const ASSETS: [Asset; 12] = [
     asset!("plots.js", JS),
     asset!("map.js", JS),
     asset!("diagnose.js", JS),
+    asset!("effects.js", JS),
+    asset!("riddle.js", JS),
+    asset!("take.js", JS),
+    asset!("numbers.js", JS),
     asset!("ladder.js", JS),
     asset!("style.css", CSS),
     asset!("vendor/uPlot.esm.js", JS),

@@ -2,9 +2,9 @@
 
 use crate::App;
 use crate::error::Refusal;
-use crate::work;
+use crate::session::Session;
+use hysteron_diagnose::Comparison;
 use hysteron_diagnose::diagnosis::Diagnosis;
-use hysteron_identify::Direction;
 use hysteron_report::{Findings, frozen, hashes};
 use std::io::{Cursor, Write};
 use std::path::Path;
@@ -20,6 +20,15 @@ pub(crate) fn model(app: &App, number: usize) -> Result<Download, Refusal> {
     Ok((format!("model-{}.toml", number + 1), "application/toml", bytes))
 }
 
+/// The table of a step for the firmware, as it was made.
+pub(crate) fn table(app: &App, number: usize) -> Result<Download, Refusal> {
+    let session = app.session();
+    session.step(number)?;
+    let bytes = std::fs::read(session.folder.join(Session::table_name(number)))
+        .map_err(|_| Refusal::absent("no table of this step yet; make it first"))?;
+    Ok((format!("table-{}.toml", number + 1), "application/toml", bytes))
+}
+
 /// The voltage of the record to take next.
 pub(crate) fn next_record(app: &App, number: usize) -> Result<Download, Refusal> {
     let session = app.session();
@@ -29,9 +38,22 @@ pub(crate) fn next_record(app: &App, number: usize) -> Result<Download, Refusal>
     Ok((format!("next-{}.csv", number + 1), "text/csv", bytes))
 }
 
-/// The report on a step; the same bytes as `hysteron report` leaves in the session's folder.
+/// The report on a step, as it was written.
 pub(crate) fn report(app: &App, number: usize) -> Result<Download, Refusal> {
-    let comparison = work::comparison(app, number)?;
+    let session = app.session();
+    session.step(number)?;
+    let bytes = std::fs::read(session.report_file(number))
+        .map_err(|_| Refusal::absent("no report of this step yet; write it first"))?;
+    Ok(("report.html".to_owned(), "text/html; charset=utf-8", bytes))
+}
+
+/// The page of a report; the same bytes as `hysteron report` leaves in the session's folder.
+pub(crate) fn report_page(
+    app: &App,
+    number: usize,
+    comparison: &Comparison,
+    diagnosis: Option<&Diagnosis>,
+) -> Result<String, Refusal> {
     let (dataset, model, data, model_file, folder) = {
         let session = app.session();
         let data = session.book.data.clone().unwrap_or_default();
@@ -43,23 +65,16 @@ pub(crate) fn report(app: &App, number: usize) -> Result<Download, Refusal> {
             session.folder.clone(),
         )
     };
-    let diagnosis: Option<Diagnosis> =
-        (model.direction == Direction::Forward).then(|| hysteron_diagnose::diagnose(&dataset, &model, &|_, _| ()));
     let hashes = hashes(&folder.join(&data), &folder.join(&model_file), &dataset)
         .map_err(|(path, error)| Refusal::disk(&path, &error))?;
     let findings = Findings {
         model: &model,
-        comparison: &comparison,
-        diagnosis: diagnosis.as_ref(),
+        comparison,
+        diagnosis,
         hashes: &hashes,
     };
-    let page = frozen(
-        &[data, model_file, "report.html".to_owned()],
-        &dataset,
-        &findings,
-        app.version,
-    );
-    Ok(("report.html".to_owned(), "text/html; charset=utf-8", page.into_bytes()))
+    let words = [data, model_file, "report.html".to_owned()];
+    Ok(frozen(&words, &dataset, &findings, app.version))
 }
 
 /// The session's folder as a zip archive.
@@ -68,7 +83,7 @@ pub(crate) fn session(app: &App) -> Result<Download, Refusal> {
     let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let options = zip::write::SimpleFileOptions::default();
     let zipped = |error: &dyn std::fmt::Display| Refusal::disk(&session.folder, error);
-    for part in ["", "data", "models", "diagnoses"] {
+    for part in ["", "uploads", "data", "models", "diagnoses", "reports", "tables"] {
         let folder = session.folder.join(part);
         let mut files: Vec<_> = std::fs::read_dir(&folder)
             .into_iter()

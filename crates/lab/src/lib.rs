@@ -12,8 +12,10 @@ mod explain;
 mod export;
 mod guard;
 mod jobs;
+mod riddle;
 mod series;
 mod session;
+mod signature;
 mod state;
 mod uploads;
 mod work;
@@ -21,7 +23,7 @@ mod work;
 pub use error::LabError;
 
 use guard::Guard;
-use hysteron_data::Dataset;
+use hysteron_identify::Model;
 use jobs::Job;
 use session::Session;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
@@ -39,10 +41,13 @@ pub struct StartingPoint {
     pub about: String,
     /// The command that makes the same dataset as `data`.
     pub command: String,
-    /// Makes it.
+    /// Makes it in a folder that is not there yet; a key to it goes beside the folder, `.key` behind its name.
     #[expect(clippy::type_complexity, reason = "a maker with its progress")]
-    pub make: Box<dyn Fn(&(dyn Fn(f64) + Sync)) -> Result<Dataset, String> + Send + Sync>,
+    pub make: Box<dyn Fn(&Path, &(dyn Fn(f64) + Sync)) -> Result<(), String> + Send + Sync>,
 }
+
+/// Makes the text of a table for the firmware from a direct inverse and the options of `hysteron export`, as that writes it.
+pub type TableMaker = Box<dyn Fn(&Model, &[String]) -> Result<String, String> + Send + Sync>;
 
 /// How the workbench is opened.
 pub struct Options {
@@ -54,6 +59,8 @@ pub struct Options {
     pub port: u16,
     /// Datasets that one can begin with.
     pub starts: Vec<StartingPoint>,
+    /// Makes tables for the firmware.
+    pub table: TableMaker,
     /// Version of the program.
     pub version: &'static str,
 }
@@ -71,6 +78,7 @@ pub(crate) struct App {
     job: Mutex<Job>,
     tick: watch::Sender<u64>,
     pub(crate) starts: Vec<StartingPoint>,
+    pub(crate) table: TableMaker,
     pub(crate) version: &'static str,
 }
 
@@ -116,6 +124,7 @@ impl Lab {
             job: Mutex::default(),
             tick: watch::Sender::new(1),
             starts: options.starts,
+            table: options.table,
             version: options.version,
         };
         Ok(Self {

@@ -4,12 +4,12 @@
 //! step carries the command that does the same when typed in the folder.
 
 use crate::error::{LabError, Refusal};
-use crate::uploads::Uploads;
+use crate::uploads::{Reading, Uploads};
 use hysteron_data::Dataset;
-use hysteron_diagnose::Comparison;
+use hysteron_diagnose::{Comparison, RecordComparison};
 use hysteron_identify::Model;
 use serde::{Deserialize, Serialize};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -35,6 +35,15 @@ pub(crate) struct Book {
     pub(crate) steps: Vec<Step>,
     /// The step looked at.
     pub(crate) current: Option<usize>,
+    /// The commands that made the tables for the firmware, by step.
+    #[serde(default)]
+    pub(crate) tables: BTreeMap<usize, String>,
+    /// How the files that were brought are read.
+    #[serde(default)]
+    pub(crate) reading: Reading,
+    /// Whether the files that were brought last are used, or the data came otherwise.
+    #[serde(default)]
+    pub(crate) files_taken: bool,
 }
 
 /// A model and how it came about.
@@ -57,6 +66,9 @@ pub(crate) struct Step {
     pub(crate) validate_percent: Option<f64>,
     /// Each record's error, percent of peak to peak, in the order of the dataset.
     pub(crate) records: Vec<(String, Option<f64>)>,
+    /// What the noise alone would leave of each record, percent of peak to peak, in the same order.
+    #[serde(default)]
+    pub(crate) record_noise: Vec<Option<f64>>,
     /// The error that the noise alone would leave, percent of peak to peak, on the records that count.
     pub(crate) noise_percent: Option<f64>,
 }
@@ -81,7 +93,7 @@ impl Session {
             folder: folder.display().to_string(),
             reason,
         };
-        for part in ["uploads", "models", "diagnoses"] {
+        for part in ["uploads", "models", "diagnoses", "reports", "tables"] {
             std::fs::create_dir_all(folder.join(part)).map_err(|error| failed(error.to_string()))?;
         }
         let lock = File::create(folder.join(".lock")).map_err(|error| failed(error.to_string()))?;
@@ -100,7 +112,7 @@ impl Session {
         book.check().map_err(failed)?;
         let mut session = Self {
             folder: folder.to_owned(),
-            uploads: Uploads::open(&folder.join("uploads")),
+            uploads: Uploads::open(&folder.join("uploads"), &book.reading),
             book,
             dataset: None,
             shown: Vec::new(),
@@ -126,18 +138,17 @@ impl Session {
     /// Takes a dataset; steps on other data end.
     pub(crate) fn take_data(&mut self, data: String, command: String, dataset: Dataset) -> Result<(), Refusal> {
         self.book.data = Some(data);
+        self.book.files_taken = true;
         self.book.data_command = Some(command);
         self.book.steps.clear();
+        self.book.tables.clear();
         self.book.current = None;
         self.comparisons.clear();
         self.shown = dataset.records.iter().map(crate::state::record).collect();
         self.dataset = Some(Arc::new(dataset));
-        for file in std::fs::read_dir(self.folder.join("diagnoses"))
-            .into_iter()
-            .flatten()
-            .flatten()
-        {
-            // A diagnosis of other data that cannot be removed is overwritten by the next one.
+        let results = ["diagnoses", "reports", "tables"].map(|part| std::fs::read_dir(self.folder.join(part)));
+        for file in results.into_iter().flatten().flatten().flatten() {
+            // A result of other data that cannot be removed is overwritten by the next one.
             let _ = std::fs::remove_file(file.path());
         }
         self.save()
@@ -167,6 +178,11 @@ impl Session {
                 .records
                 .iter()
                 .map(|r| (r.file.clone(), r.nrmse_percent))
+                .collect(),
+            record_noise: comparison
+                .records
+                .iter()
+                .map(|r| noise_of(r, comparison.noise_rms_um))
                 .collect(),
             noise_percent: noise_percent(&comparison),
         };
@@ -224,6 +240,26 @@ impl Session {
         self.folder.join(format!("diagnoses/{number}.json"))
     }
 
+    /// Where is kept what the candidates of a step's diagnosis do to the data.
+    pub(crate) fn signatures_file(&self, number: usize) -> PathBuf {
+        self.folder.join(format!("diagnoses/{number}-signatures.json"))
+    }
+
+    /// Where a step's report is kept.
+    pub(crate) fn report_file(&self, number: usize) -> PathBuf {
+        self.folder.join(format!("reports/{}.html", number + 1))
+    }
+
+    /// Where the table of a step is kept, as the commands name it.
+    pub(crate) fn table_name(number: usize) -> String {
+        format!("tables/{}.toml", number + 1)
+    }
+
+    /// The folder of the data, if there are data.
+    pub(crate) fn data_folder(&self) -> Option<PathBuf> {
+        self.book.data.as_ref().map(|data| self.folder.join(data))
+    }
+
     /// Where the voltage of the record to take next is kept.
     pub(crate) fn next_record_file(&self, number: usize) -> PathBuf {
         self.folder.join(format!("diagnoses/{number}-next.csv"))
@@ -244,7 +280,8 @@ impl Book {
         let sound = there(self.current)
             && self.steps.iter().enumerate().all(|(number, step)| {
                 step.parent.is_none_or(|parent| parent < number) && there(step.redo) && step.model == model_name(number)
-            });
+            })
+            && self.tables.keys().all(|&number| number < count);
         sound
             .then_some(())
             .ok_or_else(|| "session.json names steps that are not there; move the file away to begin anew".to_owned())
@@ -262,12 +299,48 @@ fn noise_percent(comparison: &Comparison) -> Option<f64> {
         let squares: Vec<f64> = comparison
             .records
             .iter()
-            .filter(|record| record.role == role && record.rms_um > 0.0)
-            .filter_map(|record| Some((record.nrmse_percent? * comparison.noise_rms_um / record.rms_um).powi(2)))
+            .filter(|record| record.role == role)
+            .filter_map(|record| Some(noise_of(record, comparison.noise_rms_um)?.powi(2)))
             .collect();
         (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
     };
     pool(hysteron_data::Role::Validate).or_else(|| pool(hysteron_data::Role::Identify))
+}
+
+/// The noise in percent of a record's peak to peak; nothing where it does not move.
+fn noise_of(record: &RecordComparison, noise_rms: f64) -> Option<f64> {
+    let percent = record.nrmse_percent?;
+    (record.rms_um > 0.0).then(|| percent * noise_rms / record.rms_um)
+}
+
+/// A folder in which new data are made before they replace those that are there; what an earlier try left is gone.
+pub(crate) fn fresh(folder: &Path) -> Result<PathBuf, Refusal> {
+    let fresh = folder.join("fresh");
+    if fresh.exists() {
+        std::fs::remove_dir_all(&fresh).map_err(|error| Refusal::disk(&fresh, &error))?;
+    }
+    std::fs::create_dir_all(&fresh).map_err(|error| Refusal::disk(&fresh, &error))?;
+    Ok(fresh)
+}
+
+/// Puts `fresh/data` and its key, if it has one, into the places of those that were there.
+pub(crate) fn replace_data(folder: &Path) -> Result<(), Refusal> {
+    let (fresh, data) = (folder.join("fresh"), folder.join("data"));
+    let key = folder.join("data.key");
+    let moved = || -> std::io::Result<()> {
+        if data.exists() {
+            std::fs::remove_dir_all(&data)?;
+        }
+        if key.exists() {
+            std::fs::remove_file(&key)?;
+        }
+        std::fs::rename(fresh.join("data"), &data)?;
+        if fresh.join("data.key").exists() {
+            std::fs::rename(fresh.join("data.key"), &key)?;
+        }
+        std::fs::remove_dir_all(&fresh)
+    };
+    moved().map_err(|error| Refusal::disk(&data, &error))
 }
 
 /// Writes a file beside its place, then into it.

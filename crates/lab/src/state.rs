@@ -1,6 +1,7 @@
 //! What the page shows, as JSON.
 
 use crate::App;
+use crate::riddle;
 use crate::uploads::Upload;
 use serde_json::{Value, json};
 
@@ -27,6 +28,9 @@ pub(crate) fn state(app: &App, tick: u64) -> Value {
     let diagnosed: Vec<bool> = (0..book.steps.len())
         .map(|step| session.diagnosis_file(step).exists())
         .collect();
+    let reported: Vec<bool> = (0..book.steps.len())
+        .map(|step| session.report_file(step).exists())
+        .collect();
     let job = app.job().clone();
     json!({
         "tick": tick,
@@ -35,11 +39,15 @@ pub(crate) fn state(app: &App, tick: u64) -> Value {
         "folder": session.folder.display().to_string(),
         "data": data,
         "files": files,
-        "reading": reading(&session.uploads.reading),
-        "import_command": session.uploads.reading.command(&names),
+        "files_taken": book.files_taken,
+        "reading": book.reading,
+        "import_command": book.reading.command(&names),
         "starts": starts,
         "steps": book.steps,
         "diagnosed": diagnosed,
+        "reported": reported,
+        "tables": book.tables,
+        "challenge": riddle::state(&session),
         "current": book.current,
         "job": job,
     })
@@ -75,11 +83,4 @@ fn upload(upload: &Upload) -> Value {
         Err(error) => (None, Some(error)),
     };
     json!({"name": upload.name, "bytes": upload.bytes, "records": upload.shown, "preview": preview, "error": error})
-}
-
-fn reading(reading: &crate::uploads::Reading) -> Value {
-    json!({
-        "columns": reading.columns, "rate_hz": reading.rate_hz, "missing": reading.missing,
-        "gaps": reading.gaps, "jitter": reading.jitter, "validate": reading.validate,
-    })
 }

@@ -2,8 +2,8 @@
 
 use crate::error::Refusal;
 use hysteron_data::import::{ColumnChoice, Gaps, ImportOptions, Jitter, Missing, import};
-use hysteron_data::{Dataset, Overwrite, Record, Role, write_dataset};
-use serde::Deserialize;
+use hysteron_data::{Dataset, Record, Role};
+use serde::{Deserialize, Serialize};
 use std::io::{Read, Seek, Write};
 use std::path::{Component, Path, PathBuf};
 
@@ -14,7 +14,7 @@ pub(crate) const FILE_LIMIT: u64 = 512 << 20;
 const FILES: usize = 500;
 
 /// How the files are read; one for all, as on the command line.
-#[derive(Debug, Clone, Deserialize, Default, PartialEq)]
+#[derive(Debug, Clone, Serialize, Deserialize, Default, PartialEq)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Reading {
     /// `voltage=CH1:mV*20`, as `--column`.
@@ -42,16 +42,32 @@ pub(crate) struct Upload {
 pub(crate) struct Uploads {
     pub(crate) folder: PathBuf,
     pub(crate) files: Vec<Upload>,
-    pub(crate) reading: Reading,
 }
 
 impl Uploads {
-    /// The files of a folder that is there; read when they are asked for.
-    pub(crate) fn open(folder: &Path) -> Self {
+    /// The files of a folder that is there, read as they were before.
+    pub(crate) fn open(folder: &Path, reading: &Reading) -> Self {
+        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        let mut names: Vec<String> = entries
+            .filter(|entry| entry.path().is_file())
+            .filter_map(|entry| entry.file_name().into_string().ok())
+            // What a transfer that broke off left is no file that was brought.
+            .filter(|name| safe_name(name).is_ok())
+            .collect();
+        names.sort();
+        names.truncate(FILES);
         Self {
             folder: folder.to_owned(),
-            files: Vec::new(),
-            reading: Reading::default(),
+            files: names.iter().map(|name| read_one(folder, name, reading)).collect(),
+        }
+    }
+
+    /// Puts files that were read anew in place of those of the same name; one that was taken away meanwhile stays away.
+    pub(crate) fn renew(&mut self, new: Vec<Upload>) {
+        for upload in new {
+            if let Some(file) = self.files.iter_mut().find(|file| file.name == upload.name) {
+                *file = upload;
+            }
         }
     }
 
@@ -156,7 +172,7 @@ pub(crate) fn quoted(word: &str) -> String {
 }
 
 /// Reads a file that was brought.
-pub(crate) fn read(folder: &Path, name: &str, reading: &Reading) -> Upload {
+fn read(folder: &Path, name: &str, reading: &Reading) -> Upload {
     let path = folder.join(name);
     let bytes = std::fs::metadata(&path).map_or(0, |data| data.len());
     let read = reading
@@ -189,34 +205,38 @@ pub(crate) fn read(folder: &Path, name: &str, reading: &Reading) -> Upload {
     }
 }
 
+/// Reads a file; a manifest is no recording, it is kept and read with its records.
+pub(crate) fn read_one(folder: &Path, name: &str, reading: &Reading) -> Upload {
+    if name == "dataset.toml" {
+        let bytes = std::fs::metadata(folder.join(name)).map_or(0, |data| data.len());
+        return Upload {
+            name: name.to_owned(),
+            bytes,
+            shown: Vec::new(),
+            read: Ok((
+                Vec::new(),
+                "a dataset of hysteron: roles and units are taken from it".to_owned(),
+            )),
+        };
+    }
+    read(folder, name, reading)
+}
+
 /// Reads the files of a dataset of ours.
 pub(crate) fn read_native(folder: &Path) -> Result<Dataset, Refusal> {
     hysteron_data::read_dataset(folder)
         .map_err(|error| Refusal::unusable(error.to_string().replace(&format!("{}/", folder.display()), "")))
 }
 
-/// Writes records as the dataset `data/` of a session, and reads it back: what the command line will read.
-pub(crate) fn write_data(
-    session: &Path,
-    name: &str,
-    mut records: Vec<Record>,
-    known: &Dataset,
-) -> Result<Dataset, Refusal> {
-    let folder = session.join("data");
+/// The records of files as one dataset; files of one name are told apart.
+pub(crate) fn imported(mut records: Vec<Record>) -> Dataset {
     name_apart(&mut records);
-    let dataset = Dataset {
-        name: name.to_owned(),
-        description: if known.description.is_empty() {
-            "imported".to_owned()
-        } else {
-            known.description.clone()
-        },
-        known: known.known,
+    Dataset {
+        name: "data".to_owned(),
+        description: "imported".to_owned(),
         records,
-        notices: Vec::new(),
-    };
-    write_dataset(&dataset, &folder, Overwrite::Allow).map_err(Refusal::unusable)?;
-    hysteron_data::read_dataset(&folder).map_err(Refusal::unusable)
+        ..Dataset::default()
+    }
 }
 
 /// Files of one name get numbers: `run.csv`, `run-2.csv`; as `hysteron import` does.
@@ -232,7 +252,8 @@ fn name_apart(records: &mut [Record]) {
     }
 }
 
-/// The name under which a file is kept: one component, nothing hidden, nothing that a folder or a shell takes amiss.
+/// The name under which a file is kept: one component, nothing hidden, nothing that a folder or a shell takes amiss. The
+/// folders in which it came are part of the name, so that `a/run.csv` and `b/run.csv` are two.
 pub(crate) fn safe_name(given: &str) -> Result<String, Refusal> {
     let refuse = || {
         Refusal::bad(format!(
@@ -240,16 +261,29 @@ pub(crate) fn safe_name(given: &str) -> Result<String, Refusal> {
             given.chars().take(80).collect::<String>()
         ))
     };
-    let path = Path::new(given);
-    if path.components().any(|part| !matches!(part, Component::Normal(_))) || given.contains(['\\', '\0']) {
+    let unfit = |c: char| c.is_control() || "\\:*?\"<>|".contains(c);
+    let mut parts = Vec::new();
+    for part in Path::new(given).components() {
+        match part {
+            Component::Normal(name) => parts.push(name.to_str().ok_or_else(refuse)?),
+            _ => return Err(refuse()),
+        }
+    }
+    let name = parts.join("-");
+    if parts.is_empty() || parts.iter().any(|part| part.starts_with('.')) || name.len() > 200 || name.contains(unfit) {
         return Err(refuse());
     }
-    let name = path.file_name().and_then(|name| name.to_str()).ok_or_else(refuse)?;
-    let unfit = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
-    if name.starts_with('.') || name.len() > 200 || name.contains(unfit) {
-        return Err(refuse());
+    Ok(name)
+}
+
+/// The folder that all paths are in, with its last slash: it says nothing about which is which.
+fn common_folder(paths: &[String]) -> usize {
+    let Some(first) = paths.first() else { return 0 };
+    let mut common = first.rfind('/').map_or(0, |at| at + 1);
+    while !paths.iter().all(|path| path.starts_with(&first[..common])) {
+        common = first[..common - 1].rfind('/').map_or(0, |at| at + 1);
     }
-    Ok(name.to_owned())
+    common
 }
 
 /// Takes the recordings out of a zip archive; other files in it stay in it.
@@ -263,20 +297,24 @@ pub(crate) fn unzip(archive: impl Read + Seek, into: &Path) -> Result<Vec<String
             10 * FILES
         )));
     }
+    let broken = |error: &dyn std::fmt::Display| Refusal::unusable(format!("zip archive: {error}"));
+    let mut wanted = Vec::new();
+    let mut paths = Vec::new();
+    for index in 0..archive.len() {
+        let entry = archive.by_index(index).map_err(|error| broken(&error))?;
+        let given = entry.name().map_err(|error| broken(&error))?.into_owned();
+        if !entry.is_dir() && is_recording(&given) {
+            safe_name(&given)?;
+            wanted.push(index);
+            paths.push(given);
+        }
+    }
+    let common = common_folder(&paths);
     let mut names = Vec::new();
     let mut left = FILE_LIMIT;
-    for index in 0..archive.len() {
-        let mut entry = archive
-            .by_index(index)
-            .map_err(|error| Refusal::unusable(format!("zip archive: {error}")))?;
-        let given = entry
-            .name()
-            .map_err(|error| Refusal::unusable(format!("zip archive: {error}")))?
-            .into_owned();
-        if entry.is_dir() || !is_recording(&given) {
-            continue;
-        }
-        let name = safe_name(&given)?;
+    for (index, given) in wanted.into_iter().zip(&paths) {
+        let mut entry = archive.by_index(index).map_err(|error| broken(&error))?;
+        let name = safe_name(&given[common..])?;
         let path = into.join(&name);
         let mut file = std::fs::File::create(&path).map_err(|error| Refusal::disk(&path, &error))?;
         let written = std::io::copy(&mut (&mut entry).take(left + 1), &mut file)
@@ -310,4 +348,31 @@ fn is_recording(name: &str) -> bool {
             || [".csv", ".tsv", ".txt", ".dat", ".mat", ".asc"]
                 .iter()
                 .any(|end| file.ends_with(end)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_names_of_one_folder_and_of_several() {
+        let common = |paths: &[&str]| common_folder(&paths.iter().map(|&path| path.to_owned()).collect::<Vec<_>>());
+        assert_eq!(common(&["a.csv", "b.csv"]), 0);
+        assert_eq!(common(&["stage/a.csv", "stage/dataset.toml"]), 6);
+        assert_eq!(common(&["stage/up/a.csv", "stage/upper/a.csv"]), 6);
+        assert_eq!(common(&["x/y/a.csv", "z/a.csv"]), 0);
+        assert_eq!(common(&["x/y/a.csv"]), 4);
+        assert_eq!(common(&[]), 0);
+        assert_eq!(safe_name("up/run.csv").unwrap(), "up-run.csv");
+        assert_eq!(safe_name("run.csv").unwrap(), "run.csv");
+    }
+
+    #[test]
+    fn refuse_names_that_leave_the_folder() {
+        for name in [
+            "", "..", "../a.csv", "/a.csv", ".a.csv", "a/.b.csv", "a\\b.csv", "a\0.csv", "a:b.csv",
+        ] {
+            assert!(safe_name(name).is_err(), "{name:?}");
+        }
+    }
 }

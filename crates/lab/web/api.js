@@ -17,8 +17,9 @@ export async function tell(path, body) {
   return answer(await fetch(`api/${path}`, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) }));
 }
 
-export async function send(file) {
-  return answer(await fetch(`api/upload?${new URLSearchParams({ name: file.name })}`, { method: "POST", body: file }));
+/** Sends a file under its path within what was brought. */
+export async function send(file, path) {
+  return answer(await fetch(`api/upload?${new URLSearchParams({ name: path })}`, { method: "POST", body: file }));
 }
 
 export const download = (what, step) => `api/export/${what}?step=${step}`;

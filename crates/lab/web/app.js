@@ -1,41 +1,59 @@
 // The way from left to right: data, fit, compare, diagnose, ladder, export.
-import { ask, tell, download, Refused } from "./api.js";
-import { el, table, command, percent, num, unit } from "./dom.js";
+import { ask, tell, Refused } from "./api.js";
+import { el, table, command, right } from "./dom.js";
+import { num, quantity, readable, unit } from "./numbers.js";
 import { dataPage, fitForm } from "./data.js";
 import { comparePage } from "./compare.js";
-import { diagnosePage, effectPage } from "./diagnose.js";
+import { diagnosePage } from "./diagnose.js";
+import { effectPage } from "./effects.js";
 import { ladderPage } from "./ladder.js";
+import { exportPage } from "./take.js";
 
-const STATIONS = [["data", "Data"], ["fit", "Fit"], ["compare", "Compare"], ["diagnose", "Diagnose"], ["ladder", "Ladder"], ["export", "Export"], ["effects", "Effects"]];
+const STATIONS = [["data", "Data"], ["fit", "Fit"], ["compare", "Compare"], ["diagnose", "Diagnose"], ["ladder", "Ladder"], ["export", "Export"]];
 const by = (id) => document.getElementById(id);
+const fault = by("fault");
 
 /** What every page gets: the state, and how to act on it. */
-export const lab = {
+const lab = {
   state: null,
   async act(deed, after) {
+    const from = origin;
     say(null);
     try {
       await tell("do", { revision: lab.state.revision, do: deed });
-      if (after) follow = after;
+      [follow, started] = [after || null, from];
       return true;
     } catch (error) {
-      say(error);
+      say(error, from);
       return false;
     }
   },
   say,
   go(station) { location.hash = station; },
-  async refresh() { lab.state = await ask("session"); draw(); },
+  async refresh() { lab.state = await ask("session"); await draw(); },
+  redraw() { shown = null; draw(); },
 };
 
 let follow = null;
 let shown = null;
 let pages = 0;
+/** The control that was used last, the one that started the job, and the one that the message stands at. */
+let [origin, started, place] = [null, null, null];
 
-function say(error) {
-  const fault = by("fault");
+/** Says what went wrong, where it was asked for. */
+function say(error, at = origin) {
   fault.hidden = error === null;
   fault.textContent = error === null ? "" : error instanceof Refused ? error.message : `${error.message || error}`;
+  place = at;
+  putFault(true);
+}
+
+function putFault(look) {
+  const control = place && by(place);
+  const box = control && control.closest("form, .drop, .card, .panel, main > div > p");
+  if (box && by("main").contains(box)) box.append(fault);
+  else by("main").before(fault);
+  if (look && !fault.hidden) fault.scrollIntoView({ block: "nearest" });
 }
 
 function station() {
@@ -55,26 +73,29 @@ function drawWay() {
     const attributes = { href: open ? `#${name}` : null, "aria-current": name === here ? "step" : null, "aria-disabled": open ? null : "true", role: open ? null : "link" };
     return el("li", {}, el("a", attributes, title));
   }));
+  by("to-effects").toggleAttribute("aria-current", here === "effects");
   const steps = lab.state.steps;
   const step = lab.state.current === null ? null : steps[lab.state.current];
   by("undo").disabled = !step || step.parent === null;
   by("redo").disabled = !step || step.redo === null;
   by("version").textContent = `hysteron ${lab.state.version}.`;
   by("folder").textContent = `The session is in ${lab.state.folder}.`;
+  document.title = `${(STATIONS.find(([name]) => name === here) || ["", "Effects"])[1]} · Hysteron workbench`;
 }
 
 function drawJob() {
   const job = lab.state.job;
   by("job").hidden = !job.running;
   by("job-share").value = job.share;
-  const text = `${job.kind}: ${job.message} (${Math.round(100 * job.share)} %)`;
+  const kind = job.kind.charAt(0).toUpperCase() + job.kind.slice(1);
+  const text = `${kind}: ${job.message.replaceAll("-", " ")}, ${Math.round(100 * job.share)} %`;
   if (by("job-text").textContent !== text) by("job-text").textContent = text;
 }
 
 /** What a page depends on; while it is the same, the page is left alone. */
 function key() {
   const s = lab.state;
-  return JSON.stringify([location.hash, s.revision, s.files, s.reading, s.data === null, s.current, s.diagnosed, s.job.running]);
+  return JSON.stringify([location.hash, s.revision, s.files, s.reading, s.data === null, s.current, s.diagnosed, s.reported, s.tables, s.challenge, s.job.running]);
 }
 
 async function draw() {
@@ -85,15 +106,17 @@ async function draw() {
   const turn = ++pages;
   const here = station();
   const main = by("main");
-  const active = document.activeElement && document.activeElement.id;
   let page;
   try {
-    page = !allowed(here) ? el("p", {}, "Not yet: go the way from the left.") : await PAGES[here](lab);
+    const make = PAGES[here] || dataPage;
+    page = !allowed(here) ? el("div", {}, el("p", {}, "Not yet: go the way from the left. "), el("p", {}, el("a", { class: "button", href: lab.state.data ? "#fit" : "#data" }, lab.state.data ? "Choose a model" : "Bring recordings"))) : await make(lab);
   } catch (error) {
     page = el("p", { class: "refused" }, error.message);
   }
   if (turn !== pages) return;
+  const active = document.activeElement && document.activeElement.id;
   main.replaceChildren(page);
+  putFault(false);
   page.dispatchEvent(new CustomEvent("shown"));
   if (active && by(active)) by(active).focus();
 }
@@ -104,61 +127,63 @@ async function fitPage() {
   const page = el("div", {}, el("h2", {}, "Choose a model"), fitForm(lab));
   if (step) {
     const words = await ask("words", { step: state.current });
-    const rows = words.parameters.map((p) => [p.name, p.value, p.standard_error === null ? "undetermined" : num(p.standard_error), unit(p.unit)]);
+    const rows = words.parameters.map((p) => {
+      const [factor, name] = readable(p.unit, Math.abs(p.value));
+      return [p.name.replaceAll("_", " "), right(quantity(p.value, p.unit)), right(p.standard_error === null ? "undetermined" : `${num(p.standard_error * factor)}${name ? `\u00a0${name}` : ""}`)];
+    });
     page.append(
       el("h2", {}, `The model: ${step.title}`),
       ...words.headline.map((line) => el("p", {}, line)),
-      ...words.notices.map((line) => el("p", { class: "notice" }, line)),
+      ...words.notices.map((line) => el("p", { class: "notice" }, line.charAt(0).toUpperCase() + unit(line).slice(1))),
+      el("p", {}, el("a", { class: "button", href: "#compare" }, "See it beside the measurement")),
       command(step.command),
-      table("Parameters", ["Parameter", "Value", "Std. error", "Unit"], rows),
-      el("p", {}, el("a", { class: "button", href: "#compare" }, "See it beside the measurement")));
+      table("Parameters", ["Parameter", "Value", "Standard error"], rows));
   }
   return page;
 }
 
-async function exportPage() {
-  const { state } = lab;
-  const number = state.current;
-  const words = await ask("words", { step: number });
-  const link = (what, title, about, text) => el("li", {}, el("a", { class: "button", href: download(what, number), download: true, id: `export-${what}` }, title), el("p", {}, about), text ? command(text) : null);
-  return el("div", {},
-    el("h2", {}, `Take it home: ${state.steps[number].title}`),
-    el("ul", { class: "exports" },
-      link("model", "Model", "All parameters with units and standard errors, as a readable file; the one that every command takes.", state.steps[number].command),
-      link("report", "Report", "Comparison, diagnosis and ladder in one file to send to a colleague; it needs no program and no network. Takes some seconds.", words.report_command),
-      link("session", "Session", "Data, models and diagnoses as a folder that the command line opens.", `cd ${state.folder}`)));
-}
-
 const PAGES = { data: dataPage, fit: fitPage, compare: comparePage, diagnose: diagnosePage, ladder: ladderPage, export: exportPage, effects: effectPage };
 
+for (const event of ["click", "submit", "change"]) {
+  addEventListener(event, ({ target }) => {
+    const control = target instanceof Element && target.closest("[id]");
+    if (control) origin = control.id;
+  }, true);
+}
 by("undo").addEventListener("click", () => lab.act({ what: "undo" }));
 by("redo").addEventListener("click", () => lab.act({ what: "redo" }));
-by("job-stop").addEventListener("click", () => lab.act({ what: "stop" }));
-addEventListener("hashchange", () => { say(null); draw(); });
+by("job-stop").addEventListener("click", async () => {
+  try { await tell("do", { revision: lab.state.revision, do: { what: "stop" } }); } catch (error) { say(error, null); }
+});
+addEventListener("hashchange", () => { say(null); scrollTo(0, 0); draw(); });
 addEventListener("keydown", (event) => {
   if (!event.ctrlKey && !event.metaKey) return;
   if (/INPUT|TEXTAREA|SELECT/.test(event.target.tagName)) return;
   if (event.key === "z") { event.preventDefault(); by("undo").click(); }
   if (event.key === "y") { event.preventDefault(); by("redo").click(); }
 });
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => lab.redraw());
 
 /** Asks for news for as long as the page is open. */
 async function listen() {
   let seen = 0;
+  let lost = false;
   for (;;) {
     try {
       const was = lab.state;
       lab.state = await ask("session", seen ? { seen } : {});
       seen = lab.state.tick;
+      if (lost) { say(null); lost = false; }
       const { job } = lab.state;
       if (was && was.job.running && !job.running) {
-        if (job.failed) { say(new Error(job.failed)); follow = null; }
-        if (job.stopped) { say(new Error(`${job.kind} was stopped; nothing was changed.`)); follow = null; }
+        if (job.failed) { say(new Error(job.failed), started); follow = null; }
+        if (job.stopped) { say(new Error(`${job.kind.charAt(0).toUpperCase()}${job.kind.slice(1)} was stopped; nothing was changed.`), started); follow = null; }
         if (follow) { const to = follow; follow = null; lab.go(to); }
       }
       await draw();
     } catch (error) {
-      say(new Error("The server does not answer. It ends with the terminal it runs in; start `hysteron lab` again and open the address it prints."));
+      say(new Error("The server does not answer. It ends with the terminal it runs in; start `hysteron lab` again and open the address it prints."), null);
+      lost = true;
       await new Promise((done) => setTimeout(done, 2000));
       seen = 0;
     }

@@ -1,6 +1,7 @@
 // The ladder: how the error fell, step by step, branches beside each other, down to the noise floor.
-import { el, table, command, percent, num } from "./dom.js";
-import { effects } from "./diagnose.js";
+import { el, table, command, right } from "./dom.js";
+import { percent } from "./numbers.js";
+import { effects, effectName } from "./effects.js";
 
 const error = (step) => step.validate_percent ?? step.identify_percent;
 
@@ -40,13 +41,15 @@ function rung(lab, number, depth, most) {
   return row;
 }
 
-function beside(steps, a, b, titles) {
-  const rows = steps[b].records.map(([file, after], index) => {
-    const before = (steps[a].records[index] || [])[1] ?? null;
-    return [file, before, after, before && after !== null ? `${num(100 * after / before)} %` : "–"];
-  });
-  rows.unshift(["pooled, records not fitted to", steps[a].validate_percent, steps[b].validate_percent, steps[a].validate_percent ? `${num(100 * steps[b].validate_percent / steps[a].validate_percent)} %` : "–"]);
-  return table(`Error of each record, % of peak to peak: ${titles.join(" and ")}`, ["Record", titles[0], titles[1], "Of the first"], rows);
+/** Error of each record at two steps, beside what the noise alone would leave. */
+function beside(steps, a, b, caption, titles) {
+  const ratio = (before, after) => right(before && after !== null ? percent(100 * after / before) : "–");
+  const line = (name, before, after, noise) => [name, right(percent(before)), right(percent(after)), ratio(before, after), right(percent(noise))];
+  const rows = steps[b].records.map(([file, after], index) => line(file, (steps[a].records[index] || [])[1] ?? null, after, (steps[b].record_noise || [])[index] ?? null));
+  const judged = steps[b].validate_percent !== null;
+  const pooled = (step) => (judged ? step.validate_percent : step.identify_percent);
+  rows.unshift(line(judged ? "all not fitted to" : "all fitted to", pooled(steps[a]), pooled(steps[b]), steps[b].noise_percent));
+  return table(caption, ["Record", titles[0], titles[1], "Ratio", "Noise alone"], rows);
 }
 
 let branch = null;
@@ -61,26 +64,28 @@ export async function ladderPage(lab) {
     el("h2", {}, "How the error fell"),
     el("p", { class: "lead" }, way(steps, current).map((k) => `${steps[k].title}: ${percent(error(steps[k]))}`).join(" → "),
       step.noise_percent ? `; the noise floor is ${percent(step.noise_percent)}.` : "."),
-    el("p", {}, judged ? "Pooled error on records not fitted to, percent of peak to peak. The stroke is the noise floor." : "Pooled error on the records fitted to; no record was kept to judge by, so a fall here proves nothing."),
-    el("ol", { class: "rungs" }, order(steps).map(([number, depth]) => rung(lab, number, depth, most))),
+    el("p", {}, judged ? "Pooled error on records not fitted to, percent of peak to peak. The stroke is the noise floor. A step chosen here is the one that all pages show." : "Pooled error on the records fitted to; no record was kept to judge by, so a fall here proves nothing."),
+    el("ol", { class: "rungs panel" }, order(steps).map(([number, depth]) => rung(lab, number, depth, most))),
     command(way(steps, current).map((k) => steps[k].command).join(" && ")));
-  if (step.parent !== null) {
-    const [a, b] = [step.parent, current];
-    page.append(el("h2", {}, `Before and after ${step.title}`), beside(steps, a, b, ["before", "after"]));
-    if (judged && step.validate_percent >= steps[a].validate_percent) page.append(el("p", { class: "notice", id: "no-support" }, "The records not fitted to do not support it: their error did not fall. Undo it, or try another."));
-  }
-  const select = el("select", { id: "effect" }, known.map((k) => el("option", { value: k.name }, k.name)));
+  const select = el("select", { id: "effect" }, known.map((k) => el("option", { value: k.name }, effectName(k.name))));
   page.append(el("h2", {}, "What if it is another?"),
-    el("p", {}, el("label", { for: "effect" }, `Add to ${step.title} `), select, " ",
+    el("p", { class: "row" }, el("label", { for: "effect" }, `Add to ${step.title} `), select, " ",
       el("button", { type: "button", id: "add", class: "main", disabled: lab.state.job.running, click: () => lab.act({ what: "add", effect: select.value }, "ladder") }, "Add"),
       " ", el("a", { href: "#diagnose" }, "Or ask which")));
+  const tables = el("div", { class: "pair" });
+  page.append(tables);
+  if (step.parent !== null) {
+    const box = el("section", { class: "panel" }, el("h3", {}, `Before and after ${step.title}`), beside(steps, step.parent, current, "Error of each record, percent of peak to peak", ["Before", "After"]));
+    if (judged && step.validate_percent >= steps[step.parent].validate_percent) box.append(el("p", { class: "notice", id: "no-support" }, "The records not fitted to do not support it: their error did not fall. Undo it, or try another."));
+    tables.append(box);
+  }
   if (steps.length > 1) {
     const others = steps.map((_, k) => k).filter((k) => k !== current);
     branch = others.includes(branch) ? branch : others.at(-1);
     const to = el("select", { id: "branch", change: () => { branch = Number(to.value); holder.replaceChildren(pair()); } }, others.map((k) => el("option", { value: k, selected: k === branch }, `${k + 1}: ${steps[k].title}`)));
-    const pair = () => beside(steps, current, branch, [`${current + 1}: ${step.title}`, `${branch + 1}: ${steps[branch].title}`]);
+    const pair = () => beside(steps, current, branch, `Error of each record, percent of peak to peak: step ${current + 1}, ${step.title}, and step ${branch + 1}, ${steps[branch].title}`, [`Step ${current + 1}`, `Step ${branch + 1}`]);
     const holder = el("div", {}, pair());
-    page.append(el("h2", {}, "Branches beside each other"), el("p", {}, el("label", { for: "branch" }, "Set this step beside "), to), holder);
+    tables.append(el("section", { class: "panel" }, el("h3", {}, "Branches beside each other"), el("p", {}, el("label", { for: "branch" }, "Set this step beside "), to), holder));
   }
   return page;
 }

@@ -1,4 +1,5 @@
 // Charts by uPlot, with zoom, pan, a shared cursor, and finer points fetched once the view rests.
+import { num, power, readable } from "./numbers.js";
 import uPlot from "./vendor/uPlot.esm.js";
 
 const style = getComputedStyle(document.documentElement);
@@ -12,9 +13,10 @@ export const COLOURS = {
   get input() { return dark.matches ? "#df9cc4" : "#b25e92"; },
 };
 
+const short = (v) => (v === null || v === undefined ? "–" : Number(v.toPrecision(4)).toString().replace("-", "−"));
 const ink = () => style.getPropertyValue("--muted").trim();
 const rule = () => style.getPropertyValue("--rule").trim();
-const axis = (label, scale, extra = {}) => ({ label, scale, stroke: ink, grid: { stroke: rule, width: 1 }, ticks: { stroke: rule, width: 1 }, size: 62, font: "12px system-ui", labelFont: "12px system-ui", ...extra });
+const axis = (label, scale, extra = {}) => ({ label, scale, labelSize: 22, labelGap: 2, stroke: ink, grid: { stroke: rule, width: 1 }, ticks: { stroke: rule, width: 1 }, size: 54, font: "12px system-ui", labelFont: "12px system-ui", ...extra });
 const width = (host) => Math.max(280, host.clientWidth || 600);
 const settle = 120;
 
@@ -42,7 +44,7 @@ function hands(chart, host, whole, moved) {
   host.tabIndex = 0;
   host.setAttribute("role", "application");
   host.addEventListener("keydown", (event) => {
-    const deed = { ArrowLeft: () => pan(-0.2), ArrowRight: () => pan(0.2), "+": () => zoom(0.6), "-": () => zoom(1 / 0.6), "0": () => set(...whole) }[event.key];
+    const deed = { Enter: () => chart.ask && chart.ask(...view()), ArrowLeft: () => pan(-0.2), ArrowRight: () => pan(0.2), "+": () => zoom(0.6), "-": () => zoom(1 / 0.6), "0": () => set(...whole) }[event.key];
     if (deed) { event.preventDefault(); deed(); }
   });
   chart.over.addEventListener("dblclick", () => set(...whole));
@@ -62,9 +64,9 @@ export function timePlot(host, points, series, finer, options = {}) {
   const chart = new uPlot({
     width: width(host), height, scales,
     cursor: { sync: options.sync ? { key: options.sync, filters: { sub: (type) => type === "mousemove" || type === "mouseleave" } } : undefined, drag: { x: true, y: false, setScale: false }, focus: { prox: 20 } },
-    series: [{ label: "time, s" }, ...series.map((one) => ({ label: one.label, stroke: one.colour, scale: one.scale, width: 1.2, points: { show: false }, value: (_, v) => (v === null ? "–" : Number(v.toPrecision(5))) }))],
-    axes: [axis("time, s", "x", { size: 44 }), ...sides.map((scale, index) => axis(series.find((one) => one.scale === scale).label, scale, index ? { side: 1, grid: { show: false } } : {}))],
-    hooks: { setSelect: [selected] },
+    series: [{ label: "time, s", value: (_, v) => short(v) }, ...series.map((one) => ({ label: one.label, stroke: one.colour, scale: one.scale, width: 1.2, points: { show: false }, value: (_, v) => short(v) }))],
+    axes: [axis("time, s", "x", { size: 34 }), ...sides.map((scale, index) => axis(options.title || series.find((one) => one.scale === scale).label, scale, index ? { side: 1, grid: { show: false } } : {}))],
+    hooks: { setSelect: [selected], setCursor: options.at ? [(u) => options.at(u.cursor.idx)] : [] },
   }, data, host);
   function selected(u) {
     if (u.select.width <= 3) return;
@@ -80,7 +82,8 @@ export function timePlot(host, points, series, finer, options = {}) {
     timer = setTimeout(() => finer(from, to), settle);
   };
   hands(chart, host, whole, moved);
-  host.setAttribute("aria-label", `${series.map((one) => one.label).join(", ")} over time. Arrow keys pan, plus and minus zoom, 0 shows all.`);
+  chart.ask = options.select;
+  host.setAttribute("aria-label", `${series.map((one) => one.label).join(", ")} over time. Arrow keys pan, plus and minus zoom, 0 shows all${options.select ? ", Enter asks what the error in view is" : ""}.`);
   chart.renew = (more, pick = (y) => y) => {
     const { min, max } = chart.scales.x;
     chart.setData([more.x, ...pick(more.y)], false);
@@ -89,6 +92,20 @@ export function timePlot(host, points, series, finer, options = {}) {
   host.chart = chart;
   fit(chart, host, height);
   return chart;
+}
+
+/** Which colour is which. */
+function keyOf(curves) {
+  const key = document.createElement("p");
+  key.className = "key";
+  for (const curve of curves) {
+    const dot = document.createElement("span");
+    dot.style.background = curve.colour;
+    const name = document.createElement("span");
+    name.textContent = curve.label;
+    key.append(dot, name);
+  }
+  return key;
 }
 
 /** Loops: points that run to and fro over the abscissa. */
@@ -103,20 +120,24 @@ export function loopPlot(host, curves, xTitle, yTitle, height = 300) {
   const chart = new uPlot({
     mode: 2, width: width(host), height, legend: { show: false }, cursor: { drag: { x: false, y: false } },
     scales: { x: { time: false, range: range(0) }, y: { range: range(1) } },
-    series: [null, ...series], axes: [axis(xTitle, "x", { size: 44 }), axis(yTitle, "y")],
+    series: [null, ...series], axes: [axis(xTitle, "x", { size: 34 }), axis(yTitle, "y")],
   }, [null, ...curves.map((curve) => [curve.path.x, curve.path.y])], host);
-  const key = document.createElement("p");
-  key.className = "key";
-  for (const curve of curves) {
-    const dot = document.createElement("span");
-    dot.style.background = curve.colour;
-    const name = document.createElement("span");
-    name.textContent = curve.label;
-    key.append(dot, name);
-  }
-  host.append(key);
+  host.append(keyOf(curves));
   host.setAttribute("role", "img");
   host.setAttribute("aria-label", `${curves.map((curve) => curve.label).join(" and ")}: ${yTitle} over ${xTitle}`);
+  const dots = curves.map((curve) => {
+    const dot = document.createElement("span");
+    dot.className = "at";
+    dot.style.background = curve.colour;
+    chart.over.append(dot);
+    return dot;
+  });
+  /** Marks where the cursor of another view is: an abscissa, and a value for each curve; nothing without them. */
+  chart.mark = (x, values) => dots.forEach((dot, index) => {
+    dot.hidden = x === undefined;
+    if (x !== undefined) dot.style.transform = `translate(${chart.valToPos(x, "x")}px, ${chart.valToPos(values[index], "y")}px)`;
+  });
+  chart.mark();
   fit(chart, host, height);
   chart.renew = (paths) => { paths.forEach((path, index) => { curves[index].path = path; }); chart.setData([null, ...paths.map((path) => [path.x, path.y])]); };
   host.chart = chart;
@@ -148,17 +169,35 @@ function trace(u, index) {
 }
 
 /** Spectra on logarithmic axes. */
-export function spectrumPlot(host, spectrum, outputUnit) {
+export function spectrumPlot(host, spectrum, outputUnit, height = 300) {
   const keep = spectrum.frequency_hz.map((f, k) => [f, k]).filter(([f]) => f > 0).map(([, k]) => k);
   const positive = (values) => keep.map((k) => (values[k] > 0 ? values[k] : null));
-  const line = (label, colour, dash) => ({ label, stroke: colour, width: 1.2, dash, points: { show: false }, value: (_, v) => (v === null || v === undefined ? "–" : v.toPrecision(3)) });
+  const line = (label, colour, dash) => ({ label, stroke: colour, width: 1.2, dash, points: { show: false }, value: (_, v) => (v === null || v === undefined ? "–" : num(v)) });
   const chart = new uPlot({
-    width: width(host), height: 280, scales: { x: { time: false, distr: 3 }, y: { distr: 3 } }, cursor: { drag: { x: true, y: false } },
-    series: [{ label: "frequency, Hz" }, line("measured", COLOURS.measured), line("error", COLOURS.residual), line("noise floor", COLOURS.noise, [6, 4])],
-    axes: [axis("frequency, Hz", "x", { size: 44 }), axis(`${outputUnit}/√Hz`, "y", { values: (_, ticks) => ticks.map((v) => (Math.abs(Math.log10(v) % 1) < 1e-9 ? v.toExponential(0) : "")) })],
+    width: width(host), height, scales: { x: { time: false, distr: 3 }, y: { distr: 3 } }, cursor: { drag: { x: true, y: false } },
+    series: [{ label: "frequency, Hz", value: (_, v) => (v === null || v === undefined ? "–" : num(v)) }, line("measured", COLOURS.measured), line("error", COLOURS.residual), line("noise floor", COLOURS.noise, [6, 4])],
+    axes: [axis("frequency, Hz", "x", { size: 34 }), axis(`${outputUnit}/√Hz`, "y", { values: (_, ticks) => ticks.map((v) => (Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-9 ? power(Math.round(Math.log10(v))) : "")) })],
   }, [keep.map((k) => spectrum.frequency_hz[k]), positive(spectrum.measured_um_per_rthz), positive(spectrum.residual_um_per_rthz), positive(spectrum.noise_um_per_rthz)], host);
   host.setAttribute("role", "img");
   host.setAttribute("aria-label", "Spectrum of the error, against the measurement and the noise floor");
-  fit(chart, host, 280);
+  fit(chart, host, height);
+  return chart;
+}
+
+/** A small picture of two errors over time, for a card. */
+export function tracePlot(host, time, without, withIt, outputUnit) {
+  const [factor, name] = readable(outputUnit, Math.max(...without.map(Math.abs)));
+  const line = (label, colour) => ({ label, stroke: colour, width: 1.2, points: { show: false }, value: (_, v) => short(v) });
+  const scaled = (values) => values.map((v) => v * factor);
+  const chart = new uPlot({
+    width: width(host), height: 150, scales: { x: { time: false } }, cursor: { drag: { x: false, y: false } },
+    legend: { show: false },
+    series: [{ label: "time, s", value: (_, v) => short(v) }, line("without it", COLOURS.noise), line("with it", COLOURS.model)],
+    axes: [axis("time, s", "x", { size: 30 }), axis(`error, ${name}`, "y", { space: 16, size: 46 })],
+  }, [time, scaled(without), scaled(withIt)], host);
+  host.append(keyOf([{ label: "without it", colour: COLOURS.noise }, { label: "with it", colour: COLOURS.model }]));
+  host.setAttribute("role", "img");
+  host.setAttribute("aria-label", "Error over time without the effect and with it");
+  fit(chart, host, 150);
   return chart;
 }

@@ -245,6 +245,21 @@ fn where_it_is(comparison: &Comparison) -> Section {
             height: 380,
         },
     );
+    let swings = &comparison.swing_map;
+    let frequency_amplitude = error_map(
+        &ErrorMapData {
+            x_edges: &swings.frequency_edges_hz,
+            y_edges: &swings.amplitude_edges_um,
+            values: &swings.rms_um,
+            x_title: "frequency of the swing, Hz",
+            y_title: &format!("amplitude of the swing, {}", unit_text(unit)),
+            unit,
+        },
+        Size {
+            width: 524,
+            height: 380,
+        },
+    );
     let spectra = &comparison.spectrum;
     let spectra = spectrum(
         &SpectrumData {
@@ -255,20 +270,27 @@ fn where_it_is(comparison: &Comparison) -> Section {
             unit,
         },
         Size {
-            width: 524,
-            height: 380,
+            width: 1080,
+            height: 360,
         },
     );
     let mut pictures = Vec::new();
+    pictures.extend(frequency_amplitude.map(|picture| {
+        Figure::new(
+            picture,
+            "Error by frequency and amplitude, over all records. A swing is the way from one turning point to the next. \
+             Blank: no swing fell there.",
+        )
+    }));
     pictures.extend(map.map(|picture| {
         Figure::new(
             picture,
             "Error by position and rate, over all records. Blank: no sample fell there. Rows double in rate outwards.",
         )
     }));
-    pictures.extend(spectra.map(|picture| {
+    let spectra = spectra.map(|picture| {
         Figure::new(picture, "Spectrum of what is left, against the measurement and the noise floor. Above the noise floor there is something the model could still explain.")
-    }));
+    });
     let shares: Vec<Figure> = comparison
         .r#where
         .iter()
@@ -276,14 +298,17 @@ fn where_it_is(comparison: &Comparison) -> Section {
         .collect();
     let how_to_read = "A bar is a share of the squared error, a stroke the share of the samples (or of the motion) at the \
                        same place: where the bar goes past its stroke, the error is out of proportion.";
-    Section::new("Where the error is")
-        .with(Block::Gallery(pictures))
-        .with(Block::Text(if shares.is_empty() {
-            String::new()
-        } else {
-            how_to_read.to_owned()
-        }))
-        .with(Block::Gallery(shares))
+    let maps = Section::new("Where the error is").with(Block::Gallery(pictures));
+    match spectra {
+        Some(figure) => maps.with(Block::Figure(figure)),
+        None => maps,
+    }
+    .with(Block::Text(if shares.is_empty() {
+        String::new()
+    } else {
+        how_to_read.to_owned()
+    }))
+    .with(Block::Gallery(shares))
 }
 
 fn output_name(unit: &str) -> &'static str {

@@ -5,6 +5,7 @@ use hysteron_identify::effects;
 
 use crate::canvas::{LegendEntry, Swatch};
 use crate::diagnosis_words::{diagnosis_lines, effect_name, verdict_sentence};
+use crate::equation::equation;
 use crate::figures::{Bar, bars};
 use crate::number::{percent, significant, unit_text};
 use crate::page::{Block, Figure, Section, Tile};
@@ -15,8 +16,15 @@ use crate::table::{Cell, Table};
 pub(crate) fn section(diagnosis: &Diagnosis) -> Section {
     let mut section = Section::new("Which effect is missing")
         .with(Block::Text(verdict_sentence(diagnosis)))
-        .with(Block::Tiles(tiles(diagnosis)))
-        .with(Block::Notices(diagnosis_lines(diagnosis)));
+        .with(Block::Tiles(tiles(diagnosis)));
+    let lines = diagnosis_lines(diagnosis);
+    section = if diagnosis.cannot_answer.is_empty() {
+        lines
+            .into_iter()
+            .fold(section, |section, line| section.with(Block::Text(line)))
+    } else {
+        section.with(Block::Notices(lines))
+    };
     if let Some(figure) = shares(&diagnosis.ranking) {
         section = section.with(Block::Figure(figure));
     }
@@ -45,7 +53,11 @@ fn tiles(diagnosis: &Diagnosis) -> Vec<Tile> {
             "of peak to peak, records not fitted to",
         ),
         tile(
-            "A hysteresis of free shape instead",
+            if diagnosis.shape_determined {
+                "A hysteresis of free shape instead"
+            } else {
+                "Its plays, fitted anew"
+            },
             diagnosis.free_shape.validate_percent,
             "of peak to peak, records not fitted to",
         ),
@@ -130,7 +142,7 @@ fn card(effect: &RankedEffect) -> Block {
         let words = known.description();
         facts.extend([
             ("what it is".to_owned(), words.summary.to_owned()),
-            ("equation".to_owned(), words.equation.to_owned()),
+            ("equation".to_owned(), equation(words.equation)),
             ("how it shows".to_owned(), words.shows.to_owned()),
             ("mistaken for".to_owned(), words.mistaken_for.to_owned()),
             ("separated by".to_owned(), words.separated_by.to_owned()),

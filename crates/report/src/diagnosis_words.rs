@@ -35,11 +35,28 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
             list(&diagnosis.further, "and")
         ));
     }
+    if !diagnosis.shape_determined {
+        lines.push(
+            "These records leave the inside of the loops open, so the model's own plays stood in for a hysteresis of free \
+             shape: minor loops (a decaying triangle, a noise) would tell more."
+                .to_owned(),
+        );
+    }
     if diagnosis.shape_too_poor {
         lines.push(
             "The model's family of plays is too poor for these loops: a play-polynomial model may follow them."
                 .to_owned(),
         );
+    }
+    let locked: Vec<String> = diagnosis
+        .unexplained
+        .locked_to
+        .iter()
+        .filter(|lock| lock.share > LOCK_NAMED)
+        .map(|lock| format!("{} ({:.0}\u{a0}%)", lock.to, 100.0 * lock.share))
+        .collect();
+    if !locked.is_empty() {
+        lines.push(format!("What is left unexplained goes with {}.", list(&locked, "and")));
     }
     if let Some(next) = &diagnosis.next_record {
         let mut line = format!("Record to take next: {}", next.excitation);
@@ -51,16 +68,6 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
             ));
         }
         lines.push(line + ".");
-    }
-    let locked: Vec<String> = diagnosis
-        .unexplained
-        .locked_to
-        .iter()
-        .filter(|lock| lock.share > LOCK_NAMED)
-        .map(|lock| format!("{} ({:.0}\u{a0}%)", lock.to, 100.0 * lock.share))
-        .collect();
-    if !locked.is_empty() {
-        lines.push(format!("What is left unexplained goes with {}.", list(&locked, "and")));
     }
     lines
 }

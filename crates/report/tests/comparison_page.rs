@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use hysteron_data::Role;
 use hysteron_diagnose::{
-    Bin, Breakdown, Comparison, ErrorMap, NoiseSource, Pooled, RecordComparison, Series, Spectrum,
+    Bin, Breakdown, Comparison, ErrorMap, NoiseSource, Pooled, RecordComparison, Series, Spectrum, SwingMap,
 };
 use hysteron_report::{Context, comparison_page};
 use scraper::{Html, Selector};
@@ -67,6 +67,11 @@ fn comparison(records: Vec<RecordComparison>) -> Comparison {
             position_edges_um: vec![-10.0, 0.0, 10.0],
             rate_edges_um_per_s: vec![-100.0, 0.0, 100.0],
             rms_um: vec![vec![Some(0.1), None], vec![Some(0.3), Some(0.2)]],
+        },
+        swing_map: SwingMap {
+            frequency_edges_hz: vec![10.0, 20.0, 50.0],
+            amplitude_edges_um: vec![0.0, 5.0, 10.0],
+            rms_um: vec![vec![Some(0.05), None], vec![None, Some(0.4)]],
         },
         spectrum: Spectrum {
             residual_um_per_rthz: falling(0.01),
@@ -166,10 +171,10 @@ fn golden_the_headline_and_the_figures_are_said() {
         texts(&html, "pre code"),
         ["hysteron compare folder model.toml -o page.html"]
     );
-    // Bars, map, spectrum, shares; overlay and loop of each record, and both of the close-up of b: 31 swings in 0.4 s at 40 Hz.
+    // Bars, both maps, spectrum, shares; overlay and loop of each record, and both of the close-up of b: 31 swings in 0.4 s at 40 Hz.
     assert_eq!(
         html.select(&Selector::parse("figure .picture > svg").unwrap()).count(),
-        10
+        11
     );
 }
 
@@ -226,6 +231,11 @@ fn prop_poor_comparisons_still_make_a_page_without_empty_parts() {
     nothing.error_map = ErrorMap {
         position_edges_um: vec![],
         rate_edges_um_per_s: vec![],
+        rms_um: vec![],
+    };
+    nothing.swing_map = SwingMap {
+        frequency_edges_hz: vec![],
+        amplitude_edges_um: vec![],
         rms_um: vec![],
     };
     nothing.spectrum = Spectrum::default();

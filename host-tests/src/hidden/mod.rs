@@ -1,12 +1,14 @@
 //! Datasets with a hidden effect: from the cases of `hysteron_plant::challenge` to what the tool reads, and the score of its verdicts.
 
 pub mod change;
+pub mod own;
 pub mod score;
 pub mod unanswerable;
 
-use hysteron_data::{Dataset, Known, Record, Role};
+use hysteron_challenge::dataset;
+use hysteron_data::Dataset;
 use hysteron_plant::StageError;
-use hysteron_plant::challenge::{self, Case, CaseRecord, Spec, Start, Truth, Use};
+use hysteron_plant::challenge::{self, Spec, Start, Truth};
 
 /// A case as a dataset, with the family of the model to start from.
 #[derive(Debug, Clone)]
@@ -35,37 +37,6 @@ pub fn generate(seed: u64, spec: &Spec) -> Result<Example, StageError> {
         start,
         truth,
     })
-}
-
-fn dataset(case: Case, name: &str) -> Dataset {
-    Dataset {
-        name: name.to_owned(),
-        description: format!(
-            "piezo stage, open loop, 0 to {} V; records in the order taken",
-            case.full_v
-        ),
-        known: Known::default(),
-        records: case.records.into_iter().map(record).collect(),
-        notices: Vec::new(),
-    }
-}
-
-fn record(record: CaseRecord) -> Record {
-    Record {
-        file: format!("{}.csv", record.name),
-        role: match record.role {
-            Use::Identify => Role::Identify,
-            Use::Validate => Role::Validate,
-        },
-        excitation: record.excitation,
-        start_s: 0.0,
-        period_s: record.period_s,
-        voltage_v: record.voltage_v,
-        position_um: record.position_um,
-        reference_um: None,
-        temperature_c: record.temperature_c,
-        voltage2_v: record.voltage2_v,
-    }
 }
 
 /// The truth as JSON.

@@ -15,9 +15,11 @@ use std::path::PathBuf;
     hysteron add resonance stage model2.toml -o model3.toml\n  hysteron ladder model3.toml\n\n\
     Effects: delay, first-order-lag, slew-limit, saturation, rate-dependence, asymmetry, amplitude-gain,\n\
     hysteresis-shape, creep, resonance, cross-coupling, thermal-drift, mains-hum, backlash, sensor-nonlinearity.\n\
-    A resonance may be added a second time: a second mode.")]
+    A resonance may be added a second time: a second mode.\n\n\
+    An effect of your own is given by its file (docs/effect-files.md):\n  \
+    hysteron add ./my-effect.toml stage model.toml -o model2.toml")]
 pub(crate) struct AddArgs {
-    /// The effect to add
+    /// The effect to add: its name, or an effect file (ends with .toml)
     pub effect: String,
     /// Dataset folder, or one CSV
     pub data: PathBuf,
@@ -34,23 +36,27 @@ pub(crate) struct AddArgs {
 pub(crate) fn run(args: &AddArgs) -> Result<Done, CliError> {
     let model = Model::read(&args.model)?;
     let dataset = load::dataset(&args.data)?;
-    let bar = progress::bar(&format!("adding {}", args.effect));
-    let added = hysteron_diagnose::add(&dataset, &model, &args.effect, &|share| {
-        progress::advance(&bar, share);
-    })?;
+    let own = load::effect_file(&args.effect)?;
+    let name = own.map_or(args.effect.as_str(), |own| own.name());
+    let bar = progress::bar(&format!("adding {name}"));
+    let advance = |share| progress::advance(&bar, share);
+    let added = match own {
+        Some(own) => hysteron_diagnose::add_own(&dataset, &model, own, &advance)?,
+        None => hysteron_diagnose::add(&dataset, &model, name, &advance)?,
+    };
     bar.finish_and_clear();
     added.model.write(&args.output)?;
     if args.json {
-        output::print_json(&json(args, &added))?;
+        output::print_json(&json(args, name, &added))?;
     } else {
-        output::print(&text(args, &added))?;
+        output::print(&text(args, name, &added))?;
     }
     Ok(Done::Answered)
 }
 
-fn text(args: &AddArgs, added: &Added) -> String {
-    let mut text = format!("{} added, everything fitted anew\n\n", args.effect);
-    match added.model.effects.iter().find(|effect| effect.name == args.effect) {
+fn text(args: &AddArgs, name: &str, added: &Added) -> String {
+    let mut text = format!("{name} added, everything fitted anew\n\n");
+    match added.model.effects.iter().find(|effect| effect.name == name) {
         Some(effect) => parameters(&mut text, effect),
         None => {
             // Writing to a String does not fail.
@@ -148,7 +154,7 @@ fn role(role: Role) -> &'static str {
     }
 }
 
-fn json(args: &AddArgs, added: &Added) -> serde_json::Value {
+fn json(args: &AddArgs, name: &str, added: &Added) -> serde_json::Value {
     let records: Vec<_> = added
         .before
         .records
@@ -170,7 +176,7 @@ fn json(args: &AddArgs, added: &Added) -> serde_json::Value {
         })
     };
     serde_json::json!({
-        "effect": args.effect,
+        "effect": name,
         "file": args.output,
         "model": added.model.family.name(),
         "effects": added.model.effects,

@@ -5,13 +5,15 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
-use hysteron_diagnose::diagnosis::{Diagnosis, Level, NextRecord, RankedEffect};
+use hysteron_diagnose::diagnosis::{Diagnosis, Level, RankedEffect};
 use hysteron_identify::{Direction, Model};
+use hysteron_report::{diagnosis_lines, verdict_sentence};
 use std::fmt::Write;
 use std::path::PathBuf;
 
 #[derive(Args)]
-#[command(after_help = "Example:\n  hysteron diagnose stage model.toml -o next.csv")]
+#[command(after_help = "Examples:\n  hysteron diagnose stage model.toml -o next.csv\n  \
+    hysteron diagnose stage model.toml --effect my-effect.toml")]
 pub(crate) struct DiagnoseArgs {
     /// Dataset folder, or one CSV
     pub data: PathBuf,
@@ -20,6 +22,9 @@ pub(crate) struct DiagnoseArgs {
     /// Write the voltage of the record to take next
     #[arg(short, long, value_name = "NEXT.csv")]
     pub output: Option<PathBuf>,
+    /// An effect file of your own, among the candidates; may be repeated
+    #[arg(long, value_name = "FILE.toml")]
+    pub effect: Vec<PathBuf>,
     /// Print the answer as JSON
     #[arg(long)]
     pub json: bool,
@@ -33,15 +38,16 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<Done, CliError> {
             args.model.display()
         )));
     }
+    let own = load::effect_files(&args.effect)?;
     let dataset = load::dataset(&args.data)?;
     let bar = progress::bar("diagnosing");
-    let mut diagnosis = hysteron_diagnose::diagnose(&dataset, &model, &|share, effect| {
+    let mut diagnosis = hysteron_diagnose::diagnose_with(&dataset, &model, &own, &|share, effect| {
         bar.set_message(effect.to_owned());
         progress::advance(&bar, share);
-    });
+    })?;
     bar.finish_and_clear();
     if let (Some(path), Some(next)) = (&args.output, &mut diagnosis.next_record) {
-        output::write_file(path, &csv(next))?;
+        output::write_file(path, &next.csv())?;
         next.file = Some(path.display().to_string());
     }
     if args.json {
@@ -52,42 +58,37 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<Done, CliError> {
     Ok(Done::Answered)
 }
 
-/// The record to play, as a native CSV without a position.
-fn csv(next: &NextRecord) -> String {
-    let mut text = "time_s,voltage_v\n".to_owned();
-    for (k, v) in next.voltage_v.iter().enumerate() {
-        // Writing to a String does not fail.
-        let _ = writeln!(text, "{:.6},{v:.5}", k as f64 * next.sample_period_s);
-    }
-    text
-}
-
 fn text(d: &Diagnosis) -> String {
     let mut text = String::new();
     is_anything_missing(&mut text, d);
-    let _ = writeln!(text, "\n{}", verdict(d));
-    for reason in &d.cannot_answer {
-        let _ = writeln!(text, "  - {}", reason_in_words(reason));
+    // Writing to a String does not fail.
+    let _ = writeln!(text, "\nverdict: {}\n{}", d.verdict, verdict_sentence(d));
+    for line in diagnosis_lines(d) {
+        let _ = writeln!(text, "  - {line}");
     }
-    if !d.also_possible.is_empty() {
-        let _ = writeln!(
-            text,
-            "these records cannot tell it from: {}",
-            d.also_possible.join(", ")
-        );
-    }
-    if !d.further.is_empty() {
-        let _ = writeln!(text, "with it in the model, there is still: {}", d.further.join(", "));
-    }
-    if d.shape_too_poor {
-        text.push_str("the model's family of plays is too poor for this stage's loops: try --model play-polynomial\n");
+    match d.next_record.as_ref().map(|next| &next.file) {
+        Some(Some(file)) => {
+            let _ = writeln!(text, "    written to {file}");
+        }
+        Some(None) => text.push_str("    `-o next.csv` writes it\n"),
+        None => {}
     }
     ranking(&mut text, &d.ranking);
-    remains(&mut text, d);
-    if let Some(next) = &d.next_record {
-        next_record(&mut text, next);
-    }
+    let left = &d.unexplained;
+    let _ = writeln!(
+        text,
+        "\nleft unexplained: {:.3} % of peak to peak, of which noise {:.3} %",
+        left.percent, left.noise_percent
+    );
     text
+}
+
+fn instead(d: &Diagnosis) -> &'static str {
+    if d.shape_determined {
+        "a hysteresis of free shape instead"
+    } else {
+        "its plays, fitted anew"
+    }
 }
 
 fn is_anything_missing(text: &mut String, d: &Diagnosis) {
@@ -98,44 +99,9 @@ fn is_anything_missing(text: &mut String, d: &Diagnosis) {
         "{:<38} {:>10} {:>10}",
         "error, % of peak to peak", "identify", "validate"
     );
-    for (name, error) in [
-        ("the model", d.before),
-        ("a hysteresis of free shape instead", d.free_shape),
-    ] {
+    for (name, error) in [("the model", d.before), (instead(d), d.free_shape)] {
         let (identify, validate) = (percent(error.identify_percent), percent(error.validate_percent));
         let _ = writeln!(text, "{name:<38} {identify:>10} {validate:>10}");
-    }
-}
-
-fn verdict(d: &Diagnosis) -> String {
-    if !d.cannot_answer.is_empty() {
-        return "verdict: unknown; these records cannot answer:".to_owned();
-    }
-    match d.verdict.as_str() {
-        "none" => "verdict: none; what is left is sensor noise and the known coarseness of the model".to_owned(),
-        "unknown" => "verdict: unknown; structure remains that no effect of the catalogue explains".to_owned(),
-        "hysteresis-shape" => {
-            "verdict: hysteresis-shape; nothing physical is missing, the family of plays is too poor".to_owned()
-        }
-        name => format!("verdict: {name} is missing"),
-    }
-}
-
-/// Why records cannot answer.
-pub(super) fn reason_in_words(reason: &str) -> &str {
-    match reason {
-        "nothing-moves" => "the voltage stands still in every record",
-        "no-validation" => {
-            "no record that moves has role `validate`: an effect could be judged only where it was fitted"
-        }
-        "no-identification" => "no record that moves has role `identify`",
-        "all-noise" => "the stroke is less than 30 times the noise: a medium effect drowns in it",
-        "clipped" => {
-            "the position stands on its largest or smallest value in over 5 % of the samples while the voltage moves"
-        }
-        "one-excitation" => "only one sine was played: at one frequency and amplitude all effects look alike",
-        "too-short" => "the records that move last too short a time",
-        other => other,
     }
 }
 
@@ -171,40 +137,4 @@ fn ranking(text: &mut String, ranking: &[RankedEffect]) {
         }
     }
     text.push_str("  (* significant and large enough to matter; share: what it takes of the squared error)\n");
-}
-
-fn remains(text: &mut String, d: &Diagnosis) {
-    let left = &d.unexplained;
-    let _ = writeln!(
-        text,
-        "\nleft unexplained: {:.3} % of peak to peak, of which noise {:.3} %",
-        left.percent, left.noise_percent
-    );
-    let locked: Vec<String> = left
-        .locked_to
-        .iter()
-        .filter(|l| l.share > 0.1)
-        .map(|l| format!("{} {:.0} %", l.to, 100.0 * l.share))
-        .collect();
-    if !locked.is_empty() {
-        let _ = writeln!(text, "it goes with: {}", locked.join(", "));
-    }
-}
-
-fn next_record(text: &mut String, next: &NextRecord) {
-    let _ = write!(text, "\nrecord to take next: {}", next.excitation);
-    if !next.separates.is_empty() {
-        let _ = write!(
-            text,
-            "\n  it separates {} by {:.1} times what is left unexplained",
-            next.separates.join(" from "),
-            next.expected_sigma
-        );
-    }
-    match &next.file {
-        Some(file) => {
-            let _ = writeln!(text, "\n  written to {file}");
-        }
-        None => text.push_str("\n  `-o next.csv` writes it\n"),
-    }
 }

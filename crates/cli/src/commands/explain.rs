@@ -8,9 +8,9 @@ use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_data::Dataset;
-use hysteron_identify::effects::{self, Description, Effect, Place};
+use hysteron_identify::effects::{self, Description, Effect, Place, UserEffect};
 use hysteron_identify::illustration::{Illustration, illustrate};
-use hysteron_identify::{Added, IdentifyError, Model, add_effect};
+use hysteron_identify::{Added, IdentifyError, Model, add_effect, add_own_effect};
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -18,10 +18,10 @@ use std::sync::Arc;
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hysteron explain\n  hysteron explain delay -o delay.html\n  \
-    hysteron explain delay stage model.toml -o delay.html"
+    hysteron explain delay stage model.toml -o delay.html\n  hysteron explain ./my-effect.toml -o my-effect.html"
 )]
 pub(crate) struct ExplainArgs {
-    /// The effect; without one, all are listed
+    /// The effect, or an effect file (ends with .toml); without one, all are listed
     pub effect: Option<String>,
     /// Dataset folder, or one CSV: what the effect does on these records
     #[arg(requires = "model")]
@@ -66,14 +66,18 @@ pub(crate) fn run(args: &ExplainArgs) -> Result<Done, CliError> {
     let Some(name) = &args.effect else {
         return list(args.json);
     };
-    let effect = effects::find(name).ok_or_else(|| IdentifyError::NoSuchEffect {
-        name: name.clone(),
-        known: effects::names().join(", "),
-    })?;
+    let own_file = load::effect_file(name)?;
+    let effect = match own_file {
+        Some(own) => own.effect(),
+        None => effects::find(name).ok_or_else(|| IdentifyError::NoSuchEffect {
+            name: name.clone(),
+            known: effects::names().join(", "),
+        })?,
+    };
     let explained = Explained {
         description: effect.description(),
         shown: illustrate(&effect),
-        own: own(args, &effect)?,
+        own: own(args, own_file, &effect)?,
     };
     if let Some(path) = &args.output {
         output::write_file(path, &page::page(&explained))?;
@@ -113,7 +117,7 @@ fn list(as_json: bool) -> Result<Done, CliError> {
     Ok(Done::Answered)
 }
 
-fn own(args: &ExplainArgs, effect: &Arc<dyn Effect>) -> Result<Option<OnOwnData>, CliError> {
+fn own(args: &ExplainArgs, file: Option<UserEffect>, effect: &Arc<dyn Effect>) -> Result<Option<OnOwnData>, CliError> {
     let (Some(data), Some(model)) = (&args.data, &args.model) else {
         return Ok(None);
     };
@@ -121,7 +125,11 @@ fn own(args: &ExplainArgs, effect: &Arc<dyn Effect>) -> Result<Option<OnOwnData>
     let dataset = load::dataset(data)?;
     let name = effect.description().name;
     let bar = progress::bar(&format!("trying {name}"));
-    let added = add_effect(&dataset, &before, name, &|share| progress::advance(&bar, share))?;
+    let advance = |share| progress::advance(&bar, share);
+    let added = match file {
+        Some(file) => add_own_effect(&dataset, &before, file, &advance)?,
+        None => add_effect(&dataset, &before, name, &advance)?,
+    };
     bar.finish_and_clear();
     Ok(Some(OnOwnData { dataset, before, added }))
 }
@@ -159,7 +167,7 @@ fn capital(text: &str) -> String {
 /// The titled paragraphs of an explanation.
 fn paragraphs(d: &Description) -> [(&'static str, String); 7] {
     [
-        ("Equation", equation(d.equation)),
+        ("Equation", hysteron_report::equation(d.equation)),
         ("Source, usual size", d.source.to_owned()),
         ("Place in the chain", chain(d.place)),
         ("How it shows", d.shows.to_owned()),
@@ -167,42 +175,6 @@ fn paragraphs(d: &Description) -> [(&'static str, String); 7] {
         ("Told apart by", d.separated_by.to_owned()),
         ("Compensated by", d.compensated_by.to_owned()),
     ]
-}
-
-/// An equation with the letters and exponents that the descriptions spell in ASCII.
-fn equation(ascii: &str) -> String {
-    let mut words = String::new();
-    let mut word = String::new();
-    for c in ascii.chars().chain(std::iter::once(' ')) {
-        if c.is_ascii_alphabetic() {
-            word.push(c);
-            continue;
-        }
-        words.push_str(match word.as_str() {
-            "alpha" => "α",
-            "beta" => "β",
-            "gamma" => "γ",
-            "phi" => "φ",
-            "pi" => "π",
-            "sum" => "Σ",
-            "tau" => "τ",
-            "zeta" => "ζ",
-            other => other,
-        });
-        word.clear();
-        words.push(c);
-    }
-    let signs = [
-        ("^2", "²"),
-        ("^3", "³"),
-        ("<=", "≤"),
-        ("_1", "₁"),
-        ("_2", "₂"),
-        ("_i", "ᵢ"),
-        (" - ", " − "),
-    ];
-    let written = signs.iter().fold(words, |text, (from, to)| text.replace(from, to));
-    written.trim_end().to_owned()
 }
 
 fn text(explained: &Explained) -> String {
@@ -334,15 +306,4 @@ fn json(explained: &Explained) -> serde_json::Value {
         "example": example,
         "own_data": own,
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::equation;
-
-    #[test]
-    fn val_equations_are_written_in_letters() {
-        assert_eq!(equation("v'(t) = v(t - tau)"), "v'(t) = v(t − τ)");
-        assert_eq!(equation("zeta_1 w^2 <= summand"), "ζ₁ w² ≤ summand");
-    }
 }

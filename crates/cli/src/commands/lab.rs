@@ -1,13 +1,16 @@
 //! `hysteron lab`.
 
 use crate::commands::campaign::{default_campaign, record};
+use crate::commands::export;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
 use clap::Args;
+use hysteron_challenge::Setting;
+use hysteron_data::{Overwrite, write_dataset};
 use hysteron_lab::{Lab, Options, StartingPoint};
 use hysteron_plant::preset;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 #[derive(Args)]
@@ -37,6 +40,7 @@ pub(crate) fn run(args: &LabArgs) -> Result<Done, CliError> {
         session: args.session.clone(),
         port: args.port,
         starts: starts(),
+        table: Box::new(|model, options| export::text(model, options).map_err(|error| error.to_string())),
         version: env!("CARGO_PKG_VERSION"),
     })?;
     output::print(&format!(
@@ -53,21 +57,38 @@ pub(crate) fn run(args: &LabArgs) -> Result<Done, CliError> {
 
 /// The datasets that one can begin with.
 fn starts() -> Vec<StartingPoint> {
-    vec![StartingPoint {
+    let demo = StartingPoint {
         name: "demo",
         title: "The demo stage".to_owned(),
         about: "A simulated piezo stage with rate-dependent hysteresis: nine records, three of them to judge by."
             .to_owned(),
         command: "hysteron demo -o demo && cp -r demo/stage data".to_owned(),
-        make: Box::new(|progress| {
+        make: Box::new(|folder, progress| {
             let stage = preset::paper_rate();
             let plan = default_campaign(SEED);
-            record("paper-rate", &stage, &plan, stage.sample_period_s, SEED, &|share| {
+            let dataset = record("paper-rate", &stage, &plan, stage.sample_period_s, SEED, &|share| {
                 progress(share)
             })
-            .map_err(|error| error.to_string())
+            .map_err(|error| error.to_string())?;
+            write_dataset(&dataset, folder, Overwrite::Refuse).map_err(|error| error.to_string())
         }),
-    }]
+    };
+    let challenge = StartingPoint {
+        name: "challenge",
+        title: "A stage with something hidden".to_owned(),
+        about:
+            "A simulated stage drawn anew each time, fifteen records. One effect is hidden in it, or none, or one that \
+                the catalogue does not have. Find it, answer, then see the truth."
+                .to_owned(),
+        command: "hysteron challenge new data".to_owned(),
+        make: Box::new(|folder, _| {
+            let mut key = folder.as_os_str().to_owned();
+            key.push(".key");
+            let riddle = Setting::default().make().map_err(|error| error.to_string())?;
+            riddle.write(folder, Path::new(&key)).map_err(|error| error.to_string())
+        }),
+    };
+    vec![demo, challenge]
 }
 
 /// Opens the address in the browser; where there is none, the address stands in the terminal.

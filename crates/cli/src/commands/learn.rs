@@ -1,7 +1,7 @@
 //! `hysteron learn`.
 
 use crate::commands::fit::ModelName;
-use crate::commands::{diagnose, ladder, load};
+use crate::commands::{ladder, load};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
@@ -12,7 +12,10 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 #[derive(Args)]
-#[command(after_help = "Example:\n  hysteron learn stage --model mpi -o model.toml --page ladder.html")]
+#[command(
+    after_help = "Examples:\n  hysteron learn stage --model mpi -o model.toml --page ladder.html\n  \
+    hysteron learn stage --effect my-effect.toml -o model.toml"
+)]
 pub(crate) struct LearnArgs {
     /// Dataset folder, or one CSV
     pub data: PathBuf,
@@ -28,19 +31,23 @@ pub(crate) struct LearnArgs {
     /// Write a page that shows how the error fell
     #[arg(long, value_name = "PAGE.html")]
     pub page: Option<PathBuf>,
+    /// An effect file of your own, among the candidates; may be repeated
+    #[arg(long, value_name = "FILE.toml")]
+    pub effect: Vec<PathBuf>,
     /// Print the answer as JSON
     #[arg(long)]
     pub json: bool,
 }
 
 pub(crate) fn run(args: &LearnArgs) -> Result<Done, CliError> {
+    let own = load::effect_files(&args.effect)?;
     let dataset = load::dataset(&args.data)?;
     let options = FitOptions {
         plays: args.plays,
         ..FitOptions::new(args.model.into())
     };
     let bar = progress::bar("learning");
-    let learned = hysteron_diagnose::learn(&dataset, &options, &|what, share| {
+    let learned = hysteron_diagnose::learn_with(&dataset, &options, &own, &|what, share| {
         if bar.message() != what {
             bar.set_message(what.to_owned());
             bar.set_position(0);
@@ -114,7 +121,10 @@ fn why(learned: &Learned) -> String {
             "nothing more is missing; what is left is sensor noise and the known coarseness of the model".to_owned()
         }
         Stop::CannotTell { reasons } => {
-            let words: Vec<&str> = reasons.iter().map(|reason| diagnose::reason_in_words(reason)).collect();
+            let words: Vec<&str> = reasons
+                .iter()
+                .map(|reason| hysteron_report::reason_in_words(reason))
+                .collect();
             format!("these records cannot answer: {}", words.join("; "))
         }
         Stop::Unknown { unexplained } => {

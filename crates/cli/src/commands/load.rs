@@ -1,10 +1,11 @@
-//! Datasets and models from disk, with a progress bar and the reader's notices.
+//! Datasets and effect files from disk, with a progress bar and the reader's notices.
 
 use crate::error::CliError;
 use crate::progress;
 use hysteron_data::{Dataset, read_dataset_with_progress};
+use hysteron_identify::effects::UserEffect;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Reads a dataset; what the reader converted or ignored is said on standard error.
 pub(crate) fn dataset(path: &Path) -> Result<Dataset, CliError> {
@@ -18,4 +19,29 @@ pub(crate) fn dataset(path: &Path) -> Result<Dataset, CliError> {
         let _ = writeln!(std::io::stderr(), "note: {}: {}", notice.file, notice.text);
     }
     Ok(dataset)
+}
+
+/// The effect file that an argument names, where it is no effect of the catalogue.
+pub(crate) fn effect_file(argument: &str) -> Result<Option<UserEffect>, CliError> {
+    if !argument.ends_with(".toml") {
+        return Ok(None);
+    }
+    Ok(Some(UserEffect::read(Path::new(argument))?))
+}
+
+/// The effects of several files, each under a name of its own.
+pub(crate) fn effect_files(paths: &[PathBuf]) -> Result<Vec<UserEffect>, CliError> {
+    let mut effects: Vec<UserEffect> = Vec::new();
+    for path in paths {
+        let effect = UserEffect::read(path)?;
+        if effects.iter().any(|other| other.name() == effect.name()) {
+            return Err(CliError::Option(format!(
+                "{}: another --effect is named `{}` as well; give each a name of its own",
+                path.display(),
+                effect.name()
+            )));
+        }
+        effects.push(effect);
+    }
+    Ok(effects)
 }

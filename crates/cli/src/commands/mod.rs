@@ -1,6 +1,7 @@
 //! One file a command.
 
 pub(crate) mod add;
+pub(crate) mod board;
 pub(crate) mod campaign;
 pub(crate) mod challenge;
 pub(crate) mod compare;
@@ -9,6 +10,7 @@ pub(crate) mod demo;
 pub(crate) mod diagnose;
 pub(crate) mod excitation;
 pub(crate) mod explain;
+pub(crate) mod export;
 pub(crate) mod fit;
 pub(crate) mod import;
 pub(crate) mod lab;

@@ -59,14 +59,14 @@ pub(crate) enum StageName {
 }
 
 impl StageName {
-    fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Self::PaperRate => "paper-rate",
             Self::PaperDelay => "paper-delay",
         }
     }
 
-    fn config(self) -> StageConfig {
+    pub(crate) fn config(self) -> StageConfig {
         match self {
             Self::PaperRate => preset::paper_rate(),
             Self::PaperDelay => preset::paper_delay(),

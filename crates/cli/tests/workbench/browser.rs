@@ -1,26 +1,38 @@
 //! A real browser without a screen, what a person does in it, and what is seen.
 
+use crate::server::request;
 use fantoccini::actions::{InputSource, MOUSE_BUTTON_LEFT, MouseActions, PointerAction};
 use fantoccini::wd::Capabilities;
 use fantoccini::{Client, ClientBuilder, Locator};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
 /// The driver, ended with the test.
-struct Driver(Child);
+struct Driver {
+    child: Child,
+    port: u16,
+    /// The browser's session, closed with the driver: a driver that is killed leaves its browser behind.
+    session: Option<String>,
+}
 
 impl Drop for Driver {
     fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
+        if let Some(session) = &self.session {
+            let close = || request(self.port, "DELETE", &format!("/session/{session}"), &[], b"");
+            // A session that a test closed itself is gone, and that is well.
+            let _ = std::panic::catch_unwind(close);
+        }
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 
 /// A browser on the workbench.
 pub(crate) struct Browser {
     pub(crate) client: Client,
-    _driver: Driver,
+    driver: Driver,
     _profile: tempfile::TempDir,
 }
 
@@ -56,7 +68,11 @@ impl Browser {
             .spawn()
             .unwrap();
         let lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        let driver = Driver(child);
+        let mut driver = Driver {
+            child,
+            port: 0,
+            session: None,
+        };
         let port = lines
             .map_while(Result::ok)
             .find_map(|line| {
@@ -66,6 +82,7 @@ impl Browser {
                     .map(str::to_owned)
             })
             .unwrap();
+        driver.port = port.parse().unwrap();
         let profile = tempfile::tempdir().unwrap();
         let mut arguments = vec![
             "--headless=new".to_owned(),
@@ -90,10 +107,11 @@ impl Browser {
             .connect(&format!("http://127.0.0.1:{port}"))
             .await
             .unwrap();
+        driver.session = client.session_id().await.unwrap();
         client.goto(address).await.unwrap();
         Self {
             client,
-            _driver: driver,
+            driver,
             _profile: profile,
         }
     }
@@ -172,6 +190,28 @@ impl Browser {
                 button: MOUSE_BUTTON_LEFT,
             });
         self.client.perform_actions(mouse).await.unwrap();
+    }
+
+    /// Drops files and folders from the desktop onto an element: what WebDriver has no word for, by the browser's own protocol.
+    pub(crate) async fn drop_files(&self, css: &str, files: &[PathBuf]) {
+        self.see(css).await;
+        let middle = "const e = document.querySelector(arguments[0]); e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]";
+        let middle = self.run(middle, vec![json!(css)]).await;
+        let path = format!("/session/{}/goog/cdp/execute", self.driver.session.as_ref().unwrap());
+        for step in ["dragEnter", "dragOver", "drop"] {
+            let event = json!({"type": step, "x": middle[0], "y": middle[1], "data": {"items": [], "files": files, "dragOperationsMask": 1}});
+            let command = json!({"cmd": "Input.dispatchDragEvent", "params": event}).to_string();
+            let answer = request(self.driver.port, "POST", &path, &[], command.as_bytes());
+            assert_eq!(answer.status, 200, "{step}: {}", answer.text());
+        }
+    }
+
+    /// Types into a field.
+    pub(crate) async fn type_into(&self, css: &str, text: &str) {
+        self.see(css).await;
+        let field = self.client.find(Locator::Css(css)).await.unwrap();
+        field.clear().await.unwrap();
+        field.send_keys(text).await.unwrap();
     }
 
     pub(crate) async fn run(&self, script: &str, arguments: Vec<Value>) -> Value {

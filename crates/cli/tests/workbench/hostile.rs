@@ -165,6 +165,8 @@ fn refuse_fifty_bad_requests() {
         "api/effect?step=0&name=delay&frequency=NaN",
         "api/export/passwd?step=0",
         "api/export/next?step=0",
+        "api/export/report?step=0",
+        "api/export/report?step=8",
         "api/diagnosis?step=0",
         "api/region?step=0&record=0&from=0&to=0",
     ] {
@@ -181,6 +183,9 @@ fn refuse_fifty_bad_requests() {
         r#"{"what":"undo"}"#,
         r#"{"what":"redo"}"#,
         r#"{"what":"stop"}"#,
+        r#"{"what":"answer","effects":["delay"]}"#,
+        r#"{"what":"reveal"}"#,
+        r#"{"what":"table","ends":{"amplifier_min_v":1}}"#,
         r#"{"what":"start","name":"../x"}"#,
     ] {
         bad(
@@ -190,7 +195,7 @@ fn refuse_fifty_bad_requests() {
                 "api/do",
                 format!("{{\"revision\":{revision},\"do\":{deed}}}").as_bytes(),
             ),
-            &[400, 404, 409],
+            &[400, 404, 409, 422],
         );
     }
     assert!(count >= 50, "{count} bad requests");

@@ -5,6 +5,7 @@
     reason = "a test that cannot set up its files fails"
 )]
 
+mod bring;
 mod browser;
 mod hostile;
 mod same;

@@ -91,36 +91,12 @@ impl Server {
 
     /// A request as it stands on the wire.
     pub(crate) fn raw(&self, request: &[u8]) -> Answer {
-        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
-        // A server that refuses early closes while we still write; its answer is what counts.
-        let _ = stream.write_all(request);
-        let mut all = Vec::new();
-        let _ = stream.read_to_end(&mut all);
-        let end = all.windows(4).position(|w| w == b"\r\n\r\n").unwrap_or(all.len());
-        let head = String::from_utf8_lossy(&all[..end]).into_owned();
-        let status = head.split(' ').nth(1).and_then(|code| code.parse().ok()).unwrap_or(0);
-        Answer {
-            status,
-            head,
-            body: all.get(end + 4..).unwrap_or_default().to_vec(),
-        }
+        wire(self.port, request)
     }
 
     /// A request with the headers of an honest page, and more.
     pub(crate) fn send(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> Answer {
-        let own = format!("127.0.0.1:{}", self.port);
-        let mut head = format!(
-            "{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n",
-            body.len()
-        );
-        if !headers.iter().any(|h| h.0 == "Host") {
-            head.push_str(&format!("Host: {own}\r\n"));
-        }
-        for (name, value) in headers {
-            head.push_str(&format!("{name}: {value}\r\n"));
-        }
-        head.push_str("\r\n");
-        self.raw(&[head.as_bytes(), body].concat())
+        request(self.port, method, path, headers, body)
     }
 
     /// A request with the token.
@@ -154,6 +130,59 @@ impl Server {
         }
         state
     }
+}
+
+/// A request to a port of this machine.
+pub(crate) fn request(port: u16, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> Answer {
+    let mut head = format!(
+        "{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n",
+        body.len()
+    );
+    if !headers.iter().any(|h| h.0 == "Host") {
+        head.push_str(&format!("Host: 127.0.0.1:{port}\r\n"));
+    }
+    for (name, value) in headers {
+        head.push_str(&format!("{name}: {value}\r\n"));
+    }
+    head.push_str("\r\n");
+    wire(port, &[head.as_bytes(), body].concat())
+}
+
+fn wire(port: u16, request: &[u8]) -> Answer {
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    // A server that refuses early closes while we still write; its answer is what counts.
+    let _ = stream.write_all(request);
+    let mut all = Vec::new();
+    let mut piece = [0; 1 << 16];
+    // Until the answer is whole: not every server closes when it was asked to.
+    while !whole(&all) {
+        match stream.read(&mut piece) {
+            Ok(bytes) if bytes > 0 => all.extend(&piece[..bytes]),
+            _ => break,
+        }
+    }
+    let end = head_end(&all);
+    let head = String::from_utf8_lossy(&all[..end]).into_owned();
+    let status = head.split(' ').nth(1).and_then(|code| code.parse().ok()).unwrap_or(0);
+    Answer {
+        status,
+        head,
+        body: all.get(end + 4..).unwrap_or_default().to_vec(),
+    }
+}
+
+fn head_end(answer: &[u8]) -> usize {
+    answer.windows(4).position(|w| w == b"\r\n\r\n").unwrap_or(answer.len())
+}
+
+/// Whether an answer has as many bytes as its head says.
+fn whole(answer: &[u8]) -> bool {
+    let end = head_end(answer);
+    let head = String::from_utf8_lossy(&answer[..end]).to_ascii_lowercase();
+    let length = head
+        .lines()
+        .find_map(|line| line.strip_prefix("content-length:")?.trim().parse::<usize>().ok());
+    length.is_some_and(|length| answer.len() >= end + 4 + length)
 }
 
 impl Drop for Server {

@@ -3,6 +3,7 @@
 use crate::missing::chain::{self, Base, Effect, Shape};
 use crate::missing::regression::Gram;
 use crate::missing::traces::{Trace, Traces};
+use crate::missing::user;
 use hysteron_data::Role;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -34,11 +35,11 @@ pub(crate) struct Bench<'a> {
     /// Modelled position of each record at full rate.
     pub reference_um: Vec<Vec<f64>>,
     /// Identification records with fewer rows, for searches.
-    coarse: Vec<(usize, Trace)>,
+    pub coarse: Vec<(usize, Trace)>,
 }
 
 /// Rows of a record that a search looks at.
-const SEARCH_ROWS: usize = 300;
+pub(crate) const SEARCH_ROWS: usize = 300;
 
 /// Ridges on the shape-free base, chosen by leaving out one record at a time.
 const RIDGES: [f64; 5] = [1e-9, 1e-8, 1e-7, 1e-6, 1e-5];
@@ -94,20 +95,15 @@ impl<'a> Bench<'a> {
     /// Takes a trial's hysteresis output as what creep, heat and stops act on.
     pub(crate) fn take_reference(&mut self, trial: &Trial) {
         let columns = self.base.columns();
-        let old = std::mem::take(&mut self.reference_um);
         self.reference_um = self
             .traces
             .each
             .par_iter()
-            .enumerate()
-            .map(|(i, t)| {
-                let before = old.get(i).map(Vec::as_slice);
-                chain::simulate(&self.base, &trial.effects, t, before, &trial.coefficients, columns)
-            })
+            .map(|t| chain::simulate(&self.base, &trial.effects, t, None, &trial.coefficients, columns))
             .collect();
     }
 
-    fn reference(&self, i: usize) -> Option<&[f64]> {
+    pub(crate) fn reference(&self, i: usize) -> Option<&[f64]> {
         self.reference_um.get(i).map(Vec::as_slice)
     }
 
@@ -135,7 +131,7 @@ impl<'a> Bench<'a> {
         self.weights[record] / gram.rows.max(1) as f64
     }
 
-    fn pooled(&self, grams: &[(usize, Gram)], without: Option<usize>, n: usize) -> Gram {
+    pub(crate) fn pooled(&self, grams: &[(usize, Gram)], without: Option<usize>, n: usize) -> Gram {
         let mut sum = Gram::zeros(n);
         for (k, (record, gram)) in grams.iter().enumerate() {
             if Some(k) != without {
@@ -150,7 +146,7 @@ impl<'a> Bench<'a> {
             .iter()
             .map(|(i, t)| {
                 let matrix = chain::matrix(&self.base, effects, t, self.reference(*i));
-                (*i, Gram::new(&matrix, &target(t)))
+                (*i, Gram::new(&matrix, &target(t, effects, self.reference(*i))))
             })
             .collect()
     }
@@ -183,7 +179,7 @@ impl<'a> Bench<'a> {
             .enumerate()
             .map(|(i, t)| {
                 let matrix = chain::matrix(&self.base, effects, t, self.reference(i));
-                let target = target(t);
+                let target = target(t, effects, self.reference(i));
                 let gram = Gram::new(&matrix, &target);
                 (matrix, target, gram)
             })
@@ -242,7 +238,14 @@ impl<'a> Bench<'a> {
 
     /// As [`Self::fit`]; what acts on the position is fitted again on the position that comes out, until that stands still.
     pub(crate) fn fit_to_the_end(&self, effects: &[Effect]) -> Trial {
-        let trial = self.fit(effects, Some(2));
+        let stop = effects.iter().find_map(|e| match *e {
+            Effect::EndStop { low_um, high_um } => Some([low_um, high_um]),
+            _ => None,
+        });
+        let trial = match stop {
+            Some(within_um) => self.moving_freely(effects, within_um).fit(effects, Some(2)),
+            None => self.fit(effects, Some(2)),
+        };
         if !effects.iter().any(Effect::acts_on_position) {
             return trial;
         }
@@ -251,6 +254,79 @@ impl<'a> Bench<'a> {
             trial = self.referring_to(&trial).fit(effects, Some(2));
         }
         trial
+    }
+
+    /// This bench with what the hysteresis does where no stop holds it: fitted to the rows within a range of position.
+    fn moving_freely(&self, effects: &[Effect], within_um: [f64; 2]) -> Self {
+        let free: Vec<Effect> = effects
+            .iter()
+            .filter(|e| !matches!(e, Effect::EndStop { .. }))
+            .cloned()
+            .collect();
+        let x = self.fit_within(&self.parts_of_identify(&free), &free, within_um);
+        let mut bench = self.clone();
+        bench.reference_um = self
+            .traces
+            .each
+            .par_iter()
+            .enumerate()
+            .map(|(i, t)| chain::simulate(&self.base, &free, t, self.reference(i), &x, self.base.columns()))
+            .collect();
+        bench
+    }
+
+    /// Rows of the identification records, for [`Self::fit_within`].
+    fn parts_of_identify(&self, effects: &[Effect]) -> Vec<(usize, DMatrix<f64>, DVector<f64>)> {
+        self.coarse
+            .iter()
+            .map(|(i, t)| {
+                (
+                    *i,
+                    chain::matrix(&self.base, effects, t, self.reference(*i)),
+                    target(t, effects, self.reference(*i)),
+                )
+            })
+            .collect()
+    }
+
+    /// Coefficients from the rows whose position lies within a range.
+    fn fit_within(
+        &self,
+        parts: &[(usize, DMatrix<f64>, DVector<f64>)],
+        effects: &[Effect],
+        within_um: [f64; 2],
+    ) -> DVector<f64> {
+        let grams: Vec<(usize, Gram)> = parts
+            .iter()
+            .map(|(i, matrix, y)| {
+                let rows: Vec<usize> = (0..y.len())
+                    .filter(|&k| (within_um[0]..within_um[1]).contains(&y[k]))
+                    .collect();
+                (*i, Gram::new(&matrix.select_rows(&rows), &y.select_rows(&rows)))
+            })
+            .collect();
+        let pooled = self.pooled(&grams, None, chain::width(&self.base, effects));
+        solve_signed(&pooled, &self.base, effects)
+    }
+
+    /// The hard stop that explains most, of those given as ranges of position.
+    pub(crate) fn best_stop(&self, given: &[Effect], ranges_um: impl Iterator<Item = [f64; 2]>) -> Option<[f64; 2]> {
+        let parts = self.parts_of_identify(given);
+        let error = |range: [f64; 2]| -> f64 {
+            let x = self.fit_within(&parts, given, range);
+            parts
+                .iter()
+                .map(|(_, matrix, y)| {
+                    let mut modelled = matrix * &x;
+                    modelled.apply(|y| *y = y.clamp(range[0], range[1]));
+                    (self.noise_um.powi(2) + mean_square(&(y - modelled))).ln()
+                })
+                .sum()
+        };
+        ranges_um
+            .map(|range| (error(range), range))
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|best| best.1)
     }
 
     /// The coefficients of one effect's own columns.
@@ -285,7 +361,8 @@ impl<'a> Bench<'a> {
             .enumerate()
             .map(|(i, t)| {
                 let reference = referring.reference(i);
-                let y = chain::simulate(&self.base, &trial.effects, t, reference, &trial.coefficients, columns);
+                let mut y = chain::simulate(&self.base, &trial.effects, t, reference, &trial.coefficients, columns);
+                user::add_beyond(&trial.effects, t, reference, &mut y);
                 t.position_um.iter().zip(y).map(|(m, y)| m - y).collect()
             })
             .collect()
@@ -296,8 +373,13 @@ impl<'a> Bench<'a> {
     }
 }
 
-fn target(trace: &Trace) -> DVector<f64> {
-    DVector::from_iterator(trace.rows.len(), trace.rows.iter().map(|&k| trace.position_um[k]))
+/// What the columns have to give: the position, less what effects of the user's own make of it beyond them.
+pub(crate) fn target(trace: &Trace, effects: &[Effect], reference_um: Option<&[f64]>) -> DVector<f64> {
+    let at_rows = |series: &[f64]| DVector::from_iterator(trace.rows.len(), trace.rows.iter().map(|&k| series[k]));
+    match user::beyond(effects, trace, reference_um) {
+        Some(beyond) => at_rows(&trace.position_um) - at_rows(&beyond),
+        None => at_rows(&trace.position_um),
+    }
 }
 
 pub(crate) fn mean_square(values: &DVector<f64>) -> f64 {
@@ -306,7 +388,7 @@ pub(crate) fn mean_square(values: &DVector<f64>) -> f64 {
 
 /// Least squares with physical signs: an active set in which coefficients enter one at a time and leave when they turn
 /// negative (Lawson, Hanson 1974, chapter 23).
-fn solve_signed(gram: &Gram, base: &Base, effects: &[Effect]) -> DVector<f64> {
+pub(crate) fn solve_signed(gram: &Gram, base: &Base, effects: &[Effect]) -> DVector<f64> {
     let signed = chain::not_negative(base, effects);
     let mut keep: Vec<bool> = signed.iter().map(|s| !s).collect();
     let mut x = gram.solve(base.columns(), base.ridge, &keep);

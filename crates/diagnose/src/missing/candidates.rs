@@ -3,6 +3,7 @@
 use crate::missing::bench::Bench;
 use crate::missing::chain::{self, Effect};
 use crate::missing::traces::Traces;
+use crate::spectrum::periodogram;
 
 /// A candidate: the name under which it is reported, and its forms.
 pub(crate) struct Candidate {
@@ -114,7 +115,7 @@ fn one(
     scan: usize,
     form: impl Fn(f64) -> Effect,
 ) -> Vec<Effect> {
-    if !given.iter().any(|e| matches!(e, Effect::RateShift { .. })) {
+    if !given.iter().any(is_rate) {
         let (x, _) = least(low, high, scan, 9, |x| bench.objective(&with(given, form(x))));
         return with(given, form(x));
     }
@@ -145,25 +146,20 @@ fn one(
     chain(best.2, best.1)
 }
 
+fn is_rate(effect: &Effect) -> bool {
+    matches!(effect, Effect::RateShift { .. } | Effect::RateEnvelope { .. })
+}
+
 /// The chain with its rate dependence scaled.
 fn slower(given: &[Effect], share: f64) -> Vec<Effect> {
-    given
-        .iter()
-        .map(|effect| match *effect {
-            Effect::RateShift {
-                up,
-                down,
-                exponent,
-                narrow,
-            } => Effect::RateShift {
-                up: up * share,
-                down: down * share,
-                exponent,
-                narrow,
-            },
-            ref other => other.clone(),
-        })
-        .collect()
+    let mut chain = given.to_vec();
+    for effect in &mut chain {
+        if let Effect::RateShift { up, down, .. } | Effect::RateEnvelope { up, down, .. } = effect {
+            *up *= share;
+            *down *= share;
+        }
+    }
+    chain
 }
 
 fn delay(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
@@ -202,6 +198,15 @@ fn resonance(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
     let (mut f, mut value) = least(low, nyquist, 24, 0, |f| bench.objective(&mode(f, 0.03)));
     let mut zeta = 0.03;
     let mut span: f64 = (nyquist / low).powf(1.0 / 23.0);
+    // A light mode that rings has a valley of its own width, which the scan may step over: the residual's lines show it.
+    for line in lines(bench, given, low, nyquist) {
+        for light in [0.03, 0.006] {
+            let at = bench.objective(&mode(line, light));
+            if at < value {
+                (f, zeta, value, span) = (line, light, at, 1.02);
+            }
+        }
+    }
     for _ in 0..2 {
         let (best, at) = least(f / span, f * span, 3, 7, |f| bench.objective(&mode(f, zeta)));
         if at < value {
@@ -216,11 +221,49 @@ fn resonance(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
     vec![mode(f, zeta)]
 }
 
+/// Records whose spectra are searched for lines, and lines of each.
+const LINES: (usize, usize) = (3, 2);
+
+/// The strongest lines of what is left, in the moving records in which most is left.
+fn lines(bench: &Bench<'_>, given: &[Effect], low: f64, high: f64) -> Vec<f64> {
+    let trial = bench.fit(given, None);
+    let residuals = bench.full_residuals(&trial);
+    let mut records: Vec<(f64, usize)> = (0..residuals.len())
+        .filter(|&i| bench.traces.each[i].stroke_um > 0.0)
+        .map(|i| (trial.held_out[i] / bench.traces.each[i].stroke_um.powi(2), i))
+        .collect();
+    records.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut found = Vec::new();
+    for &(_, i) in records.iter().take(LINES.0) {
+        let trace = &bench.traces.each[i];
+        let own = &residuals[i][trace.from..];
+        let bin_hz = 1.0 / (own.len() as f64 * trace.period_s);
+        let mut power = periodogram(own);
+        for (k, p) in power.iter_mut().enumerate() {
+            let f = k as f64 * bin_hz;
+            // Displacement weighs slow errors; a mode stands out in its acceleration.
+            *p *= if (low..0.9 * high).contains(&f) { f * f } else { 0.0 };
+        }
+        for _ in 0..LINES.1 {
+            let best = (0..power.len())
+                .max_by(|&a, &b| power[a].total_cmp(&power[b]))
+                .unwrap_or(0);
+            if power.get(best).is_none_or(|p| *p <= 0.0) {
+                break;
+            }
+            found.push(best as f64 * bin_hz);
+            let wide = best / 20 + 2;
+            power[best.saturating_sub(wide)..(best + wide).min(own.len() / 2)].fill(0.0);
+        }
+    }
+    found
+}
+
 fn rate(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
     if given.iter().any(|e| {
         matches!(
             e,
-            Effect::RateShift { .. } | Effect::RateThreshold { .. } | Effect::LogGain
+            Effect::RateShift { .. } | Effect::RateEnvelope { .. } | Effect::RateThreshold { .. } | Effect::LogGain
         )
     }) {
         return Vec::new();
@@ -228,8 +271,20 @@ fn rate(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
     let peak = chain::peak_rate(&bench.traces.each).max(f64::MIN_POSITIVE);
     // From a shift of a thousandth of the span at the peak rate to the longest envelope at a rate of one in its time.
     let range = |exponent: f64| (2e-3 / peak.powf(exponent), LARGEST_ENVELOPE_S.powf(exponent));
-    let shift = |exponent: f64, narrow: f64| rate_shift(bench, given, range(exponent), exponent, narrow);
+    let shift = |exponent: f64, narrow: f64| {
+        both_branches(bench, given, range(exponent), |up, down| Effect::RateShift {
+            up,
+            down,
+            exponent,
+            narrow,
+        })
+    };
     vec![
+        both_branches(bench, given, range(1.0), |up, down| Effect::RateEnvelope {
+            up,
+            down,
+            narrow: 0.0,
+        }),
         shift(1.0, chain::NARROW),
         shift(1.0, 0.0),
         shift(0.5, 0.0),
@@ -238,34 +293,46 @@ fn rate(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
     ]
 }
 
-/// A shift of the plays' input, both branches.
-fn rate_shift(bench: &Bench<'_>, given: &[Effect], (low, high): (f64, f64), exponent: f64, narrow: f64) -> Vec<Effect> {
-    let form = |up: f64, down: f64| {
-        with(
-            given,
-            Effect::RateShift {
-                up,
-                down,
-                exponent,
-                narrow,
-            },
-        )
-    };
-    let (both, _) = least(low, high, 6, 6, |x| bench.objective(&form(x, x)));
+/// A rate dependence that may be stronger on one branch than on the other.
+fn both_branches(
+    bench: &Bench<'_>,
+    given: &[Effect],
+    (low, high): (f64, f64),
+    form: impl Fn(f64, f64) -> Effect,
+) -> Vec<Effect> {
+    let chain = |up: f64, down: f64| with(given, form(up, down));
+    let (both, _) = least(low, high, 6, 6, |x| bench.objective(&chain(x, x)));
     // One branch may be slower than the other: their ratio, then both again.
     let (ratio, _) = least(0.25, 4.0, 3, 5, |q| {
-        bench.objective(&form(both * q.sqrt(), both / q.sqrt()))
+        bench.objective(&chain(both * q.sqrt(), both / q.sqrt()))
     });
     let (both, _) = least(both / 1.5, both * 1.5, 3, 4, |x| {
-        bench.objective(&form(x * ratio.sqrt(), x / ratio.sqrt()))
+        bench.objective(&chain(x * ratio.sqrt(), x / ratio.sqrt()))
     });
-    form(both * ratio.sqrt(), both / ratio.sqrt())
+    chain(both * ratio.sqrt(), both / ratio.sqrt())
 }
 
-/// The rate dependence of a model that has one, fitted anew on a base.
+/// The rate dependence of a model that has one, fitted anew on a base: eq. 9, or a shift of the plays' input.
 pub(crate) fn rate_of_model(bench: &Bench<'_>, given: &[Effect]) -> Vec<Effect> {
     let peak = chain::peak_rate(&bench.traces.each).max(f64::MIN_POSITIVE);
-    rate_shift(bench, given, (2e-3 / peak, LARGEST_ENVELOPE_S), 1.0, chain::NARROW)
+    let range = (2e-3 / peak, LARGEST_ENVELOPE_S);
+    let narrow = chain::NARROW;
+    let envelope = both_branches(bench, given, range, |up, down| Effect::RateEnvelope {
+        up,
+        down,
+        narrow,
+    });
+    let shift = both_branches(bench, given, range, |up, down| Effect::RateShift {
+        up,
+        down,
+        exponent: 1.0,
+        narrow,
+    });
+    if bench.objective(&envelope) < bench.objective(&shift) {
+        envelope
+    } else {
+        shift
+    }
 }
 
 fn slew(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
@@ -301,14 +368,13 @@ fn saturation(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
         low: -1.0 + 2.0 * d,
         high: 2.0,
     }));
-    forms.push(one(bench, given, depth, 8, |d| Effect::EndStop {
-        low_um: low_um - span,
-        high_um: high_um - d * span,
-    }));
-    forms.push(one(bench, given, depth, 8, |d| Effect::EndStop {
-        low_um: low_um + d * span,
-        high_um: high_um + span,
-    }));
+    // A hard stop cuts the measured range itself: it lies within its last hundredths, or further in where it gives way.
+    let depths = || (0..28).map(|k| 2e-4 * 1.32f64.powi(k));
+    let from_above = bench.best_stop(given, depths().map(|d| [low_um - span, high_um - d * span]));
+    let from_below = bench.best_stop(given, depths().map(|d| [low_um + d * span, high_um + span]));
+    for [low_um, high_um] in [from_above, from_below].into_iter().flatten() {
+        forms.push(with(given, Effect::EndStop { low_um, high_um }));
+    }
     forms
 }
 

@@ -5,6 +5,8 @@
 
 use crate::missing::filters::{self, Mode};
 use crate::missing::traces::{Trace, range};
+use crate::missing::user;
+use hysteron_identify::effects::UserEffect;
 use nalgebra::{DMatrix, DVector};
 
 /// An effect with its nonlinear parameters; times in seconds, drive in scaled units.
@@ -37,6 +39,12 @@ pub(crate) enum Effect {
         exponent: f64,
         narrow: f64,
     },
+    /// The bounds of plays wider than `narrow` move away from the input by `up |v'|` and `down |v'|`, seconds (the paper's eq. 9).
+    RateEnvelope {
+        up: f64,
+        down: f64,
+        narrow: f64,
+    },
     /// The plays' thresholds grow by this share a decade of the rate.
     RateThreshold {
         growth: f64,
@@ -62,11 +70,19 @@ pub(crate) enum Effect {
     Backlash {
         width_um: f64,
     },
+    /// One of the user's own.
+    User {
+        effect: UserEffect,
+        values: Vec<f64>,
+    },
 }
 
 impl Effect {
     /// Whether its columns are made from the modelled position.
     pub(crate) fn acts_on_position(&self) -> bool {
+        if let Self::User { effect, .. } = self {
+            return effect.acts_on_position();
+        }
         matches!(
             self,
             Self::Creep { .. }
@@ -150,6 +166,11 @@ pub(crate) fn for_each_column(
     mut visit: impl FnMut(usize, &[f64]),
 ) {
     let input = drive_at_stack(effects, trace);
+    let bend = user::Bend::new(effects, trace, reference_um);
+    let mut visit = |j: usize, series: &[f64]| match &bend {
+        None => visit(j, series),
+        Some(bend) => visit(j, &bend.of_change(series)),
+    };
     let after = After::new(effects, trace.period_s);
     let n = input.len();
     let mut column = vec![1.0; n];
@@ -177,7 +198,10 @@ pub(crate) fn for_each_column(
         if base.shape == Shape::Free {
             // Middle of the play's travel, so that odd and even powers stay apart.
             for power in [2, 3] {
-                column.iter_mut().zip(&play).for_each(|(c, w)| *c = w.powi(power));
+                column
+                    .iter_mut()
+                    .zip(&play)
+                    .for_each(|(c, w)| *c = if power == 2 { w * w } else { w * w * w });
                 emit(&mut column, &mut visit);
             }
         }
@@ -191,7 +215,7 @@ pub(crate) fn for_each_column(
 }
 
 /// The commanded drive after delay and amplifier.
-fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
+pub(crate) fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
     let mut input = trace.drive.clone();
     for effect in effects {
         if let Effect::Delay { delay_s } = effect {
@@ -206,6 +230,7 @@ fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
             _ => {}
         }
     }
+    user::on_drive(effects, trace, &mut input);
     input
 }
 
@@ -245,12 +270,19 @@ impl After {
 
 /// What rate effects do to the plays.
 struct Rates {
-    shifted: Option<Vec<f64>>,
+    /// Distances by which the left and the right bound lie below and above the input.
+    bounds: Option<Vec<[f64; 2]>>,
     widening: Option<Vec<f64>>,
     narrow: f64,
 }
 
 impl Rates {
+    const STILL: Self = Self {
+        bounds: None,
+        widening: None,
+        narrow: NARROW,
+    };
+
     fn new(effects: &[Effect], input: &[f64], period_s: f64) -> Self {
         let rate = |k: usize| {
             // Central: the command is free of noise, and a backward difference would be half a sample late.
@@ -261,11 +293,7 @@ impl Rates {
                 (input[after] - input[before]) / ((after - before) as f64 * period_s)
             }
         };
-        let mut rates = Self {
-            shifted: None,
-            widening: None,
-            narrow: NARROW,
-        };
+        let mut rates = Self::STILL;
         for effect in effects {
             match *effect {
                 Effect::RateShift {
@@ -275,15 +303,20 @@ impl Rates {
                     narrow,
                 } => {
                     rates.narrow = narrow;
-                    let lagging = |k: usize| {
-                        input[k]
-                            - if rate(k) > 0.0 {
-                                up * rate(k).powf(exponent)
-                            } else {
-                                -down * (-rate(k)).powf(exponent)
-                            }
+                    let lag = |k: usize| {
+                        let rate = rate(k);
+                        if rate > 0.0 {
+                            up * rate.powf(exponent)
+                        } else {
+                            -down * (-rate).powf(exponent)
+                        }
                     };
-                    rates.shifted = Some((0..input.len()).map(lagging).collect());
+                    rates.bounds = Some((0..input.len()).map(|k| [lag(k), -lag(k)]).collect());
+                }
+                Effect::RateEnvelope { up, down, narrow } => {
+                    rates.narrow = narrow;
+                    let apart = |k: usize| [up * rate(k).abs(), down * rate(k).abs()];
+                    rates.bounds = Some((0..input.len()).map(apart).collect());
                 }
                 Effect::RateThreshold { growth } => {
                     // One span a second is where a 0.3 Hz full sine peaks: below it growth fades out linearly.
@@ -299,33 +332,44 @@ impl Rates {
     /// Output of one play, centred: half its threshold above the lower bound.
     fn play(&self, input: &[f64], threshold: f64, fraction: f64) -> Vec<f64> {
         let wide = threshold > self.narrow * 2.0;
-        let seen = match &self.shifted {
-            Some(shifted) if wide => shifted,
-            _ => input,
-        };
         let half = threshold / 2.0;
         // A drive between -1 and 1 takes a play no further out than this.
         let lowest = -1.0_f64;
         let mut w = input.first().map_or(0.0, |v| (v - fraction * threshold).max(lowest));
-        match &self.widening {
-            Some(widening) if wide => seen
+        match (&self.bounds, &self.widening) {
+            (Some(bounds), _) if wide => input
+                .iter()
+                .zip(bounds)
+                .map(|(&v, [left, right])| {
+                    w = pushed(v - left - threshold, v + right, w);
+                    w + half
+                })
+                .collect(),
+            (_, Some(widening)) if wide => input
                 .iter()
                 .zip(widening)
                 .map(|(&v, grown)| {
                     let more = half * (grown - 1.0);
-                    w = (v - threshold - more).max((v + more).min(w));
+                    w = pushed(v - threshold - more, v + more, w);
                     w + half
                 })
                 .collect(),
-            _ => seen
+            _ => input
                 .iter()
                 .map(|&v| {
-                    w = (v - threshold).max(v.min(w));
+                    w = pushed(v - threshold, v, w);
                     w + half
                 })
                 .collect(),
         }
     }
+}
+
+/// A play's output between its bounds; comparisons compile to selections where `max` and `min` must think of NaN.
+#[inline(always)]
+fn pushed(low: f64, high: f64, output: f64) -> f64 {
+    let output = if output > high { high } else { output };
+    if output < low { low } else { output }
 }
 
 /// Drive of the other axis: itself, its rate, three plays.
@@ -427,13 +471,8 @@ fn cross(trace: &Trace, push: &mut dyn FnMut(&[f64])) {
         rate[k] = (drive2[k] - drive2[k - 1]) / trace.period_s;
     }
     push(&rate);
-    let still = Rates {
-        shifted: None,
-        widening: None,
-        narrow: NARROW,
-    };
     for threshold in [0.1, 0.4, 1.0] {
-        push(&still.play(drive2, threshold, 0.0));
+        push(&Rates::STILL.play(drive2, threshold, 0.0));
     }
 }
 

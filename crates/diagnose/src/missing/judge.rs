@@ -7,6 +7,7 @@ use crate::missing::hum::Hum;
 use crate::missing::traces::Traces;
 use hysteron_data::Dataset;
 use hysteron_data::Role;
+use hysteron_identify::effects::Effect as _;
 
 /// Coarseness that a hysteresis of free shape leaves where nothing is missing, share of the stroke (0.02 to 0.08 % on Preisach
 /// densities, 0.1 % behind rates): a fall below it proves nothing.
@@ -21,8 +22,14 @@ const LEAST_GAIN: f64 = 10.0;
 /// An effect that takes less of the squared error than this beyond what the coarseness explains leaves the main thing unnamed.
 const LEAST_SHARE: f64 = 0.6;
 
+/// A drift whose share of the squared error is above this leaves no room for jumps.
+pub(crate) const DRIFT_SHARE: f64 = 0.9;
+
 /// Hum must take this share of the squared error: a fixture that vibrates near the mains has a line there too.
 const LEAST_HUM: f64 = 0.2;
+
+/// Hum of this share is enough where nothing above the noise is left.
+pub(crate) const HUM_ALONE: f64 = 0.3;
 
 /// An error of which more than this is left, percent of peak to peak, hides a medium effect (1 to 2 %) as large as a name.
 const MUCH_LEFT_PERCENT: f64 = 1.2;
@@ -45,6 +52,8 @@ pub(crate) struct Judge {
     given: usize,
     moves: Vec<bool>,
     stroke_um2: Vec<f64>,
+    /// Shortest sample period, seconds.
+    finest_s: f64,
 }
 
 /// Sum over records of the logarithm of the squared error's fall, from one trial to another.
@@ -69,6 +78,12 @@ impl Judge {
             given: start.effects.len(),
             moves: bench.traces.each.iter().map(|t| t.stroke_um > 0.0).collect(),
             stroke_um2: bench.traces.each.iter().map(|t| t.stroke_um.powi(2)).collect(),
+            finest_s: bench
+                .traces
+                .each
+                .iter()
+                .map(|t| t.period_s)
+                .fold(f64::INFINITY, f64::min),
         }
     }
 
@@ -232,23 +247,42 @@ impl Judge {
         }
     }
 
-    /// Effects whose prediction is as good as the verdict's, within what these records can tell.
-    pub(crate) fn also_possible(verdict: &str, ranking: &[RankedEffect]) -> Vec<String> {
+    /// Effects whose prediction is as good as the verdict's, within what these records can tell; all that are significant
+    /// where the hysteresis' shape is not free to take its part.
+    pub(crate) fn also_possible(&self, verdict: &str, ranking: &[RankedEffect], free: bool) -> Vec<String> {
         let Some(first) = ranking.iter().find(|r| r.effect == verdict && r.significant) else {
             return Vec::new();
         };
+        // A delay and a lag of the same length part in gain by (w tau)^2 / 2: below half a sample, not below the band's end.
+        let short = |r: &RankedEffect| {
+            r.parameters
+                .iter()
+                .all(|p| p.unit == "s" && p.value < 0.5 * self.finest_s)
+        };
+        let twins = |r: &RankedEffect| {
+            let pair = ["delay", "first-order-lag"];
+            pair.contains(&verdict) && pair.contains(&r.effect.as_str()) && short(first) && short(r)
+        };
+        let as_good = |r: &RankedEffect| {
+            (first.statistic - r.statistic).abs() < UNDECIDED
+                || r.statistic > AS_FAR * first.statistic
+                    && r.log_likelihood_gain > AS_LIKELY * first.log_likelihood_gain
+        };
         ranking
             .iter()
-            .filter(|r| r.effect != verdict && r.significant && r.level == first.level && r.effect != "mains-hum")
-            .filter(|r| {
-                (first.statistic - r.statistic).abs() < UNDECIDED
-                    || r.statistic > AS_FAR * first.statistic
-                        && r.log_likelihood_gain > AS_LIKELY * first.log_likelihood_gain
+            .filter(|r| r.effect != verdict && r.level == first.level && r.effect != "mains-hum")
+            .filter(|r| match r.level {
+                Level::Physical => r.significant && (!free || twins(r) || as_good(r)),
+                // The loops alone do not tell a bend of the drive from one of the sensor.
+                Level::Shape => r.share > EQUIVALENT_SHARE,
             })
             .map(|r| r.effect.clone())
             .collect()
     }
 }
+
+/// Share of what the family lacks from which another bend is as good an explanation of the loops.
+const EQUIVALENT_SHARE: f64 = 0.9;
 
 /// Rivals closer than this in the statistic are not told apart: one record's squared error by a factor of 1.3.
 const UNDECIDED: f64 = 0.25;
@@ -269,6 +303,7 @@ fn plausible(bench: &Bench<'_>, effect: &Effect, trial: &Trial) -> bool {
         // A stop holds at least half of what pushes against it; otherwise it is a bend.
         Effect::EndStop { .. } => last > 0.5,
         Effect::Mode { zeta, .. } => *zeta < 0.999 * super::candidates::MOST_DAMPING,
+        Effect::RateEnvelope { up, down, .. } => up.max(*down) <= super::candidates::LARGEST_ENVELOPE_S,
         Effect::RateShift { up, down, exponent, .. } => {
             let peak = super::chain::peak_rate(&bench.traces.each);
             up.max(*down) * peak.powf(*exponent) <= super::candidates::LARGEST_ENVELOPE_S * peak
@@ -356,9 +391,14 @@ pub(crate) fn parameters(effect: &Effect, coefficients: &[f64]) -> Vec<EffectPar
                 parameter("exponent", *exponent, ""),
             ]
         }
+        Effect::RateEnvelope { up, down, .. } => vec![parameter("alpha", *up, "s"), parameter("beta", *down, "s")],
         Effect::RateThreshold { growth } => vec![parameter("threshold_growth_per_decade", *growth, "")],
         Effect::EndStop { low_um, high_um } => vec![parameter("low", *low_um, "um"), parameter("high", *high_um, "um")],
         Effect::Backlash { width_um } => vec![parameter("width", *width_um, "um")],
+        Effect::User { effect, values } => {
+            let named = effect.description().parameters.iter().zip(values);
+            named.map(|(p, &value)| parameter(p.name, value, p.unit)).collect()
+        }
     }
 }
 

@@ -15,6 +15,7 @@ mod ringing;
 mod shape;
 mod structure;
 mod traces;
+mod user;
 
 use crate::diagnosis::{Before, Diagnosis, RankedEffect};
 use crate::noise;
@@ -22,7 +23,8 @@ use bench::{Bench, Trial};
 use candidates::PHYSICAL;
 use chain::{Base, Effect, Shape};
 use hysteron_data::{Dataset, Role};
-use hysteron_identify::{Family, Model, Placement, placement};
+use hysteron_identify::effects::UserEffect;
+use hysteron_identify::{Family, IdentifyError, Model, Placement, placement};
 use judge::Judge;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -39,6 +41,32 @@ const ROUNDS: usize = 2;
 /// # Cost
 /// About 400 regressions of 75 columns on a few thousand rows: seconds; linear in the samples beyond that.
 pub fn diagnose(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64, &str) + Sync)) -> Diagnosis {
+    search(dataset, model, &[], progress)
+}
+
+/// As [`diagnose`], with effects of the user's own among the candidates.
+///
+/// # Errors
+/// An effect whose equations need a column that the records lack.
+/// # Cost
+/// Besides that of [`diagnose`], some 300 regressions an effect.
+pub fn diagnose_with(
+    dataset: &Dataset,
+    model: &Model,
+    own: &[UserEffect],
+    progress: &(dyn Fn(f64, &str) + Sync),
+) -> Result<Diagnosis, IdentifyError> {
+    own.iter().try_for_each(|effect| effect.check(dataset))?;
+    Ok(search(dataset, model, own, progress))
+}
+
+/// The search, with effects of the user's own whose columns are there.
+pub(crate) fn search(
+    dataset: &Dataset,
+    model: &Model,
+    own: &[UserEffect],
+    progress: &(dyn Fn(f64, &str) + Sync),
+) -> Diagnosis {
     let floor = noise::noise_floor(dataset);
     progress(0.0, "model");
     let simulated = traces::initial_states(dataset, model);
@@ -58,9 +86,17 @@ pub fn diagnose(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64, &str) 
         thresholds: placement::thresholds(Placement::Data, PLAYS, &inputs),
         ridge: 1e-7,
     };
-    let (mut bench, mut start) = Bench::new(&traces, base, &given(model, &traces), floor.rms_um);
+    let given_effects = given(model, &traces);
+    let (mut bench, mut start) = Bench::new(&traces, base, &given_effects, floor.rms_um);
+    let shape_determined = shape::is_determined(&before, &start);
+    if !shape_determined {
+        (bench, start) = Bench::new(&traces, shape::of_family(model, &traces), &given_effects, floor.rms_um);
+    }
     if matches!(model.family, Family::Mrpi | Family::Wrpi)
-        && !start.effects.iter().any(|e| matches!(e, Effect::RateShift { .. }))
+        && !start
+            .effects
+            .iter()
+            .any(|e| matches!(e, Effect::RateShift { .. } | Effect::RateEnvelope { .. }))
     {
         // What the model has already is no missing effect: its rate dependence is fitted anew with everything.
         let given = candidates::rate_of_model(&bench, &start.effects);
@@ -82,9 +118,12 @@ pub fn diagnose(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64, &str) 
             None => (start.clone(), 0.0),
         };
         let here = bench.referring_to(&current);
-        let trials = try_all(&here, &current, &|done, name| {
+        let mut trials = try_all(&here, &current, &|done, name| {
             progress(0.05 + share * 0.9 + 0.45 * done, name)
         });
+        trials.extend(user::trials(&here, &current, own, &|name| {
+            progress(0.05 + share * 0.9 + 0.45, name)
+        }));
         let mut ranked = judge.rank(&bench, &current, &trials);
         if round == 0 {
             ranking = ranked.clone();
@@ -99,7 +138,7 @@ pub fn diagnose(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64, &str) 
         }
     }
     conclude(
-        dataset, model, &bench, &judge, start, found, ranking, rivals, before, reasons, progress,
+        model, &bench, &judge, start, found, ranking, rivals, before, reasons, progress,
     )
 }
 
@@ -138,10 +177,9 @@ fn given(model: &Model, traces: &Traces) -> Vec<Effect> {
             "slew-limit" if value("slew") > 0.0 => given.push(Effect::Slew {
                 per_s: value("slew") / traces.unit_v,
             }),
-            "rate-dependence" => given.push(Effect::RateShift {
+            "rate-dependence" => given.push(Effect::RateEnvelope {
                 up: value("alpha"),
                 down: value("beta"),
-                exponent: 1.0,
                 narrow: chain::NARROW,
             }),
             "creep" => given.push(Effect::Creep {
@@ -149,7 +187,7 @@ fn given(model: &Model, traces: &Traces) -> Vec<Effect> {
             }),
             "thermal-drift" => given.extend([Effect::Temperature, Effect::TemperatureGain]),
             "cross-coupling" => given.push(Effect::Cross),
-            _ => {}
+            _ => given.extend(user::given(effect)),
         }
     }
     given
@@ -209,7 +247,6 @@ fn before(dataset: &Dataset, simulated: &[(hysteron_identify::InitialState, Vec<
     reason = "the one place where everything that was found comes together"
 )]
 fn conclude(
-    dataset: &Dataset,
     model: &Model,
     bench: &Bench<'_>,
     judge: &Judge,
@@ -252,16 +289,29 @@ fn conclude(
         names.push("resonance".to_owned());
         ranking.insert(names.len() - 1, entry);
     }
-    let shape = shape::shape(dataset, model, bench, last);
+    let shape = shape::shape(model, bench, last);
     let physical = names.first().cloned();
     // Jumps between levels move the zero at the records' starts too.
     let by_starts = last.effects.contains(&Effect::StartOffset);
-    let jumps = by_starts && structure::jumps(bench.traces, &residuals, 0.3 * traces::start_scatter_um(bench.traces));
+    let drifts_all = ranking
+        .iter()
+        .any(|r| r.effect == "thermal-drift" && r.significant && r.share > judge::DRIFT_SHARE);
+    let jumps = by_starts
+        && !drifts_all
+        && structure::jumps(bench.traces, &residuals, 0.3 * traces::start_scatter_um(bench.traces));
     let drifts = !jumps || physical.as_deref() != Some("thermal-drift");
     if jumps {
         names.retain(|name| name != "thermal-drift");
     }
-    let enough = judge.explains_enough(last, hum.as_ref(), remains.percent) && drifts;
+    // An effect that makes the forecast worse than the model's own is none.
+    let forecasts = before
+        .validate_percent
+        .is_none_or(|percent| last.validate_percent <= percent);
+    let hum_alone = ranking
+        .first()
+        .is_some_and(|r| r.effect == "mains-hum" && r.significant && r.share > judge::HUM_ALONE)
+        && remains.percent <= remains.noise_percent;
+    let enough = (hum_alone || judge.explains_enough(last, hum.as_ref(), remains.percent)) && drifts && forecasts;
     let structured = structure::more_than_noise(bench.traces, &residuals);
     let verdict = if !reasons.is_empty() {
         "unknown".to_owned()
@@ -272,12 +322,12 @@ fn conclude(
         } else {
             "unknown".to_owned()
         }
+    } else if !before.exceeds(judge::MATTERS_PERCENT) {
+        // Whatever a free shape without the model's rate dependence would leave.
+        "none".to_owned()
     } else if remains.percent > judge::MATTERS_PERCENT && (remains.percent > 2.0 * remains.noise_percent || structured)
     {
         "unknown".to_owned()
-    } else if !before.exceeds(judge::MATTERS_PERCENT) {
-        // Whatever a family of plays without the model's rate dependence would leave.
-        "none".to_owned()
     } else if let Some(effect) = shape.ranking.first().filter(|r| r.significant) {
         effect.effect.clone()
     } else if shape.too_poor {
@@ -285,8 +335,8 @@ fn conclude(
     } else {
         "none".to_owned()
     };
-    let also_possible = Judge::also_possible(&verdict, &ranking);
     ranking.extend(shape.ranking);
+    let also_possible = judge.also_possible(&verdict, &ranking, bench.base.shape == Shape::Free);
     let mut unexplained = remains;
     unexplained.locked_to.sort_by(|a, b| b.share.total_cmp(&a.share));
     let next_record = next_record::choose(
@@ -307,6 +357,7 @@ fn conclude(
         also_possible,
         further,
         shape_too_poor: shape.too_poor,
+        shape_determined: bench.base.shape == Shape::Free,
         cannot_answer: reasons,
         noise_rms_um: bench.noise_um,
         before,
@@ -322,7 +373,8 @@ fn conclude(
 
 /// Whether a chain has an effect of this kind already.
 fn is_given(effects: &[Effect], effect: &Effect) -> bool {
-    effects
-        .iter()
-        .any(|e| std::mem::discriminant(e) == std::mem::discriminant(effect))
+    effects.iter().any(|e| match (e, effect) {
+        (Effect::User { effect: a, .. }, Effect::User { effect: b, .. }) => a == b,
+        _ => std::mem::discriminant(e) == std::mem::discriminant(effect),
+    })
 }

@@ -5,6 +5,7 @@ use crate::diagnosis::NextRecord;
 use crate::missing::bench::{Bench, Trial};
 use crate::missing::chain::{self, Effect};
 use crate::missing::traces::Trace;
+use crate::missing::user;
 use hysteron_data::Role;
 use nalgebra::DVector;
 use std::f64::consts::{PI, TAU};
@@ -196,7 +197,11 @@ fn nominal(bench: &Bench<'_>, last: &Trial) -> Vec<Rival> {
 
 fn simulate(bench: &Bench<'_>, rival: &Rival, proposal: &Proposal) -> Vec<f64> {
     let n = proposal.drive.len();
+    let Some(scales) = bench.traces.each.first().map(|t| t.scales) else {
+        return Vec::new();
+    };
     let trace = Trace {
+        scales,
         role: Role::Identify,
         period_s: proposal.period_s,
         drive: proposal.drive.clone(),
@@ -213,14 +218,16 @@ fn simulate(bench: &Bench<'_>, rival: &Rival, proposal: &Proposal) -> Vec<f64> {
     let base = bench.base.columns();
     let plain = chain::simulate(&bench.base, &rival.effects, &trace, None, &rival.coefficients, base);
     let all = chain::width(&bench.base, &rival.effects);
-    chain::simulate(
+    let mut modelled = chain::simulate(
         &bench.base,
         &rival.effects,
         &trace,
         Some(&plain),
         &rival.coefficients,
         all,
-    )
+    );
+    user::add_beyond(&rival.effects, &trace, Some(&plain), &mut modelled);
+    modelled
 }
 
 /// The two rivals that lie closest together, rms over sigma, gain and offset free.

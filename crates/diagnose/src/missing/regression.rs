@@ -14,7 +14,8 @@ pub(crate) struct Gram {
 impl Gram {
     pub(crate) fn new(columns: &DMatrix<f64>, target: &DVector<f64>) -> Self {
         Self {
-            matrix: columns.tr_mul(columns),
+            // As a product: dot products of columns do not fill the vector unit.
+            matrix: columns.transpose() * columns,
             rhs: columns.tr_mul(target),
             squares: target.norm_squared(),
             rows: target.len(),

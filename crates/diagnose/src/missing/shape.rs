@@ -1,10 +1,10 @@
 //! The second level: what is seen only against the model's own family of plays.
 
-use crate::diagnosis::{Level, RankedEffect};
+use crate::diagnosis::{Before, Level, RankedEffect};
 use crate::missing::bench::{Bench, Trial};
 use crate::missing::chain::{Base, Effect, Shape};
 use crate::missing::judge;
-use hysteron_data::Dataset;
+use crate::missing::traces::Traces;
 use hysteron_identify::{Family, Model};
 
 /// What the family of plays lacks against a free shape.
@@ -23,24 +23,42 @@ const LEAST_SHARE: f64 = 0.97;
 /// With the right effect the family comes down to the free shape; this much above it, as a ratio of errors, is a richer shape.
 const AS_GOOD: f64 = 1.5;
 
-/// Compares the model's family with the free shape, with what was found in both.
-pub(crate) fn shape(_dataset: &Dataset, model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnswer {
-    if model.family == Family::PlayPolynomial {
-        return ShapeAnswer {
-            too_poor: false,
-            ranking: Vec::new(),
-        };
-    }
-    let unit = bench.traces.unit_v;
-    let base = Base {
+/// ... unless it is below what ten plays leave at the least where nothing is missing, percent.
+const COARSE_PERCENT: f64 = 0.24;
+
+/// A free shape whose forecast is worse than the model's own by this factor is not determined by the records: sines of one
+/// amplitude leave the inside of the loops open.
+const UNDETERMINED: f64 = 2.0;
+
+/// Whether the records that are fitted determine a free shape well enough to forecast the others.
+pub(crate) fn is_determined(before: &Before, start: &Trial) -> bool {
+    before
+        .validate_percent
+        .is_none_or(|percent| start.validate_percent < UNDETERMINED * percent.max(judge::MATTERS_PERCENT))
+}
+
+/// The model's own family of plays.
+pub(crate) fn of_family(model: &Model, traces: &Traces) -> Base {
+    Base {
         shape: if model.family == Family::Pi {
             Shape::Pi
         } else {
             Shape::Mpi
         },
-        thresholds: model.thresholds.iter().map(|r| r / unit).collect(),
+        thresholds: model.thresholds.iter().map(|r| r / traces.unit_v).collect(),
         ridge: 1e-12,
-    };
+    }
+}
+
+/// Compares the model's family with the free shape, with what was found in both.
+pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnswer {
+    if model.family == Family::PlayPolynomial || bench.base.shape != Shape::Free {
+        return ShapeAnswer {
+            too_poor: false,
+            ranking: Vec::new(),
+        };
+    }
+    let base = of_family(model, bench.traces);
     let (plays, start) = Bench::new(bench.traces, base, &last.effects, bench.noise_um);
     let start = plays.fit(&start.effects, Some(1));
     let pooled = |t: &Trial| (t.identify_percent.powi(2) + t.validate_percent.powi(2)) / 2.0;
@@ -75,7 +93,7 @@ pub(crate) fn shape(_dataset: &Dataset, model: &Model, bench: &Bench<'_>, last: 
             share,
             significant: share > LEAST_SHARE
                 && above.sqrt() > TOO_POOR_PERCENT
-                && pooled(&trial) < AS_GOOD.powi(2) * pooled(last),
+                && pooled(&trial).sqrt() < (AS_GOOD * pooled(last).sqrt()).max(COARSE_PERCENT),
             level: Level::Shape,
             parameters: plays.parameters(&trial, &effects.last().into_iter().collect::<Vec<_>>()),
         };

@@ -9,9 +9,20 @@ use rayon::prelude::*;
 /// Rows of a record that a fit looks at: neighbouring samples tell the same, and 1200 rows resolve 60 periods of 20.
 const ROWS: usize = 1200;
 
+/// Volts and micrometres of what the traces have scaled.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Scales {
+    pub middle_v: f64,
+    pub unit_v: f64,
+    pub middle2_v: f64,
+    pub unit2_v: f64,
+    pub middle_um: f64,
+}
+
 /// One record.
 #[derive(Debug, Clone)]
 pub(crate) struct Trace {
+    pub scales: Scales,
     pub role: Role,
     pub period_s: f64,
     /// Drive scaled to -1 .. 1 over all records; a periodic record has one period of run-in before it.
@@ -54,25 +65,24 @@ impl Traces {
         let (middle_v, unit_v) = ((high + low) / 2.0, ((high - low) / 2.0).max(f64::MIN_POSITIVE));
         let other: Vec<&Vec<f64>> = dataset.records.iter().filter_map(|r| r.voltage2_v.as_ref()).collect();
         let (low2, high2) = range(other.iter().copied().flatten());
-        let scale2 = |v: f64| (v - (high2 + low2) / 2.0) / ((high2 - low2) / 2.0).max(f64::MIN_POSITIVE);
+        let (middle2_v, unit2_v) = ((high2 + low2) / 2.0, ((high2 - low2) / 2.0).max(f64::MIN_POSITIVE));
         let moves = high2 > low2;
         let middle_um = {
             let (low, high) = range(dataset.records.iter().flat_map(|r| &r.position_um));
             (low + high) / 2.0
         };
+        let scales = Scales {
+            middle_v,
+            unit_v,
+            middle2_v,
+            unit2_v,
+            middle_um,
+        };
         let mut each: Vec<Trace> = dataset
             .records
             .par_iter()
             .zip(states)
-            .map(|(record, &state)| {
-                Trace::new(
-                    record,
-                    state,
-                    |v| (v - middle_v) / unit_v,
-                    moves.then_some(&scale2),
-                    middle_um,
-                )
-            })
+            .map(|(record, &state)| Trace::new(record, state, scales, moves))
             .collect();
         start_offsets(&mut each, noise_um);
         let stroke_um = each.iter().map(|t| t.stroke_um).fold(0.0, f64::max);
@@ -98,13 +108,9 @@ pub(crate) fn initial_states(dataset: &Dataset, model: &Model) -> Vec<(InitialSt
 }
 
 impl Trace {
-    fn new(
-        record: &Record,
-        state: InitialState,
-        scale: impl Fn(f64) -> f64,
-        scale2: Option<&(impl Fn(f64) -> f64 + ?Sized)>,
-        middle_um: f64,
-    ) -> Self {
+    fn new(record: &Record, state: InitialState, scales: Scales, other_moves: bool) -> Self {
+        let scale = |v: f64| (v - scales.middle_v) / scales.unit_v;
+        let scale2 = |v: f64| (v - scales.middle2_v) / scales.unit2_v;
         let (run_in, fraction) = match state {
             // At the low end of all drives every play has come down with the drive, whatever was before: nothing to run in,
             // and what is slow (creep) starts from rest.
@@ -118,9 +124,13 @@ impl Trace {
         let first = run_in + if fraction > 0.0 { settled(&drive) } else { 0 };
         let stride = (drive.len() - first).div_ceil(ROWS).max(1);
         Self {
+            scales,
             role: record.role,
             period_s: record.period_s,
-            position_um: extend(&record.position_um).into_iter().map(|y| y - middle_um).collect(),
+            position_um: extend(&record.position_um)
+                .into_iter()
+                .map(|y| y - scales.middle_um)
+                .collect(),
             from: run_in,
             rows: (first..drive.len()).step_by(stride).collect(),
             fraction,
@@ -129,8 +139,8 @@ impl Trace {
                 .temperature_c
                 .as_ref()
                 .map(|t| extend(&running_mean(t, (t.len() / 8).max(1)))),
-            drive2: match (&record.voltage2_v, scale2) {
-                (Some(v), Some(scale2)) => Some(extend(v).into_iter().map(scale2).collect()),
+            drive2: match &record.voltage2_v {
+                Some(v) if other_moves => Some(extend(v).into_iter().map(scale2).collect()),
                 _ => None,
             },
             stroke_um: if moves { peak_to_peak(&record.position_um) } else { 0.0 },

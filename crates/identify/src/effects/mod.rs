@@ -9,6 +9,7 @@ mod backlash;
 mod creep;
 mod cross_coupling;
 mod delay;
+mod expression;
 mod first_order_lag;
 mod hysteresis_shape;
 mod mains_hum;
@@ -19,6 +20,12 @@ mod saturation;
 mod sensor_nonlinearity;
 mod slew_limit;
 mod thermal_drift;
+mod user;
+mod user_file;
+mod user_states;
+
+pub use user::UserEffect;
+pub use user_file::{EffectFile, FileParameter, FileState};
 
 use crate::family::Family;
 use hysteron_core::envelope::Envelope;
@@ -284,6 +291,13 @@ pub trait Effect: Send + Sync {
         let _ = (values, signals, position_um, change);
     }
 
+    /// [`Effect::on_change`] of many changes of one position.
+    fn on_changes(&self, values: &[f64], signals: &Signals<'_>, position_um: &[f64], columns: &mut [Vec<f64>]) {
+        for column in columns {
+            self.on_change(values, signals, position_um, column);
+        }
+    }
+
     /// How many numbers belong to one record alone.
     fn own_numbers(&self) -> usize {
         0
@@ -304,6 +318,16 @@ pub trait Effect: Send + Sync {
     /// Whether it remembers longer than records usually last, so that a response that repeats need not be the steady one.
     fn outlasts_records(&self) -> bool {
         false
+    }
+
+    /// Whether it needs more of a record than its voltage: heat, another axis.
+    fn needs_columns(&self) -> bool {
+        self.description().place == Place::Coupling
+    }
+
+    /// The effect file that it comes from; none for those of the catalogue.
+    fn file(&self) -> Option<&EffectFile> {
+        None
     }
 
     /// The hysteresis family it stands for, where it is a matter of the family; `place` puts so many thresholds where the

@@ -66,8 +66,9 @@ impl Excitation for Steps {
 
     fn description(&self) -> String {
         format!(
-            "{} levels of {} s, transitions of {} s",
+            "{} level{} of {} s, transitions of {} s",
             self.levels_v.len(),
+            if self.levels_v.len() == 1 { "" } else { "s" },
             self.hold_s,
             self.transition_s
         )

@@ -1,6 +1,6 @@
 //! Several series over one axis: tracking errors over frequency, frequency responses.
 
-use crate::axis::{Axis, extent};
+use crate::axis::{Axis, Tick, extent};
 use crate::canvas::{LegendEntry, Picture, Size, Swatch};
 use crate::decimate::min_max;
 use crate::palette::Ink;
@@ -55,11 +55,19 @@ pub fn lines(series: &[Line], axes: &Lines<'_>, size: Size) -> Option<Picture> {
     let left_px = left_px(&[&y]);
     let columns = inner_px(size.width, left_px);
     let ticks = (columns / 80.0) as usize;
-    let x = if axes.x_log {
+    let mut x = if axes.x_log {
         Axis::logarithmic(x_low, x_high, ticks)
     } else {
         Axis::linear(x_low, x_high, ticks)
     };
+    // Counted things, such as steps, have nothing between them.
+    if !axes.x_log && x_high - x_low <= ticks as f64 && points().all(|point| point.0.fract() == 0.0) {
+        let tick = |at: i64| Tick {
+            at: at as f64,
+            label: at.to_string(),
+        };
+        x.ticks = (x_low as i64..=x_high as i64).map(tick).collect();
+    }
     let mut marks = Vec::new();
     let mut legend = Vec::new();
     for line in series {

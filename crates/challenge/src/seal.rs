@@ -12,7 +12,7 @@ const NONCE_BYTES: usize = 24;
 const KEY_BYTES: usize = 32;
 
 /// Seals a text with a key of the system's randomness; returns the key's file and the sealed file.
-pub(super) fn seal(text: &str) -> (String, String) {
+pub(crate) fn seal(text: &str) -> (String, String) {
     let (mut key, mut nonce) = ([0_u8; KEY_BYTES], [0_u8; NONCE_BYTES]);
     let mut rng = rand::rng();
     rng.fill_bytes(&mut key);
@@ -31,7 +31,7 @@ pub(super) fn seal(text: &str) -> (String, String) {
 ///
 /// # Errors
 /// In words: no key, another challenge's key, a file that is damaged.
-pub(super) fn open(sealed: &str, key: &str) -> Result<String, String> {
+pub(crate) fn open(sealed: &str, key: &str) -> Result<String, String> {
     let key: [u8; KEY_BYTES] = from_hex(key.trim())
         .ok_or_else(|| format!("no key: a key is one line of {} hexadecimal digits", 2 * KEY_BYTES))?;
     let mut lines = sealed.lines();

@@ -1,6 +1,6 @@
 //! An answer, and whether it is right.
 
-use super::truth::SealedTruth;
+use crate::truth::SealedTruth;
 use hysteron_plant::challenge::{CATALOGUE, Effect};
 use serde::{Deserialize, Serialize};
 
@@ -10,24 +10,34 @@ const OTHERS: [&str; 3] = ["none", "unknown", "hysteresis-shape"];
 /// Effects that short records may fail to tell apart, the phase of both being `-w tau`: a set of them is a whole answer.
 const ALIKE: [&str; 2] = ["delay", "first-order-lag"];
 
+/// Every name that an answer may have.
+pub fn names() -> Vec<&'static str> {
+    CATALOGUE.into_iter().map(Effect::name).chain(OTHERS).collect()
+}
+
 /// What was answered.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Answer {
+pub struct Answer {
+    /// Effects that are hidden, or one word: `none`, `unknown`, `hysteresis-shape`.
     pub effects: Vec<String>,
 }
 
 /// How an answer stands to the truth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Outcome {
+pub enum Outcome {
+    /// All that is hidden is named, and nothing else.
     Right,
+    /// Some of it, or more than it.
     PartlyRight,
+    /// Nothing of it.
     Wrong,
 }
 
 impl Outcome {
-    pub(super) fn name(self) -> &'static str {
+    /// In words.
+    pub fn name(self) -> &'static str {
         match self {
             Self::Right => "right",
             Self::PartlyRight => "partly right",
@@ -38,8 +48,10 @@ impl Outcome {
 
 /// An outcome with its reason.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct Judgement {
+pub struct Judgement {
+    /// The outcome.
     pub outcome: Outcome,
+    /// Its reason, one sentence.
     pub because: String,
 }
 
@@ -48,15 +60,16 @@ impl Answer {
     ///
     /// # Errors
     /// In words, which name is not allowed, and what is.
-    pub(super) fn new(names: &[String]) -> Result<Self, String> {
-        let effects = || CATALOGUE.into_iter().map(Effect::name);
+    pub fn new(names: &[String]) -> Result<Self, String> {
         if names.is_empty() {
             return Err("an answer has at least one name".to_owned());
         }
         for (i, name) in names.iter().enumerate() {
-            if !effects().chain(OTHERS).any(|known| known == name) {
-                let all: Vec<&str> = effects().chain(OTHERS).collect();
-                return Err(format!("answer `{name}` is not known; allowed are {}", all.join(", ")));
+            if !self::names().contains(&name.as_str()) {
+                return Err(format!(
+                    "answer `{name}` is not known; allowed are {}",
+                    self::names().join(", ")
+                ));
             }
             if OTHERS.contains(&name.as_str()) && names.len() > 1 {
                 return Err(format!("`{name}` stands alone; several names are several effects"));
@@ -72,7 +85,7 @@ impl Answer {
 }
 
 /// Judges an answer: right when it names all that is hidden and nothing else, but for a neighbour that cannot be told from it.
-pub(super) fn judge(answer: &Answer, truth: &SealedTruth) -> Judgement {
+pub fn judge(answer: &Answer, truth: &SealedTruth) -> Judgement {
     let verdict = |outcome, because: String| Judgement { outcome, because };
     let hidden: Vec<&str> = truth
         .hidden
@@ -126,8 +139,8 @@ pub(super) fn judge(answer: &Answer, truth: &SealedTruth) -> Judgement {
 
 #[cfg(test)]
 mod tests {
-    use super::super::truth::SealedEffect;
     use super::*;
+    use crate::truth::SealedEffect;
 
     fn truth(hidden: &[(&str, bool)], accepted: &[&str]) -> SealedTruth {
         let effect = |&(name, outside): &(&str, bool)| SealedEffect {

@@ -7,42 +7,53 @@ use std::fmt::Write;
 /// The truth of a challenge, complete enough to make it again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct SealedTruth {
+pub struct SealedTruth {
     /// What is hidden; nothing in a control.
     pub hidden: Vec<SealedEffect>,
     /// Verdicts of one name that are right.
     pub accepted: Vec<String>,
     /// Family of the stage's hysteresis.
     pub family: String,
+    /// Stroke, micrometres.
     pub stroke_um: f64,
+    /// Full voltage, volts.
     pub full_v: f64,
+    /// Noise of the sensor, micrometres rms.
     pub noise_rms_um: f64,
+    /// The seed that it was made from.
     pub seed: u64,
 }
 
 /// A hidden effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct SealedEffect {
+pub struct SealedEffect {
+    /// Its name.
     pub effect: String,
+    /// Whether the catalogue lacks it.
     pub outside_of_the_catalogue: bool,
+    /// `weak`, `medium`, `strong`.
     pub strength: String,
     /// What it alone adds to the error, rms in percent of peak to peak.
     pub contribution_percent: f64,
+    /// What it is in numbers.
     pub parameters: Vec<SealedParameter>,
 }
 
 /// A number of a hidden effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct SealedParameter {
+pub struct SealedParameter {
+    /// Its name.
     pub name: String,
+    /// Its value.
     pub value: f64,
+    /// Its unit.
     pub unit: String,
 }
 
 impl SealedTruth {
-    pub(super) fn new(truth: &Truth, seed: u64) -> Self {
+    pub(crate) fn new(truth: &Truth, seed: u64) -> Self {
         let effect = |hidden: &hysteron_plant::challenge::Hidden| SealedEffect {
             effect: hidden.effect.name().to_owned(),
             outside_of_the_catalogue: hidden.effect.is_outside(),
@@ -70,7 +81,7 @@ impl SealedTruth {
     }
 
     /// The truth for people.
-    pub(super) fn text(&self) -> String {
+    pub fn text(&self) -> String {
         let mut text = String::new();
         if self.hidden.is_empty() {
             text.push_str("hidden: nothing\n");

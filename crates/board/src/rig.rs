@@ -1,0 +1,109 @@
+//! What stands at the converters: the simulated stage, or whatever a test puts there.
+
+use hysteron_core::bank::PlayState;
+use hysteron_core::model::Hysteresis;
+use hysteron_firmware::controller::Controller;
+use hysteron_firmware::wire::{Frame, Input, Mode, Order};
+use hysteron_plant::Stage;
+
+/// The other side of the converters.
+pub trait Bench {
+    /// Rate that it is sampled at, hertz.
+    fn sample_rate_hz(&self) -> f64;
+    /// The code and the order of a tick.
+    fn input(&mut self, number: u32) -> Input;
+    /// Takes the code that answers it.
+    fn output(&mut self, frame: &Frame);
+}
+
+/// What the board and the stage did, one value a tick.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Recording {
+    /// What the board reported.
+    pub frames: Vec<Frame>,
+    /// The ADC code that each frame answers.
+    pub adc: Vec<u16>,
+    /// Sensor reading of that code, micrometres.
+    pub position_um: Vec<f64>,
+    /// Actuator voltage of each frame's DAC code, volts.
+    pub voltage_v: Vec<f64>,
+}
+
+impl Recording {
+    /// Root mean square of reference less position over the later half of the ticks on which the loop ran, micrometres; 0 where it
+    /// never ran.
+    pub fn rms_um(&self) -> f64 {
+        let errors: Vec<f64> = self
+            .frames
+            .iter()
+            .zip(&self.position_um)
+            .filter(|(frame, _)| frame.mode() == Mode::Running)
+            .map(|(frame, y)| f64::from(frame.reference_um) - y)
+            .collect();
+        let late = &errors[errors.len() / 2..];
+        (late.iter().map(|e| e * e).sum::<f64>() / late.len().max(1) as f64).sqrt()
+    }
+}
+
+/// The simulated stage: as in a simulation of the loop, the first reading that a command can move is the next one.
+#[derive(Debug, Clone)]
+pub struct Rig {
+    /// The stage.
+    pub stage: Stage,
+    /// What it and the board did.
+    pub recording: Recording,
+    stop_at: u32,
+}
+
+impl Rig {
+    /// Starts at the first tick, stops after so many seconds.
+    pub fn new(stage: Stage, seconds: f64) -> Self {
+        let stop_at = (seconds / stage.config().sample_period_s).round() as u32;
+        Self {
+            stage,
+            recording: Recording::default(),
+            stop_at,
+        }
+    }
+}
+
+impl Bench for Rig {
+    fn sample_rate_hz(&self) -> f64 {
+        1.0 / self.stage.config().sample_period_s
+    }
+
+    fn input(&mut self, number: u32) -> Input {
+        let sample = self.stage.sample();
+        let adc = u16::try_from(sample.position_code).unwrap_or(u16::MAX);
+        self.recording.adc.push(adc);
+        self.recording.position_um.push(sample.position_um);
+        let order = match number {
+            0 => Order::Start,
+            n if n == self.stop_at => Order::Stop,
+            _ => Order::None,
+        };
+        Input { adc, order }
+    }
+
+    fn output(&mut self, frame: &Frame) {
+        let config = self.stage.config();
+        let dac = config.dac.unwrap_or(hysteron_plant::Converter::BIPOLAR_16_BIT);
+        let voltage_v = dac.v_from_code(u32::from(frame.dac)) * config.amplifier.gain;
+        self.stage.step_code(u32::from(frame.dac));
+        self.recording.voltage_v.push(voltage_v);
+        self.recording.frames.push(*frame);
+    }
+}
+
+/// The same application against the same bench, in this process. A tick that is held up makes the next one late, as on the board.
+pub fn drive_here<I, const N: usize>(controller: &mut Controller<I, N>, ticks: u32, bench: &mut dyn Bench)
+where
+    I: Hysteresis<f32, State = PlayState<f32, N>> + Copy,
+{
+    let mut late = false;
+    for number in 0..ticks {
+        let input = bench.input(number);
+        bench.output(&controller.step(input, late));
+        late = matches!(input.order, Order::Stall(edges) if edges > 0);
+    }
+}

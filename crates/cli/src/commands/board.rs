@@ -1,0 +1,210 @@
+//! `hysteron board run`.
+
+use crate::commands::simulate::StageName;
+use crate::error::CliError;
+use crate::exit::Done;
+use crate::{output, progress};
+use clap::{Args, Subcommand, ValueEnum};
+use hysteron_board::{Machine, Outcome, Recording, Request};
+use hysteron_data::{Dataset, Known, Overwrite, Record, Role, write_dataset};
+use hysteron_plant::Stage;
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::time::Duration;
+
+#[derive(Args)]
+pub(crate) struct BoardArgs {
+    #[command(subcommand)]
+    pub command: BoardCommand,
+}
+
+#[derive(Subcommand)]
+pub(crate) enum BoardCommand {
+    /// Run the image in QEMU against the simulated stage and record it as a dataset
+    Run(RunArgs),
+}
+
+#[derive(Args)]
+#[command(after_help = "Example:\n  \
+    cargo xtask firmware build\n  \
+    hysteron board run --emulator mps2-an386 --stage paper-rate --hz 100 -o board\n  \
+    hysteron compare board model.toml")]
+pub(crate) struct RunArgs {
+    /// The machine
+    #[arg(long, value_enum)]
+    pub emulator: EmulatorName,
+    /// The simulated stage at its converters
+    #[arg(long, value_enum)]
+    pub stage: StageName,
+    /// The firmware's image; by default firmware/target/images/EMULATOR
+    #[arg(long, value_name = "FILE")]
+    pub image: Option<PathBuf>,
+    /// Frequency of the reference, a sine, hertz
+    #[arg(long, default_value_t = 100.0)]
+    pub hz: f64,
+    /// Lowest reference, micrometres; by default the table's lowest and 2 % of its range
+    #[arg(long, requires = "high", allow_negative_numbers = true)]
+    pub low: Option<f64>,
+    /// Highest reference, micrometres; by default the table's highest less 2 % of its range
+    #[arg(long, requires = "low", allow_negative_numbers = true)]
+    pub high: Option<f64>,
+    /// Length of the run, seconds of virtual time
+    #[arg(long, default_value_t = 0.2)]
+    pub seconds: f64,
+    /// Open loop: the inverse alone
+    #[arg(long)]
+    pub no_feedback: bool,
+    /// Feedback alone
+    #[arg(long)]
+    pub no_feedforward: bool,
+    /// Seed of the stage's noise
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// End the emulator after this many seconds of wall time
+    #[arg(long, default_value_t = 600)]
+    pub patience: u64,
+    /// Folder of the new dataset
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: PathBuf,
+    /// Replace a dataset that is there already
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum EmulatorName {
+    /// Cortex-M4F
+    #[value(name = "mps2-an386")]
+    Mps2An386,
+    /// Cortex-M7
+    #[value(name = "mps2-an500")]
+    Mps2An500,
+}
+
+impl EmulatorName {
+    fn machine(self) -> Machine {
+        match self {
+            Self::Mps2An386 => Machine::Mps2An386,
+            Self::Mps2An500 => Machine::Mps2An500,
+        }
+    }
+}
+
+pub(crate) fn run(args: &BoardArgs) -> Result<Done, CliError> {
+    match &args.command {
+        BoardCommand::Run(args) => run_emulator(args),
+    }
+}
+
+fn run_emulator(args: &RunArgs) -> Result<Done, CliError> {
+    let machine = args.emulator.machine();
+    let request = Request {
+        frequency_hz: args.hz,
+        range_um: args.low.zip(args.high).map(|(low, high)| [low, high]),
+        seconds: args.seconds,
+        feedforward: !args.no_feedforward,
+        feedback: !args.no_feedback,
+    };
+    let image = args
+        .image
+        .clone()
+        .unwrap_or_else(|| PathBuf::from("firmware/target/images").join(machine.name()));
+    let stage = Stage::new(&args.stage.config(), args.seed)?;
+    let bar = progress::bar("running");
+    let patience = Duration::from_secs(args.patience);
+    let (outcome, recording) = hysteron_board::run(machine, &image, stage, &request, patience, &mut |share| {
+        progress::advance(&bar, share);
+    })?;
+    bar.finish_and_clear();
+    let overwrite = if args.overwrite {
+        Overwrite::Allow
+    } else {
+        Overwrite::Refuse
+    };
+    let text = report(args, &outcome, &recording);
+    write_dataset(&dataset(args, &outcome, recording), &args.output, overwrite)?;
+    output::print(&text)?;
+    Ok(Done::Answered)
+}
+
+fn hex(hash: &[u8; 32]) -> String {
+    hash.iter().fold(String::new(), |mut text, byte| {
+        // Writing to a String does not fail.
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
+
+fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
+    let config = args.stage.config();
+    Dataset {
+        name: format!("{}-board", args.stage.name()),
+        description: format!(
+            "{} in QEMU at the simulated stage {}, seed {}, table {}",
+            args.emulator.machine().name(),
+            args.stage.name(),
+            args.seed,
+            hex(&outcome.hello.hash)
+        ),
+        known: Known {
+            delay_s: Some(config.known_delay_s()),
+            sensor_noise_um: None,
+            voltage_min_v: Some(config.amplifier.min_v),
+            voltage_max_v: Some(config.amplifier.max_v),
+        },
+        records: vec![Record {
+            file: "run.csv".to_owned(),
+            role: Role::Validate,
+            excitation: format!(
+                "reference sine {} Hz, {} to {} um",
+                args.hz, outcome.setup.low_um, outcome.setup.high_um
+            ),
+            start_s: 0.0,
+            period_s: config.sample_period_s,
+            reference_um: Some(
+                recording
+                    .frames
+                    .iter()
+                    .map(|frame| f64::from(frame.reference_um))
+                    .collect(),
+            ),
+            voltage_v: recording.voltage_v,
+            position_um: recording.position_um,
+            temperature_c: None,
+            voltage2_v: None,
+        }],
+        notices: Vec::new(),
+    }
+}
+
+/// Instructions in one period of the timer's 25 MHz at `-icount shift=3`: 40 ns of 8 ns each.
+const INSTRUCTIONS_A_COUNT: u64 = 5;
+
+fn report(args: &RunArgs, outcome: &Outcome, recording: &Recording) -> String {
+    let timing = &outcome.summary;
+    let ticks = recording.frames.len();
+    let rms_um = recording.rms_um();
+    let fault = recording
+        .frames
+        .iter()
+        .find_map(|frame| Some((frame.number, frame.fault()?)));
+    let fault = fault.map_or_else(String::new, |(tick, fault)| {
+        format!("fault at tick {tick}: {fault:?}\n")
+    });
+    let instructions = |counts: u64| counts * INSTRUCTIONS_A_COUNT;
+    format!(
+        "{ticks} ticks, {} overruns, {} edges lost, latency {} to {} instructions, tick {} to {}, mean {:.0} (to {INSTRUCTIONS_A_COUNT})\n\
+         {fault}later half of the run: sensor off the reference by {rms_um:.4} um rms, {:.2} % of peak to peak\n\
+         table {}\nwritten to {}\n",
+        timing.overruns,
+        timing.lost,
+        instructions(timing.latency_min.into()),
+        instructions(timing.latency_max.into()),
+        instructions(timing.tick_min.into()),
+        instructions(timing.tick_max.into()),
+        instructions(timing.tick_sum) as f64 / ticks.max(1) as f64,
+        100.0 * rms_um / f64::from(outcome.setup.high_um - outcome.setup.low_um),
+        hex(&outcome.hello.hash),
+        args.output.display(),
+    )
+}

@@ -1,0 +1,316 @@
+//! `hysteron export`.
+
+use crate::commands::simulate::StageName;
+use crate::error::CliError;
+use crate::exit::Done;
+use crate::output;
+use clap::{Args, Parser};
+use hysteron_identify::{Direction, Model};
+use hysteron_plant::{Amplifier, Converter, Sensor, StageConfig};
+use hysteron_table::gains::{Design, LoopData, design};
+use hysteron_table::{FORMAT, Family, Table, TableError};
+use std::fmt::Write;
+use std::path::PathBuf;
+
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  hysteron fit stage --model mrpi --direction inverse -o inverse.toml\n  \
+    hysteron export inverse.toml -o firmware/tables/mine.toml --mode 8000 --damping 0.02 --latency-us 30\n  \
+    hysteron export inverse.toml -o firmware/tables/paper-rate-mrpi.toml --stage paper-rate\n\n\
+    The integral gain is designed for a phase margin of 60 degrees at the latency and a gain margin of 2 at the first mode,\n\
+    and is 0 where neither is given. Converters and amplifier are by default those of the paper's bench."
+)]
+pub(crate) struct ExportArgs {
+    /// A direct inverse (`hysteron fit --direction inverse`), without effects
+    #[arg(value_name = "MODEL")]
+    pub model: PathBuf,
+    /// A built-in stage: converters, amplifier, latency and first mode are its own
+    #[arg(long, value_enum, conflicts_with_all = ["mode", "damping", "latency_us", "amplifier", "dac", "adc", "rate"])]
+    pub stage: Option<StageName>,
+    /// Rate of the control loop, hertz
+    #[arg(long, value_name = "HZ", default_value_t = 50e3)]
+    pub rate: f64,
+    /// Lowest reference, micrometres; by default the lowest position the model was fitted on
+    #[arg(long, value_name = "UM", allow_negative_numbers = true)]
+    pub input_min: Option<f64>,
+    /// Highest reference, micrometres; by default the highest position the model was fitted on
+    #[arg(long, value_name = "UM", allow_negative_numbers = true)]
+    pub input_max: Option<f64>,
+    /// Lowest and highest volts that the stack may be given
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
+    pub amplifier: Option<[f64; 2]>,
+    /// Volts at the stack of the DAC's lowest code and of full scale (one step above its highest)
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
+    pub dac: Option<[f64; 2]>,
+    /// Micrometres of the ADC's lowest code and of full scale (one step above its highest)
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
+    pub adc: Option<[f64; 2]>,
+    /// First mode of the stage, hertz
+    #[arg(long, value_name = "HZ", requires = "damping")]
+    pub mode: Option<f64>,
+    /// Its damping ratio
+    #[arg(long, value_name = "RATIO", requires = "mode")]
+    pub damping: Option<f64>,
+    /// Latency from command to reading without the half sample of hold, microseconds
+    #[arg(long, value_name = "US")]
+    pub latency_us: Option<f64>,
+    /// Proportional gain, volts per micrometre
+    #[arg(long, default_value_t = 0.0)]
+    pub proportional: f64,
+    /// Integral gain, volts per micrometre and second; by default the designed one
+    #[arg(long)]
+    pub integral: Option<f64>,
+    /// Feedback is whole up to this frequency of the reference and none from twice it, hertz
+    #[arg(long, default_value_t = 400.0)]
+    pub feedback_up_to: f64,
+    /// The table
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+}
+
+fn range(text: &str) -> Result<[f64; 2], String> {
+    let number = |part: &str| part.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+    match text.split_once(',').map(|(low, high)| (number(low), number(high))) {
+        Some((Some(low), Some(high))) if low < high => Ok([low, high]),
+        _ => Err("give two ascending numbers with a comma, such as 0,200".to_owned()),
+    }
+}
+
+pub(crate) fn run(args: &ExportArgs) -> Result<Done, CliError> {
+    let model = Model::read(&args.model)?;
+    let refused = |source| CliError::Table {
+        path: args.model.clone(),
+        source,
+    };
+    let (table, designed) = table(&model, args, &refused)?;
+    let text = table.to_toml().map_err(refused)?;
+    std::fs::write(&args.output, &text).map_err(|source| CliError::Write {
+        path: args.output.clone(),
+        source,
+    })?;
+    output::print(&said(&table, designed.as_ref(), args))?;
+    Ok(Done::Answered)
+}
+
+/// The command as the workbench gives it.
+#[derive(Parser)]
+struct Words {
+    #[command(flatten)]
+    args: ExportArgs,
+}
+
+/// The table of a direct inverse as the command writes it with these options.
+pub(crate) fn text(model: &Model, options: &[String]) -> Result<String, CliError> {
+    let fixed = ["export", "the direct inverse", "--output", "table.toml"].map(str::to_owned);
+    let Words { args } = Words::try_parse_from(fixed.iter().chain(options))
+        .map_err(|error| CliError::Option(error.render().to_string()))?;
+    let refused = |source| CliError::Table {
+        path: args.model.clone(),
+        source,
+    };
+    let (table, _) = table(model, &args, &refused)?;
+    table.to_toml().map_err(refused)
+}
+
+fn said(table: &Table, designed: Option<&Design>, args: &ExportArgs) -> String {
+    let mut text = format!(
+        "{} with {} plays, {:.4} to {:.4} um\n",
+        table.family.name(),
+        table.thresholds_um.len(),
+        table.input_min_um,
+        table.input_max_um
+    );
+    // Writing to a String does not fail.
+    let _ = match designed {
+        Some(design) => writeln!(
+            text,
+            "integral gain {:.0} V/(um s): crossover {:.0} Hz, phase margin {:.0} degrees, gain margin {:.1}",
+            design.integral_v_per_um_s, design.crossover_hz, design.phase_margin_deg, design.gain_margin
+        ),
+        None if args.integral.is_none() => writeln!(
+            text,
+            "feedback off: no gain is safe without the loop's data; give --latency-us, and --mode and --damping unless the stage is rigid"
+        ),
+        None => Ok(()),
+    };
+    let _ = writeln!(text, "written to {}", args.output.display());
+    text
+}
+
+/// Converters and amplifier, in volts at the stack and micrometres.
+struct Ends {
+    amplifier_v: [f64; 2],
+    dac_v: [f64; 2],
+    adc_um: [f64; 2],
+}
+
+impl Ends {
+    fn of(stage: Option<&StageConfig>, args: &ExportArgs) -> Self {
+        let (amplifier, sensor) = stage.map_or_else(
+            || (Amplifier::default(), Sensor::default()),
+            |stage| (stage.amplifier.clone(), stage.sensor.clone()),
+        );
+        let dac = stage.and_then(|stage| stage.dac).unwrap_or(Converter::BIPOLAR_16_BIT);
+        let adc = sensor.adc.unwrap_or(Converter::BIPOLAR_16_BIT);
+        let scaled = |converter: Converter, factor: f64| [converter.min_v * factor, converter.max_v * factor];
+        Self {
+            amplifier_v: args.amplifier.unwrap_or([amplifier.min_v, amplifier.max_v]),
+            dac_v: args.dac.unwrap_or(scaled(dac, amplifier.gain)),
+            adc_um: args.adc.unwrap_or(scaled(adc, sensor.um_per_v)),
+        }
+    }
+}
+
+/// Position of the highest of 65536 codes.
+fn top([low, full_scale]: [f64; 2]) -> f64 {
+    full_scale - (full_scale - low) / 65_536.0
+}
+
+/// The latency beside the half sample of hold, seconds, and the first mode's frequency, hertz, and damping, where it is known.
+type KnownLoop = (f64, Option<[f64; 2]>);
+
+/// What the loop's gain depends on, where it is known.
+fn loop_data(stage: Option<&StageConfig>, args: &ExportArgs) -> Result<Option<KnownLoop>, CliError> {
+    if let Some(stage) = stage {
+        let filter_s = stage
+            .sensor
+            .bandwidth_hz
+            .map_or(0.0, |bandwidth_hz| 1.0 / (std::f64::consts::TAU * bandwidth_hz));
+        let latency_s = stage.controller_delay_s + stage.delay_s + stage.amplifier.lag_s + filter_s;
+        // The lowest: modes of presets are in order.
+        let mode = stage.modes.first().map(|mode| [mode.frequency_hz, mode.damping]);
+        return Ok(Some((latency_s, mode)));
+    }
+    let positive = |name: &str, value: f64, most: f64| {
+        if value > 0.0 && value <= most {
+            Ok(value)
+        } else {
+            Err(CliError::Option(format!(
+                "--{name} {value} must lie above 0, up to {most}"
+            )))
+        }
+    };
+    let mode = match (args.mode, args.damping) {
+        (Some(frequency_hz), Some(damping)) => {
+            Some([positive("mode", frequency_hz, 1e6)?, positive("damping", damping, 1.0)?])
+        }
+        _ => None,
+    };
+    match args.latency_us {
+        Some(0.0) => Ok(Some((0.0, mode))),
+        Some(latency_us) => Ok(Some((positive("latency-us", latency_us, 1e5)? * 1e-6, mode))),
+        None if mode.is_some() => Err(CliError::Option(
+            "--mode needs --latency-us, too: the phase margin is bought with it".to_owned(),
+        )),
+        None => Ok(None),
+    }
+}
+
+fn table(
+    model: &Model,
+    args: &ExportArgs,
+    refused: &dyn Fn(TableError) -> CliError,
+) -> Result<(Table, Option<Design>), CliError> {
+    let refuse = |what: &str| Err(CliError::Option(format!("{}: {what}", args.model.display())));
+    if model.direction != Direction::Inverse {
+        return refuse("runs forward; the board needs a direct inverse: fit with --direction inverse");
+    }
+    if !model.effects.is_empty() {
+        return refuse("has effects, which the board does not compensate yet; export a model without");
+    }
+    let stage = args.stage.map(StageName::config);
+    let ends = Ends::of(stage.as_ref(), args);
+    let (dac_top_v, adc_top_um) = (top(ends.dac_v), top(ends.adc_um));
+    let output_min_v = ends.amplifier_v[0].max(ends.dac_v[0]);
+    let output_max_v = ends.amplifier_v[1].min(dac_top_v);
+    let rate_hz = stage.as_ref().map_or(args.rate, |stage| 1.0 / stage.sample_period_s);
+    let mut table = Table {
+        format: FORMAT.to_owned(),
+        sample_rate_hz: rate_hz,
+        input_min_um: args.input_min.unwrap_or(model.input_min),
+        input_max_um: args.input_max.unwrap_or(model.input_max),
+        output_min_v,
+        output_max_v,
+        safe_v: 0.0_f64.clamp(output_min_v, output_max_v.max(output_min_v)),
+        // The whole range in 1 ms: with 200 V, five times the slope of a 26 V sine at 500 Hz (pi x 500 Hz x 26 V).
+        slew_v_per_s: (output_max_v - output_min_v) * 1e3,
+        // The whole range in 20 ms: many periods of every mode above 200 Hz, which it then does not excite.
+        ramp_v_per_s: (output_max_v - output_min_v) * 50.0,
+        proportional_v_per_um: args.proportional,
+        integral_v_per_um_s: args.integral.unwrap_or(0.0),
+        feedback_up_to_hz: args.feedback_up_to,
+        dac_min_v: ends.dac_v[0],
+        dac_top_v,
+        adc_min_um: ends.adc_um[0],
+        adc_top_um,
+        ..inverse(model)
+    };
+    // Before its slopes are used; K_i is no part of them.
+    let [smallest, _] = table.sweep().map_err(refused)?.slopes_v_per_um;
+    let data = loop_data(stage.as_ref(), args)?;
+    let designed = match (data, args.integral) {
+        (Some((latency_s, mode)), None) => Some(design(&LoopData {
+            gain_um_per_v: 1.0 / smallest,
+            latency_s: latency_s + 0.5 / rate_hz,
+            mode,
+        })),
+        _ => None,
+    };
+    if let Some(design) = &designed {
+        table.integral_v_per_um_s = design.integral_v_per_um_s;
+    }
+    Ok((table, designed))
+}
+
+/// A table that has the model's inverse and nothing else.
+fn inverse(model: &Model) -> Table {
+    let parameters = model.parameters();
+    let number = |name: &str| {
+        let found = parameters.iter().find(|parameter| parameter.name == name);
+        found.map_or(0.0, |parameter| parameter.value)
+    };
+    let list = |name: &str| -> Vec<f64> {
+        let of_name = parameters
+            .iter()
+            .filter(|parameter| parameter.name.split('[').next() == Some(name) && parameter.name.contains('['));
+        of_name.map(|parameter| parameter.value).collect()
+    };
+    Table {
+        format: String::new(),
+        family: match model.family {
+            hysteron_identify::Family::Pi => Family::Pi,
+            hysteron_identify::Family::Mpi => Family::Mpi,
+            hysteron_identify::Family::Wrpi => Family::Wrpi,
+            hysteron_identify::Family::Mrpi => Family::Mrpi,
+            hysteron_identify::Family::PlayPolynomial => Family::PlayPolynomial,
+        },
+        sample_rate_hz: 0.0,
+        input_min_um: 0.0,
+        input_max_um: 0.0,
+        output_min_v: 0.0,
+        output_max_v: 0.0,
+        safe_v: 0.0,
+        slew_v_per_s: 0.0,
+        ramp_v_per_s: 0.0,
+        proportional_v_per_um: 0.0,
+        integral_v_per_um_s: 0.0,
+        feedback_up_to_hz: 0.0,
+        dac_min_v: 0.0,
+        dac_top_v: 0.0,
+        adc_min_um: 0.0,
+        adc_top_um: 0.0,
+        alpha_s: number("alpha"),
+        beta_s: number("beta"),
+        offset_v: number("offset"),
+        linear_v_per_um: number("linear"),
+        quadratic_v_per_um2: number("quadratic"),
+        cubic_v_per_um3: number("cubic"),
+        quartic_v_per_um4: number("power4"),
+        quintic_v_per_um5: number("power5"),
+        thresholds_um: model.thresholds.clone(),
+        weights_v_per_um: list("weight"),
+        rate_weights_v_s_per_um2: list("rate_weight"),
+        weights_quadratic_v_per_um2: list("weight_quadratic"),
+        weights_cubic_v_per_um3: list("weight_cubic"),
+    }
+}

@@ -1,0 +1,224 @@
+//! `export` and `board` as a user meets them.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot run its subject fails")]
+
+use assert_cmd::Command;
+use hysteron_core::bank::PlayState;
+use hysteron_core::model::Hysteresis;
+use hysteron_data::read_dataset;
+use hysteron_table::{Family, Table};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn hysteron(args: &[&str]) -> std::process::Output {
+    Command::cargo_bin("hysteron").unwrap().args(args).output().unwrap()
+}
+
+fn answered(args: &[&str]) -> String {
+    let output = hysteron(args);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{args:?}: {said}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// What a refused command says on standard error.
+fn refused(args: &[&str]) -> String {
+    let output = hysteron(args);
+    assert_eq!(output.status.code(), Some(2), "{args:?}");
+    // The error is wrapped to the terminal's width.
+    let text = String::from_utf8(output.stderr).unwrap();
+    text.replace(['│', '×'], " ")
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// The records that the tables of `firmware/tables` are made from: three rates, or slow ones.
+fn records(folder: &Path, slow: bool) -> String {
+    let data = folder.join(if slow { "slow" } else { "sines" }).display().to_string();
+    let mut args = vec!["simulate", "--stage", "paper-rate", "-o", &data];
+    let excitations: &[&str] = if slow {
+        &["sine:hz=10,periods=5", "decaying-triangle:high_v=26,centre_v=13"]
+    } else {
+        &[
+            "sine:hz=10,periods=5",
+            "sine:hz=100,periods=50",
+            "sine:hz=500,periods=250",
+        ]
+    };
+    args.extend(excitations.iter().flat_map(|excitation| ["--excitation", excitation]));
+    answered(&args);
+    data
+}
+
+/// Outputs of a table's inverse along a full-range sine of 500 Hz, volts.
+fn outputs_v(table: &Table) -> Vec<f32> {
+    let (bank, inverse) = table.inverse::<10>(false).unwrap();
+    let mut state = PlayState::remanent(&bank, 0.0, 0.0);
+    let (low, high) = (table.input_min_um, table.input_max_um);
+    (0..1000)
+        .map(|k| {
+            let phase = std::f64::consts::TAU * f64::from(k) / 100.0;
+            inverse.step(&mut state, (low + (high - low) * 0.5 * (1.0 - phase.cos())) as f32)
+        })
+        .collect()
+}
+
+/// Every family becomes a table, and the tables of the repository are what the commands write: to 1 mV, a sixth of the DAC's step,
+/// since the records' sines are those of the machine's library.
+#[test]
+fn regress_tables_are_what_the_commands_write() {
+    let folder = tempfile::tempdir().unwrap();
+    let (sines, slow) = (records(folder.path(), false), records(folder.path(), true));
+    for family in [Family::Mpi, Family::Wrpi, Family::Mrpi, Family::PlayPolynomial] {
+        let place = |what: &str| {
+            folder
+                .path()
+                .join(format!("{what}-{}", family.name()))
+                .display()
+                .to_string()
+        };
+        let (model, table) = (place("model"), place("table"));
+        let data = if matches!(family, Family::Mpi | Family::PlayPolynomial) {
+            &slow
+        } else {
+            &sines
+        };
+        let thresholds = if family == Family::Mrpi { "data" } else { "eq16" };
+        let fit = [
+            "fit",
+            data,
+            "--model",
+            family.name(),
+            "--direction",
+            "inverse",
+            "--thresholds",
+            thresholds,
+        ];
+        answered(&[&fit[..], &["-o", &model]].concat());
+        let range = ["--input-min", "0.1", "--input-max", "2.3"];
+        let said = answered(&[&["export", &model, "--stage", "paper-rate", "-o", &table], &range[..]].concat());
+        assert!(said.contains("gain margin 2.0"), "{said}");
+        let written = Table::parse(&fs::read_to_string(&table).unwrap()).unwrap();
+        assert_eq!((written.family, written.thresholds_um.len()), (family, 10));
+        let kept = root().join(format!("firmware/tables/paper-rate-{}.toml", family.name()));
+        let kept = Table::parse(&fs::read_to_string(kept).unwrap()).unwrap();
+        let pairs = outputs_v(&written).into_iter().zip(outputs_v(&kept));
+        for (k, (written, kept)) in pairs.enumerate() {
+            assert!(
+                (written - kept).abs() < 1e-3,
+                "{} at {k}: {written} {kept}",
+                family.name()
+            );
+        }
+    }
+}
+
+/// What an export refuses names the field or option, and the value.
+#[test]
+fn refuse_bad_exports() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = records(folder.path(), true);
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (forward, inverse, table) = (path("forward"), path("inverse"), path("table"));
+    answered(&["fit", &data, "--model", "mpi", "-o", &forward]);
+    answered(&[
+        "fit",
+        &data,
+        "--model",
+        "mpi",
+        "--direction",
+        "inverse",
+        "--thresholds",
+        "eq16",
+        "-o",
+        &inverse,
+    ]);
+    let narrow = ["--input-min", "0.1", "--input-max", "2.3"];
+    let export = |more: &[&str]| refused(&[&["export", &inverse, "-o", &table], more].concat());
+    let narrowed = |more: &[&str]| export(&[&narrow, more].concat());
+    for (said, wanted) in [
+        (
+            refused(&["export", &forward, "-o", &table]),
+            "runs forward; the board needs a direct inverse",
+        ),
+        (
+            narrowed(&["--amplifier", "200,0"]),
+            "give two ascending numbers with a comma",
+        ),
+        (
+            narrowed(&["--mode", "8000", "--damping", "0.02"]),
+            "--mode needs --latency-us",
+        ),
+        (narrowed(&["--latency-us=-3"]), "--latency-us -3 must lie above 0"),
+        (narrowed(&["--integral=-1"]), "integral gain = -1 must lie in"),
+        (narrowed(&["--amplifier", "0,10"]), "input_min_um, input_max_um = "),
+        (
+            export(&["--input-min", "2", "--input-max", "1"]),
+            "input_max_um = 1: must exceed input_min_um = 2",
+        ),
+    ] {
+        assert!(said.contains(wanted), "`{said}` should say `{wanted}`");
+    }
+    assert!(!Path::new(&table).exists(), "nothing is written");
+    // Without data of the loop no gain is safe.
+    assert!(answered(&[&["export", &inverse, "-o", &table], &narrow[..]].concat()).contains("feedback off"));
+    assert_eq!(
+        Table::parse(&fs::read_to_string(&table).unwrap())
+            .unwrap()
+            .integral_v_per_um_s,
+        0.0
+    );
+}
+
+/// What the board saw is a dataset: the latency that its builder knows is in it, and `compare` takes it.
+#[test]
+fn val_board_run_records_what_compare_takes() {
+    let image = root().join("firmware/target/images/mps2-an386");
+    let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
+    if !image.is_file() || emulator.is_err() {
+        assert!(
+            std::env::var_os("HYSTERON_EMULATOR").is_none(),
+            "no image or no emulator"
+        );
+        eprintln!("skipped: no image or no qemu-system-arm; run `cargo xtask test`");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (data, board, model) = (records(folder.path(), false), path("board"), path("model"));
+    let image = image.display().to_string();
+    let run = [
+        "board",
+        "run",
+        "--emulator",
+        "mps2-an386",
+        "--stage",
+        "paper-rate",
+        "--seconds",
+        "0.05",
+        "--image",
+        &image,
+        "-o",
+        &board,
+    ];
+    // 0.05 s, and 1100 ticks to fall to the safe level.
+    let said = answered(&run);
+    assert!(said.starts_with("3600 ticks, 0 overruns, 0 edges lost"), "{said}");
+    let dataset = read_dataset(Path::new(&board)).unwrap();
+    let text = fs::read_to_string(root().join("firmware/tables/paper-rate-mrpi.toml")).unwrap();
+    let hash: String = hysteron_table::hash(&text)
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect();
+    assert!(dataset.description.ends_with(&hash), "{}", dataset.description);
+    assert!((dataset.known.delay_s.unwrap() - 10e-6).abs() < 1e-12);
+    assert_eq!(dataset.records[0].reference_um.as_ref().unwrap().len(), 3600);
+    answered(&["fit", &data, "--model", "mrpi", "-o", &model]);
+    answered(&["compare", &board, &model]);
+    assert!(refused(&run).contains("already"), "a recording is not replaced unasked");
+}

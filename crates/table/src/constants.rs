@@ -1,0 +1,134 @@
+//! A table as Rust constants in `f32`.
+
+use crate::{Family, Table, TableError, hash};
+use std::fmt::Write;
+
+/// What builds the inverse of each family from the constants.
+const MPI: &str = "
+pub type Inverse = hysteron_core::mpi::Mpi<f32, PLAYS>;
+pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
+    Inverse::new(bank()?, coefficients())
+}
+";
+const WRPI: &str = "
+pub type Inverse = hysteron_core::wrpi::Wrpi<f32, PLAYS>;
+pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
+    Inverse::new(bank()?, coefficients(), RATE_WEIGHTS_V_S_PER_UM2)
+}
+";
+const MRPI: &str = "
+pub type Inverse = hysteron_core::mrpi::Mrpi<f32, PLAYS>;
+pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
+    let envelope = hysteron_core::envelope::Envelope { alpha_s: ALPHA_S, beta_s: BETA_S };
+    Inverse::new(bank()?, coefficients(), envelope)
+}
+";
+const PLAY_POLYNOMIAL: &str = "
+pub type Inverse = hysteron_core::play_polynomial::PlayPolynomial<f32, PLAYS>;
+pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
+    let input_function =
+        [LINEAR_V_PER_UM, QUADRATIC_V_PER_UM2, CUBIC_V_PER_UM3, QUARTIC_V_PER_UM4, QUINTIC_V_PER_UM5];
+    let coefficients = hysteron_core::play_polynomial::PolynomialCoefficients {
+        offset: OFFSET_V,
+        input_function,
+        linear: WEIGHTS_V_PER_UM,
+        quadratic: WEIGHTS_QUADRATIC_V_PER_UM2,
+        cubic: WEIGHTS_CUBIC_V_PER_UM3,
+    };
+    Inverse::new(bank()?, coefficients)
+}
+";
+const COEFFICIENTS: &str = "
+fn coefficients() -> hysteron_core::mpi::MpiCoefficients<f32, PLAYS> {
+    hysteron_core::mpi::MpiCoefficients {
+        offset: OFFSET_V,
+        cubic: CUBIC_V_PER_UM3,
+        linear: LINEAR_V_PER_UM,
+        weights: WEIGHTS_V_PER_UM,
+    }
+}
+";
+const BANK: &str = "
+pub fn bank() -> Result<hysteron_core::bank::PlayBank<f32, PLAYS>, hysteron_core::error::ParamError> {
+    let thresholds = hysteron_core::thresholds::Thresholds::new(THRESHOLDS_UM)?;
+    hysteron_core::bank::PlayBank::new(thresholds, INPUT_MIN_UM, INPUT_MAX_UM, SAMPLE_RATE_HZ)
+}
+";
+
+impl Table {
+    /// The constants that the firmware includes: one `pub const` a field, the functions that build the inverse from them, and the
+    /// hash of `text`, the table's file.
+    ///
+    /// Values are written by their shortest decimal that gives the same `f32`.
+    ///
+    /// # Errors
+    /// As [`Table::check`].
+    pub fn constants(&self, text: &str) -> Result<String, TableError> {
+        let sweep = self.sweep()?;
+        let slopes = sweep.slopes_v_per_um.map(|slope| slope as f32);
+        let mut source = String::new();
+        let scalars = [
+            ("SAMPLE_RATE_HZ", self.sample_rate_hz),
+            ("INPUT_MIN_UM", self.input_min_um),
+            ("INPUT_MAX_UM", self.input_max_um),
+            ("OUTPUT_MIN_V", self.output_min_v),
+            ("OUTPUT_MAX_V", self.output_max_v),
+            ("SAFE_V", self.safe_v),
+            ("SLEW_V_PER_S", self.slew_v_per_s),
+            ("RAMP_V_PER_S", self.ramp_v_per_s),
+            ("PROPORTIONAL_V_PER_UM", self.proportional_v_per_um),
+            ("INTEGRAL_V_PER_UM_S", self.integral_v_per_um_s),
+            ("FEEDBACK_UP_TO_HZ", self.feedback_up_to_hz),
+            ("DAC_MIN_V", self.dac_min_v),
+            ("DAC_TOP_V", self.dac_top_v),
+            ("ADC_MIN_UM", self.adc_min_um),
+            ("ADC_TOP_UM", self.adc_top_um),
+            ("OFFSET_V", self.offset_v),
+            ("LINEAR_V_PER_UM", self.linear_v_per_um),
+            ("CUBIC_V_PER_UM3", self.cubic_v_per_um3),
+        ];
+        // Writing to a String does not fail.
+        let mut scalar = |name: &str, value: f64| {
+            let _ = writeln!(source, "pub const {name}: f32 = {:?};", value as f32);
+        };
+        for (name, value) in scalars {
+            scalar(name, value);
+        }
+        if self.family == Family::Mrpi {
+            scalar("ALPHA_S", self.alpha_s);
+            scalar("BETA_S", self.beta_s);
+        }
+        if self.family == Family::PlayPolynomial {
+            scalar("QUADRATIC_V_PER_UM2", self.quadratic_v_per_um2);
+            scalar("QUARTIC_V_PER_UM4", self.quartic_v_per_um4);
+            scalar("QUINTIC_V_PER_UM5", self.quintic_v_per_um5);
+        }
+        let _ = writeln!(source, "pub const SLOPES_V_PER_UM: [f32; 2] = {slopes:?};");
+        let _ = writeln!(source, "pub const SPAN_V: f32 = {:?};", sweep.span_v as f32);
+        let _ = writeln!(source, "pub const PLAYS: usize = {};", self.thresholds_um.len());
+        let lists = [
+            ("THRESHOLDS_UM", &self.thresholds_um),
+            ("WEIGHTS_V_PER_UM", &self.weights_v_per_um),
+            ("RATE_WEIGHTS_V_S_PER_UM2", &self.rate_weights_v_s_per_um2),
+            ("WEIGHTS_QUADRATIC_V_PER_UM2", &self.weights_quadratic_v_per_um2),
+            ("WEIGHTS_CUBIC_V_PER_UM3", &self.weights_cubic_v_per_um3),
+        ];
+        for (name, values) in lists.into_iter().filter(|(_, values)| !values.is_empty()) {
+            let values: Vec<String> = values.iter().map(|&v| format!("{:?}", v as f32)).collect();
+            let _ = writeln!(source, "pub const {name}: [f32; PLAYS] = [{}];", values.join(", "));
+        }
+        let _ = writeln!(source, "pub const HASH: [u8; 32] = {:?};", hash(text));
+        source += BANK;
+        source += match self.family {
+            Family::PlayPolynomial => "",
+            _ => COEFFICIENTS,
+        };
+        source += match self.family {
+            Family::Pi | Family::Mpi => MPI,
+            Family::Wrpi => WRPI,
+            Family::Mrpi => MRPI,
+            Family::PlayPolynomial => PLAY_POLYNOMIAL,
+        };
+        Ok(source)
+    }
+}

@@ -1,0 +1,180 @@
+//! The parameter table that is compiled into the firmware: its file, its checks, its constants.
+//!
+//! `hysteron export` writes it, the firmware's build script reads it; both check it here and nowhere else.
+#![forbid(unsafe_code)]
+
+mod check;
+mod constants;
+pub mod gains;
+mod inverse;
+
+pub use check::Sweep;
+pub use inverse::Inverse;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+/// First line of meaning in a table file; another value is another layout.
+pub const FORMAT: &str = "hysteron-table 1";
+
+/// Most plays that a table may have: about 550 instructions a tick on a Cortex-M4F, a fifth of the 2500 that 20 us are at 125 MHz.
+pub const MOST_PLAYS: usize = 32;
+
+/// A compensator for one axis: a direct inverse (eq. 13), the PI gains (eq. 14), limits and converters.
+///
+/// # Units
+/// In the names. Converter limits are given where they act: volts at the actuator, micrometres at the platform.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Table {
+    /// [`FORMAT`].
+    pub format: String,
+    /// The family of the inverse.
+    pub family: Family,
+    /// Rate of the control loop, hertz.
+    pub sample_rate_hz: f64,
+    /// Lowest reference.
+    pub input_min_um: f64,
+    /// Highest reference.
+    pub input_max_um: f64,
+    /// Lowest command that the amplifier may be given.
+    pub output_min_v: f64,
+    /// Highest command that the amplifier may be given.
+    pub output_max_v: f64,
+    /// Where the command starts, ends, and goes when something is wrong.
+    pub safe_v: f64,
+    /// Fastest change of the command.
+    pub slew_v_per_s: f64,
+    /// Change of the command on its way from and to the safe level.
+    pub ramp_v_per_s: f64,
+    /// K_p of eq. 14.
+    pub proportional_v_per_um: f64,
+    /// K_i of eq. 14.
+    pub integral_v_per_um_s: f64,
+    /// Feedback is whole up to this frequency of the reference and none from twice it.
+    pub feedback_up_to_hz: f64,
+    /// Actuator voltage of DAC code 0.
+    pub dac_min_v: f64,
+    /// Actuator voltage of DAC code 65535.
+    pub dac_top_v: f64,
+    /// Position of ADC code 0.
+    pub adc_min_um: f64,
+    /// Position of ADC code 65535.
+    pub adc_top_um: f64,
+    /// Alpha of eq. 9; MRPI only.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub alpha_s: f64,
+    /// Beta of eq. 9; MRPI only.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub beta_s: f64,
+    /// Output at input 0 and plays at 0.
+    pub offset_v: f64,
+    /// Coefficient of the input.
+    pub linear_v_per_um: f64,
+    /// Coefficient of the input's square; play-polynomial only.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub quadratic_v_per_um2: f64,
+    /// Coefficient of the input's cube; all but PI.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub cubic_v_per_um3: f64,
+    /// Coefficient of the input's fourth power; play-polynomial only.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub quartic_v_per_um4: f64,
+    /// Coefficient of the input's fifth power; play-polynomial only.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub quintic_v_per_um5: f64,
+    /// Thresholds of the plays, ascending.
+    pub thresholds_um: Vec<f64>,
+    /// Weights of the plays.
+    pub weights_v_per_um: Vec<f64>,
+    /// Weights of the plays times the rate; WRPI only.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rate_weights_v_s_per_um2: Vec<f64>,
+    /// Weights of the plays' squares; play-polynomial only.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub weights_quadratic_v_per_um2: Vec<f64>,
+    /// Weights of the plays' cubes; play-polynomial only.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub weights_cubic_v_per_um3: Vec<f64>,
+}
+
+/// The families of the core, by their names in files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Family {
+    /// Eq. 5.
+    Pi,
+    /// Eq. 6.
+    Mpi,
+    /// Rate-dependent weights.
+    Wrpi,
+    /// Eq. 10.
+    Mrpi,
+    /// A cubic of each play's output.
+    PlayPolynomial,
+}
+
+impl Family {
+    /// The name used in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pi => "pi",
+            Self::Mpi => "mpi",
+            Self::Wrpi => "wrpi",
+            Self::Mrpi => "mrpi",
+            Self::PlayPolynomial => "play-polynomial",
+        }
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the form that serde calls")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+/// Why a table is refused.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum TableError {
+    /// Not TOML, or a field is missing, unknown or of another type.
+    #[error("{0}")]
+    Syntax(String),
+    /// A field whose value cannot be used.
+    #[error("{field} = {value}: {reason}")]
+    Field {
+        /// The field, with the element's number from 1.
+        field: String,
+        /// Its value.
+        value: String,
+        /// What is allowed, and what to do.
+        reason: String,
+    },
+    /// The core refuses the values in `f32`.
+    #[error("the core refuses the table in f32: {0}")]
+    Core(#[from] hysteron_core::error::ParamError),
+}
+
+impl Table {
+    /// Reads and checks a table.
+    ///
+    /// # Errors
+    /// As [`Table::check`]; text that is no such table.
+    pub fn parse(text: &str) -> Result<Self, TableError> {
+        let table: Self = toml::from_str(text).map_err(|error| TableError::Syntax(error.to_string()))?;
+        table.check()?;
+        Ok(table)
+    }
+
+    /// The table as a file.
+    ///
+    /// # Errors
+    /// As [`Table::check`].
+    pub fn to_toml(&self) -> Result<String, TableError> {
+        self.check()?;
+        toml::to_string(self).map_err(|error| TableError::Syntax(error.to_string()))
+    }
+}
+
+/// The hash that stands in the image and in every recording: SHA-256 of the file's bytes.
+pub fn hash(text: &str) -> [u8; 32] {
+    Sha256::digest(text.as_bytes()).into()
+}

@@ -1,0 +1,36 @@
+//! What a controller does not change while it runs: the numbers of one table.
+
+use crate::monitor::Scales;
+use hysteron_core::bank::PlayBank;
+use hysteron_core::codes::Converter;
+use hysteron_core::limiter::Limiter;
+use hysteron_core::pi_controller::PiController;
+
+/// Inverse, feedback, limits and converters of one axis; N plays.
+///
+/// On the chip these are the constants of the table that was compiled in, [`crate::table::parameters`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameters<I, const N: usize> {
+    /// Plays of the inverse, with the range of the reference.
+    pub bank: PlayBank<f32, N>,
+    /// The direct inverse.
+    pub inverse: I,
+    /// PI gains.
+    pub feedback: PiController<f32>,
+    /// Range and slew of the command.
+    pub limiter: Limiter<f32>,
+    /// Range of the command, and the slew of its way from and to the safe level.
+    pub ramp: Limiter<f32>,
+    /// What the monitor's limits are made of.
+    pub scales: Scales,
+    /// Codes of the command, volts at the actuator.
+    pub dac: Converter<f32>,
+    /// Codes of the position, micrometres: the converter's volts are the sensor's micrometres here.
+    pub adc: Converter<f32>,
+    /// Rate of the loop, hertz.
+    pub sample_rate_hz: f32,
+    /// Feedback is whole up to this frequency of the reference and none from twice it, hertz.
+    pub feedback_up_to_hz: f32,
+    /// Where the command starts and ends, volts.
+    pub safe_v: f32,
+}

@@ -1,0 +1,209 @@
+//! The control application on QEMU's `mps2-an386` (Cortex-M4F) and `mps2-an500` (M7), which have the same memory map and timers: CMSDK
+//! timer 0 as sample clock, the converters by semihosting FIFOs.
+#![no_std]
+#![no_main]
+
+mod semihosting;
+mod timer;
+mod watchdog;
+
+use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
+use core::sync::atomic::{AtomicBool, Ordering};
+use cortex_m_rt::{entry, exception};
+use hysteron_core::codes::DacCode;
+use hysteron_firmware::controller::Controller;
+use hysteron_firmware::monitor::{Fault, WATCHDOG_SAMPLES};
+use hysteron_firmware::wire::{Frame, Hello, INPUT_BYTES, Input, Order, SETUP_BYTES, Setup, Summary};
+use hysteron_firmware::{Board, table, tick};
+use semihosting::File;
+
+/// Converters that are a process on the host. Virtual time stands still while it is waited for.
+struct Emulated {
+    from_host: File,
+    to_host: File,
+    order: Order,
+    late: bool,
+    /// Timer counts at the end of reading and at the start of writing: between them lies the tick.
+    read_at: u32,
+    written_at: u32,
+}
+
+impl Board for Emulated {
+    #[inline(always)]
+    fn read(&mut self) -> Input {
+        let mut bytes = [0; INPUT_BYTES];
+        self.from_host.read(&mut bytes);
+        let input = Input::from_bytes(bytes);
+        self.order = input.order;
+        self.read_at = timer::elapsed();
+        input
+    }
+
+    #[inline(always)]
+    fn late(&self) -> bool {
+        self.late
+    }
+
+    #[inline(always)]
+    fn write(&mut self, _: DacCode, frame: &Frame) {
+        self.written_at = timer::elapsed();
+        self.to_host.write(&frame.to_bytes());
+    }
+}
+
+/// What the interrupt owns once the timer runs.
+struct Loop {
+    board: Emulated,
+    controller: Controller<table::Inverse, { table::PLAYS }>,
+    setup: Setup,
+    /// Ticks done.
+    done: u32,
+    /// The second counter at the last edge.
+    edge: u32,
+    summary: Summary,
+}
+
+/// Shared between `main`, before the timer starts and after [`DONE`], and the interrupt, between.
+struct Shared(UnsafeCell<MaybeUninit<Loop>>);
+// SAFETY: main and the interrupt never use it at the same time, as said above; there is one core.
+unsafe impl Sync for Shared {}
+static LOOP: Shared = Shared(UnsafeCell::new(MaybeUninit::uninit()));
+static DONE: AtomicBool = AtomicBool::new(false);
+
+#[entry]
+fn main() -> ! {
+    let to_host = File::open(c"from-board", semihosting::WRITE);
+    let mut from_host = File::open(c"to-board", semihosting::READ);
+    let hello = Hello {
+        hash: table::HASH,
+        sample_rate_hz: table::SAMPLE_RATE_HZ,
+        input_min_um: table::INPUT_MIN_UM,
+        input_max_um: table::INPUT_MAX_UM,
+    };
+    to_host.write(&hello.to_bytes());
+    let mut setup = [0; SETUP_BYTES];
+    from_host.read(&mut setup);
+    let setup = Setup::from_bytes(&setup);
+    let Ok(parameters) = table::parameters() else {
+        semihosting::exit(false);
+    };
+    let controller = Controller::new(parameters, &setup);
+    let board = Emulated {
+        from_host,
+        to_host,
+        order: Order::None,
+        late: false,
+        read_at: 0,
+        written_at: 0,
+    };
+    let summary = Summary {
+        latency_min: u32::MAX,
+        tick_min: u32::MAX,
+        ..Summary::default()
+    };
+    let control = Loop {
+        board,
+        controller,
+        setup,
+        done: 0,
+        edge: 0,
+        summary,
+    };
+    // SAFETY: the timer does not run yet.
+    unsafe { (*LOOP.0.get()).write(control) };
+    watchdog::start(WATCHDOG_SAMPLES * timer::PERIOD);
+    timer::start();
+    while !DONE.load(Ordering::Acquire) {
+        // Not wfi: woken from it under -icount, QEMU 7.2 passes over every second edge, as the second timer shows.
+        core::hint::spin_loop();
+    }
+    // SAFETY: initialised above; the timer has been stopped by the interrupt.
+    let control = unsafe { (*LOOP.0.get()).assume_init_ref() };
+    control.board.to_host.write(&control.summary.to_bytes());
+    semihosting::exit(true);
+}
+
+/// The sample clock's interrupt.
+///
+/// Deadline: the next edge, 20 us. It is the only interrupt. Shared: [`LOOP`], see there. On overrun (the next edge has come before
+/// the end) it counts and goes on with that edge at once; edges missed altogether are counted by the second timer.
+extern "C" fn sample_clock() {
+    let entered = timer::elapsed();
+    let edge = timer::count().wrapping_sub(entered);
+    timer::acknowledge();
+    // SAFETY: written before the timer was started; main does not touch it before DONE.
+    let control = unsafe { (*LOOP.0.get()).assume_init_mut() };
+    tick(&mut control.board, &mut control.controller);
+    let cost = control.board.written_at.wrapping_sub(control.board.read_at);
+    let (setup, summary) = (&control.setup, &mut control.summary);
+    if control.done > 0 {
+        let edges = (edge.wrapping_sub(control.edge) + timer::PERIOD / 2) / timer::PERIOD;
+        summary.lost += edges.saturating_sub(1);
+    }
+    control.edge = edge;
+    summary.latency_min = summary.latency_min.min(entered);
+    summary.latency_max = summary.latency_max.max(entered);
+    summary.tick_min = summary.tick_min.min(cost);
+    summary.tick_max = summary.tick_max.max(cost);
+    summary.tick_sum += u64::from(cost);
+    control.done += 1;
+    match control.board.order {
+        Order::Stall(edges) => timer::wait_for_edges(u32::from(edges)),
+        Order::Hang => loop {
+            core::hint::spin_loop();
+        },
+        _ => {}
+    }
+    control.board.late = timer::pending();
+    if control.board.late {
+        summary.overruns += 1;
+    }
+    watchdog::feed();
+    if control.done >= setup.ticks {
+        timer::stop();
+        watchdog::stop();
+        DONE.store(true, Ordering::Release);
+    }
+}
+
+/// The watchdog: the interrupt has not come back in time.
+///
+/// It never will: this handler, above every interrupt, takes the loop over, ramps the command down at the sample rate and stays, with
+/// the fault in every frame. Only a reset starts anew.
+#[exception]
+unsafe fn NonMaskableInt() {
+    watchdog::stop();
+    // SAFETY: written before the watchdog was started; the interrupt that this one has taken it from does not go on.
+    let control = unsafe { (*LOOP.0.get()).assume_init_mut() };
+    control.controller.trip(Fault::Watchdog);
+    loop {
+        let before = timer::count();
+        tick(&mut control.board, &mut control.controller);
+        control.done += 1;
+        if control.done >= control.setup.ticks {
+            control.board.to_host.write(&control.summary.to_bytes());
+            semihosting::exit(true);
+        }
+        while timer::count().wrapping_sub(before) < timer::PERIOD {}
+    }
+}
+
+extern "C" fn unexpected() {
+    semihosting::exit(false);
+}
+
+/// External interrupts: timer 0 is number 8 (ARM AN386, table 4-1).
+// SAFETY: the section is where cortex-m-rt places the table, the name the one that it asks for.
+#[unsafe(link_section = ".vector_table.interrupts")]
+#[unsafe(no_mangle)]
+pub static __INTERRUPTS: [extern "C" fn(); 32] = {
+    let mut table = [unexpected as extern "C" fn(); 32];
+    table[timer::IRQ] = sample_clock;
+    table
+};
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    semihosting::exit(false)
+}

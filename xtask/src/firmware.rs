@@ -1,0 +1,160 @@
+//! Images for the emulator's boards, and the tables in them.
+
+use crate::{CHIP, run, run_in, targets};
+use std::path::{Path, PathBuf};
+
+/// QEMU's boards, and the core that each image is compiled for. All run one source; memory map and timers are the same.
+pub(crate) const BOARDS: [(&str, &str); 2] = [("mps2-an386", "cortex-m4"), ("mps2-an500", "cortex-m7")];
+
+/// Where the images go.
+pub(crate) const IMAGES: &str = "firmware/target/images";
+
+/// The table in the images that `board run` takes by default.
+const TABLE: &str = "firmware/tables/paper-rate-mrpi.toml";
+
+/// Smallest code of an image: an image that was linked without its linker script has two bytes of it.
+const SMALLEST_BYTES: u64 = 4096;
+
+/// Builds the images with a table.
+pub(crate) fn build(table: Option<&str>) -> Result<(), String> {
+    build_into(Path::new(table.unwrap_or(TABLE)), Path::new(IMAGES))
+}
+
+fn build_into(table: &Path, folder: &Path) -> Result<(), String> {
+    let table = table.canonicalize().map_err(|error| {
+        format!(
+            "{}: {error}; give a table that `hysteron export` wrote",
+            table.display()
+        )
+    })?;
+    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let target = PathBuf::from("firmware/target");
+    for (board, core) in BOARDS {
+        let flags = format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]");
+        let arguments = [
+            "build",
+            "--release",
+            "--locked",
+            "--package",
+            "mps2",
+            "--target",
+            CHIP,
+            "--config",
+            &flags,
+        ];
+        // RUSTFLAGS would replace the flags above.
+        run_in(
+            "firmware",
+            "cargo",
+            &arguments,
+            &[
+                ("HYSTERON_TABLE", Some(&table.display().to_string())),
+                ("RUSTFLAGS", None),
+                ("CARGO_TARGET_DIR", None),
+            ],
+        )?;
+        let built = target.join(CHIP).join("release/mps2");
+        let size = std::fs::metadata(&built).map_or(0, |found| found.len());
+        if size < SMALLEST_BYTES {
+            return Err(format!(
+                "{} has {size} bytes: it was linked without its script",
+                built.display()
+            ));
+        }
+        let image = folder.join(board);
+        std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
+    }
+    Ok(())
+}
+
+/// Writes the tables in `firmware/tables` anew: the built-in stages' inverses of every family, by the tool's own commands.
+pub(crate) fn tables() -> Result<(), String> {
+    // As the tests build it: optimised well enough, and built already.
+    run("cargo", &["build", "--locked", "--package", "hysteron-cli"])?;
+    let hysteron = targets().join("debug/hysteron");
+    let hysteron = hysteron.to_str().ok_or("the target folder's name is not UTF-8")?;
+    let work = Path::new("firmware/target/tables");
+    for stage in ["paper-rate", "paper-delay"] {
+        for (records, excitations, families) in TABLES {
+            let data = work.join(format!("{stage}-{records}")).display().to_string();
+            let mut arguments = vec!["simulate", "--stage", stage, "--overwrite", "-o", &data];
+            arguments.extend(excitations.iter().flat_map(|excitation| ["--excitation", excitation]));
+            run(hysteron, &arguments)?;
+            for family in families {
+                let model = work.join(format!("{stage}-{family}.toml")).display().to_string();
+                // With eq. 16's thresholds the search sets alpha and beta to 0; with the data's it finds a rate dependence.
+                let thresholds = if family == "mrpi" { "data" } else { "eq16" };
+                let fit = [
+                    "fit",
+                    &data,
+                    "--model",
+                    family,
+                    "--direction",
+                    "inverse",
+                    "--thresholds",
+                    thresholds,
+                    "-o",
+                    &model,
+                ];
+                run(hysteron, &fit)?;
+                let table = format!("firmware/tables/{stage}-{family}.toml");
+                // Inside of what every record reaches, and where no inverse asks for less than 0 V.
+                let range = ["--input-min", "0.1", "--input-max", "2.3"];
+                run(
+                    hysteron,
+                    &[&["export", &model, "--stage", stage, "-o", &table], &range[..]].concat(),
+                )?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Records, their excitations, and the families that are fitted to them: the paper's three sines, half a second each; slow ones for
+/// families without a rate, which three rates at once would bend until they cannot be inverted.
+const TABLES: [(&str, &[&str], [&str; 2]); 2] = [
+    (
+        "sines",
+        &[
+            "sine:hz=10,periods=5",
+            "sine:hz=100,periods=50",
+            "sine:hz=500,periods=250",
+        ],
+        ["wrpi", "mrpi"],
+    ),
+    (
+        "slow",
+        &["sine:hz=10,periods=5", "decaying-triangle:high_v=26,centre_v=13"],
+        ["mpi", "play-polynomial"],
+    ),
+];
+
+/// Builds the images and shows a run of each.
+pub(crate) fn show() -> Result<(), String> {
+    build(None)?;
+    for (board, _) in BOARDS {
+        let out = format!("firmware/target/run-{board}");
+        run(
+            "cargo",
+            &[
+                "run",
+                "--locked",
+                "--package",
+                "hysteron-cli",
+                "--",
+                "board",
+                "run",
+                "--emulator",
+                board,
+                "--stage",
+                "paper-rate",
+                "--hz",
+                "100",
+                "--overwrite",
+                "-o",
+                &out,
+            ],
+        )?;
+    }
+    Ok(())
+}
