@@ -263,14 +263,11 @@ pub fn generate(seed: u64, spec: &Spec) -> Result<(Case, Truth), StageError> {
 fn start(spec: &Spec, rng: &mut Pcg64) -> Start {
     let drawn = [Start::Pi, Start::Mpi, Start::Mrpi, Start::Mrpi][rng.random_range(0..4_usize)];
     let hides = |effect| spec.hidden.iter().any(|asked| asked.effect == effect);
-    if hides(Effect::Asymmetry) {
-        Start::Pi
-    } else if hides(Effect::RateDependence) && drawn == Start::Mrpi {
-        Start::Mpi
-    } else if spec.hidden.is_empty() && drawn == Start::Pi {
-        Start::Mpi
-    } else {
-        drawn
+    match drawn {
+        _ if hides(Effect::Asymmetry) => Start::Pi,
+        Start::Mrpi if hides(Effect::RateDependence) => Start::Mpi,
+        Start::Pi if spec.hidden.is_empty() => Start::Mpi,
+        drawn => drawn,
     }
 }
 
