@@ -51,6 +51,21 @@ pub(crate) fn of_family(model: &Model, traces: &Traces) -> Base {
     }
 }
 
+/// Thresholds with seven more from a thousandth to a tenth of the span: a gain that grows from small strokes on.
+fn with_small_plays(thresholds: &[f64]) -> Vec<f64> {
+    let mut all = thresholds.to_vec();
+    for i in 0..7 {
+        // The span is two of these units.
+        let new = 2e-3 * 10f64.powf(f64::from(i) / 3.0);
+        // Closer than a quarter to one that is there, a play tells nothing new.
+        if !all.iter().any(|r| (r / new).ln().abs() < 0.25) {
+            all.push(new);
+        }
+    }
+    all.sort_by(f64::total_cmp);
+    all
+}
+
 /// Compares the model's family with the free shape, with what was found in both.
 pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnswer {
     if model.family == Family::PlayPolynomial || bench.base.shape != Shape::Free {
@@ -75,9 +90,24 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
         let width_um = 0.002 * stroke * 50f64.powf(f64::from(k) / 5.0);
         forms.push(("backlash", with(Effect::Backlash { width_um })));
     }
+    let denser = Base {
+        thresholds: with_small_plays(&plays.base.thresholds),
+        ..plays.base.clone()
+    };
+    let denser = (denser.thresholds.len() > plays.base.thresholds.len())
+        .then(|| Bench::new(bench.traces, denser, &last.effects, bench.noise_um).0);
+    let mut trials: Vec<(&str, Vec<Effect>, Trial)> = forms
+        .into_iter()
+        .map(|(name, effects)| {
+            let trial = plays.fit_to_the_end(&effects);
+            (name, effects.last().cloned().into_iter().collect(), trial)
+        })
+        .collect();
+    if let Some(denser) = denser {
+        trials.push(("amplitude-gain", Vec::new(), denser.fit_to_the_end(&start.effects)));
+    }
     let mut ranking: Vec<RankedEffect> = Vec::new();
-    for (name, effects) in forms {
-        let trial = plays.fit_to_the_end(&effects);
+    for (name, added, trial) in trials {
         let share = if above > 0.0 {
             (pooled(&start) - pooled(&trial)) / above
         } else {
@@ -93,11 +123,13 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
             log_likelihood_gain: judge::total(&plays, &start, &trial),
             effective_samples: trial.effective.iter().sum(),
             share,
-            significant: share > LEAST_SHARE
+            // Every piezo ceramic's gain grows with the stroke: more plays tell of no effect beside the hysteresis.
+            significant: name != "amplitude-gain"
+                && share > LEAST_SHARE
                 && above.sqrt() > TOO_POOR_PERCENT
                 && pooled(&trial).sqrt() < (AS_GOOD * pooled(last).sqrt()).max(coarse_percent),
             level: Level::Shape,
-            parameters: plays.parameters(&trial, &effects.last().into_iter().collect::<Vec<_>>()),
+            parameters: plays.parameters(&trial, &added.iter().collect::<Vec<_>>()),
         };
         match ranking.iter_mut().find(|r| r.effect == name) {
             Some(old) if old.share >= share => {}
