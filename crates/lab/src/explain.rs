@@ -99,6 +99,23 @@ impl Placed<'_> {
         with.simulate(self.record).output
     }
 
+    /// A start of the search at which the effect acts, the last one first. Where it acts at none, as where its strength is
+    /// solved for, the first parameter moves that makes it act.
+    fn acting(&self, starts: Vec<Vec<f64>>, bounds: &[Bounds], stroke: f64) -> Vec<f64> {
+        let still = starts.last().cloned();
+        let still = still.unwrap_or_else(|| bounds.iter().map(|b| b.neutral).collect());
+        let moved = bounds.iter().enumerate().filter(|(_, b)| b.fitted && b.max > b.neutral);
+        let moved = moved.map(|(i, b)| {
+            let mut values = still.clone();
+            values[i] = b.max;
+            values
+        });
+        // A millionth of the stroke is below every noise.
+        let acts = |values: &Vec<f64>| self.differs(values, &self.record.position_um) > 1e-6 * stroke;
+        let found = starts.into_iter().rev().chain(moved).find(acts);
+        found.unwrap_or(still)
+    }
+
     /// The values, on the way from neutral through a start of the search or through the range of the first parameter, at
     /// which the two readings differ by what is telling; or as near to it as there are.
     fn telling(&self, start: &[f64], bounds: &[Bounds], without: &[f64], stroke: f64) -> Vec<f64> {
@@ -165,16 +182,8 @@ pub(crate) fn picture(model: &Model, name: &str, frequency_hz: Option<f64>, give
     } else if let Some(own) = model.effects.iter().find(|fitted| fitted.name == name) {
         own.parameters.iter().map(|p| p.value).collect()
     } else {
-        let starts = effect.starts(&facts, &bounds);
-        let neutral: Vec<f64> = bounds.iter().map(|b| b.neutral).collect();
-        let acts = starts.into_iter().rev().find(|start| *start != neutral);
-        // A search that begins where the effect does nothing says no direction: then the first parameter moves.
-        let start = acts.unwrap_or_else(|| {
-            let moved = bounds.iter().position(|b| b.fitted && b.max > b.neutral);
-            let place = |(i, b): (usize, &Bounds)| if Some(i) == moved { b.max } else { b.neutral };
-            bounds.iter().enumerate().map(place).collect()
-        });
         let stroke = facts.position_um[1] - facts.position_um[0];
+        let start = placed.acting(effect.starts(&facts, &bounds), &bounds, stroke);
         placed.telling(&start, &bounds, &record.position_um, stroke)
     };
     let changed = placed.output(&values);
