@@ -89,6 +89,14 @@ impl Server {
         Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? * 1024)
     }
 
+    /// Processor time it has used on all cores, seconds; Linux only.
+    pub(crate) fn processor_s(&self) -> Option<f64> {
+        // user and system time, hundredths of a second, behind the name in brackets
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).ok()?;
+        let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+        Some((fields.get(11)?.parse::<f64>().ok()? + fields.get(12)?.parse::<f64>().ok()?) / 100.0)
+    }
+
     /// A request as it stands on the wire.
     pub(crate) fn raw(&self, request: &[u8]) -> Answer {
         wire(self.port, request)
