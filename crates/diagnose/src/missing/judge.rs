@@ -14,7 +14,7 @@ use hysteron_identify::effects::Effect as _;
 const COARSENESS: f64 = 1e-3;
 
 /// The statistic must exceed this: two records whose squared error falls to a third.
-const THRESHOLD: f64 = 2.0;
+pub(crate) const THRESHOLD: f64 = 2.0;
 
 /// Gain in log-likelihood that must be exceeded: odds of 1 to 20 000 against chance, among some 40 forms tried.
 const LEAST_GAIN: f64 = 10.0;
@@ -289,7 +289,7 @@ impl Judge {
 const EQUIVALENT_SHARE: f64 = 0.9;
 
 /// Rivals closer than this in the statistic are not told apart: one record's squared error by a factor of 1.3.
-const UNDECIDED: f64 = 0.25;
+pub(crate) const UNDECIDED: f64 = 0.25;
 
 /// Rivals whose statistic reaches this share of the best are ranked by likelihood instead: it counts how white a residual
 /// is, which the fall of the squared error does not see (a delay beside a lag of the same length).

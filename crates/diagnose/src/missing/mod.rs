@@ -139,7 +139,16 @@ impl<'a> Searched<'a> {
         own: &[UserEffect],
         progress: &(dyn Fn(f64, &str) + Sync),
     ) -> Self {
-        let (bench, start) = first_fit(model, traces, base, given, noise_um);
+        let (bare, bare_start) = Bench::new(traces, base, given, noise_um);
+        let (mut bench, mut start) = with_own_rate(model, &bare, &bare_start);
+        if start.effects.len() > bare_start.effects.len()
+            && let Some(effects) = rate_beside_dynamics(&bare, &bare_start, &bench, &start)
+        {
+            start = bare.fit(&effects, Some(2));
+            bench = bare.referring_to(&start);
+            bench.weigh_by(&start);
+            start = bench.fit(&effects, Some(2));
+        }
         let judge = Judge::new(&bench, &start);
         let mut found: Vec<(&'static str, Trial)> = Vec::new();
         let mut ranking = Vec::new();
@@ -148,7 +157,7 @@ impl<'a> Searched<'a> {
             let current = found.last().map_or(&start, |f| &f.1).clone();
             let from = round as f64 / ROUNDS as f64;
             let here = bench.referring_to(&current);
-            let mut trials = try_all(&here, &current, &|done, name| {
+            let mut trials = try_all(&here, &current, |_| true, &|done, name| {
                 progress(from + done / ROUNDS as f64, name);
             });
             trials.extend(user::trials(&here, &current, own, &|name| {
@@ -253,10 +262,9 @@ impl<'a> Searched<'a> {
 }
 
 /// The model as it stands, its own rate dependence fitted anew with everything: what it has already is no missing effect.
-fn first_fit<'a>(model: &Model, traces: &'a Traces, base: Base, given: &[Effect], noise_um: f64) -> (Bench<'a>, Trial) {
-    let (mut bench, mut start) = Bench::new(traces, base, given, noise_um);
-    let has_rate = |e: &Effect| matches!(e, Effect::RateShift { .. } | Effect::RateEnvelope { .. });
-    if matches!(model.family, Family::Mrpi | Family::Wrpi) && !start.effects.iter().any(has_rate) {
+fn with_own_rate<'a>(model: &Model, bare: &Bench<'a>, bare_start: &Trial) -> (Bench<'a>, Trial) {
+    let (mut bench, mut start) = (bare.clone(), bare_start.clone());
+    if matches!(model.family, Family::Mrpi | Family::Wrpi) && !start.effects.iter().any(is_rate) {
         let rate = candidates::rate_of_model(&bench, &start.effects);
         let with_rate = bench.fit(&rate, Some(2));
         if judge::total(&bench, &start, &with_rate) > 0.0 {
@@ -267,6 +275,56 @@ fn first_fit<'a>(model: &Model, traces: &'a Traces, base: Base, given: &[Effect]
     }
     let start = bench.fit(&start.effects.clone(), Some(2));
     (bench, start)
+}
+
+/// The model's own rate dependence, or none, as it is beside a delay, a lag or a resonance, where that explains more than the
+/// one fitted without them: an envelope widened to imitate a lag hides the lag.
+fn rate_beside_dynamics(
+    bare: &Bench<'_>,
+    bare_start: &Trial,
+    rated: &Bench<'_>,
+    rated_start: &Trial,
+) -> Option<Vec<Effect>> {
+    // What is hidden so shows in the forecast, or in the fit.
+    if rated_start.identify_percent.max(rated_start.validate_percent) < judge::MATTERS_PERCENT {
+        return None;
+    }
+    let dynamic = |name: &str| ["delay", "first-order-lag", "resonance"].contains(&name);
+    let trials = |bench: &Bench<'_>, start: &Trial| -> Vec<(f64, Trial)> {
+        let trials = try_all(&bench.referring_to(start), start, dynamic, &|_, _| {});
+        let mut trials: Vec<_> = trials
+            .into_iter()
+            .map(|t| (judge::total(bench, rated_start, &t.1), t.1))
+            .collect();
+        trials.sort_by(|a, b| b.0.total_cmp(&a.0));
+        trials
+    };
+    let without = trials(bare, bare_start);
+    let beside: Vec<(f64, Vec<Effect>)> = without[..without.len().min(2)]
+        .par_iter()
+        .map(|(_, trial)| {
+            let effects = candidates::rate_of_model(&bare.referring_to(trial), &trial.effects);
+            let both = bare.referring_to(trial).fit_to_the_end(&effects);
+            let own = effects
+                .into_iter()
+                .filter(|e| is_given(&bare_start.effects, e) || is_rate(e))
+                .collect();
+            (judge::total(bare, rated_start, &both), own)
+        })
+        .collect();
+    let best_without = without.first().map_or(f64::NEG_INFINITY, |t| t.0);
+    let best_beside = beside.into_iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let as_it_was = trials(rated, rated_start).first().map_or(0.0, |t| t.0.max(0.0));
+    let (best, effects) = if best_beside.0 > best_without + judge::UNDECIDED {
+        best_beside
+    } else {
+        (best_without, bare_start.effects.clone())
+    };
+    (best > as_it_was + judge::THRESHOLD).then_some(effects)
+}
+
+fn is_rate(effect: &Effect) -> bool {
+    matches!(effect, Effect::RateShift { .. } | Effect::RateEnvelope { .. })
 }
 
 /// The effects that the model has already, as the search writes them; parameters that are linear here are fitted anew.
@@ -320,12 +378,18 @@ fn given(model: &Model, traces: &Traces) -> Vec<Effect> {
     given
 }
 
-/// Every candidate's best forms, in parallel.
-fn try_all(bench: &Bench<'_>, current: &Trial, progress: &(dyn Fn(f64, &str) + Sync)) -> Vec<(&'static str, Trial)> {
+/// The wanted candidates' best forms, in parallel.
+fn try_all(
+    bench: &Bench<'_>,
+    current: &Trial,
+    wanted: impl Fn(&str) -> bool + Sync,
+    progress: &(dyn Fn(f64, &str) + Sync),
+) -> Vec<(&'static str, Trial)> {
     let done = AtomicUsize::new(0);
     PHYSICAL
         .par_iter()
         .with_max_len(1)
+        .filter(|candidate| wanted(candidate.name))
         .flat_map_iter(|candidate| {
             progress(
                 done.load(Ordering::Relaxed) as f64 / PHYSICAL.len() as f64,
