@@ -51,7 +51,10 @@ mod chip {
     /// 400 MHz from the ST-LINK's 8 MHz, which every revision of the chip takes; the ADC from the 64 MHz oscillator.
     pub fn start() -> Parts {
         let mut config = Config::default();
-        config.rcc.hse = Some(rcc::Hse { freq: Hertz(8_000_000), mode: rcc::HseMode::Bypass });
+        config.rcc.hse = Some(rcc::Hse {
+            freq: Hertz(8_000_000),
+            mode: rcc::HseMode::Bypass,
+        });
         config.rcc.pll1 = Some(rcc::Pll {
             source: rcc::PllSource::HSE,
             prediv: rcc::PllPreDiv::DIV2,
@@ -74,8 +77,12 @@ mod chip {
         core::mem::forget(Adc::new(p.ADC1));
         let _pin = analog(p.PA3);
         let registers = embassy_stm32::pac::ADC1;
-        registers.pcsel().modify(|w| w.set_pcsel(CHANNEL as usize, Pcsel::PRESELECTED));
-        registers.smpr(1).modify(|w| w.set_smp(CHANNEL as usize - 10, SampleTime::CYCLES8_5.into()));
+        registers
+            .pcsel()
+            .modify(|w| w.set_pcsel(CHANNEL as usize, Pcsel::PRESELECTED));
+        registers
+            .smpr(1)
+            .modify(|w| w.set_smp(CHANNEL as usize - 10, SampleTime::CYCLES8_5.into()));
         let bus = Spi::new_blocking_txonly(p.SPI1, p.PA5, p.PB5, bus_config());
         Parts {
             dac: Ad5683r::new(bus, Output::new(p.PD14, Level::High, Speed::VeryHigh)),
@@ -119,7 +126,9 @@ mod chip {
         let p = embassy_stm32::init(config);
         core::mem::forget(Adc::new(p.ADC1, Default::default()));
         let _pin = analog(p.PA0);
-        embassy_stm32::pac::ADC1.smpr().modify(|w| w.set_smp(CHANNEL as usize, SampleTime::CYCLES12_5.into()));
+        embassy_stm32::pac::ADC1
+            .smpr()
+            .modify(|w| w.set_smp(CHANNEL as usize, SampleTime::CYCLES12_5.into()));
         let bus = Spi::new_blocking_txonly(p.SPI1, p.PA5, p.PA7, bus_config());
         Parts {
             dac: Ad5683r::new(bus, Output::new(p.PB6, Level::High, Speed::VeryHigh)),

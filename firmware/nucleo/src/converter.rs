@@ -1,7 +1,7 @@
 //! ADC1 on the trigger of TIM6: the registers beyond what embassy sets, which starts conversions by software only.
 
 use crate::board::{CHANNEL, TO_16_BITS};
-use embassy_stm32::pac::adc::vals::Exten;
+use embassy_stm32::pac::adc::vals::{Exten, Ovrmod};
 use embassy_stm32::pac::timer::vals::Mms;
 use embassy_stm32::pac::{ADC1, TIM6};
 use embassy_stm32::peripherals;
@@ -21,7 +21,7 @@ pub fn start(timer: Timer<'static, peripherals::TIM6>) {
         w.set_exten(Exten::RISING_EDGE);
         w.set_extsel(TIM6_TRIGGER);
         // A conversion that nobody read is overwritten: the newest counts.
-        w.set_ovrmod(OVERWRITE);
+        w.set_ovrmod(Ovrmod::OVERWRITE);
     });
     ADC1.ier().modify(|w| w.set_eocie(true));
     TIM6.cr2().modify(|w| w.set_mms(Mms::UPDATE));
@@ -30,11 +30,6 @@ pub fn start(timer: Timer<'static, peripherals::TIM6>) {
     ADC1.cr().modify(|w| w.set_adstart(true));
     timer.start();
 }
-
-#[cfg(feature = "h743zi")]
-const OVERWRITE: embassy_stm32::pac::adc::vals::Ovrmod = embassy_stm32::pac::adc::vals::Ovrmod::OVERWRITE;
-#[cfg(feature = "g474re")]
-const OVERWRITE: bool = true;
 
 /// The code of the last conversion, 16 bits; reading it clears the interrupt.
 #[inline(always)]

@@ -8,6 +8,7 @@
 mod ad5683r;
 mod board;
 mod converter;
+mod frames;
 
 use ad5683r::Ad5683r;
 use core::cell::UnsafeCell;
@@ -20,7 +21,7 @@ use embassy_stm32::gpio::Output;
 use embassy_stm32::interrupt;
 use embassy_stm32::mode::Blocking;
 use embassy_stm32::spi::{Spi, mode::Master};
-use heapless::spsc::{Producer, Queue};
+use frames::Frames;
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::trajectory::Shape;
@@ -32,14 +33,13 @@ const REFERENCE_HZ: f32 = 10.0;
 /// Share of the table's range left free at either end, as `hysteron board run` does.
 const INSET: f32 = 0.02;
 
-/// Frames between the interrupt and the log.
-const FRAMES: usize = 64;
+/// Between the interrupt and the log.
+static FRAMES: Frames = Frames::new();
 
 /// Converters, and what leaves the interrupt.
 struct Converters {
     dac: Ad5683r<Spi<'static, Blocking, Master>, Output<'static>>,
     fault: Output<'static>,
-    frames: Producer<'static, Frame>,
     late: bool,
 }
 
@@ -72,9 +72,7 @@ impl Board for Converters {
         } else {
             self.fault.set_low();
         }
-        if self.frames.enqueue(*frame).is_err() {
-            LOST.fetch_add(1, Ordering::Relaxed);
-        }
+        FRAMES.push(*frame);
     }
 }
 
@@ -97,8 +95,6 @@ const STOP: u8 = 2;
 const CLEAR: u8 = 3;
 /// What main asks of the controller.
 static ORDER: AtomicU8 = AtomicU8::new(NOTHING);
-/// Frames that found the queue full.
-static LOST: AtomicU32 = AtomicU32::new(0);
 /// Ticks at whose end the next conversion was done already.
 static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 /// Longest interrupt, processor cycles.
@@ -129,15 +125,10 @@ fn main() -> ! {
         feedback: true,
         clocked: true,
     };
-    static QUEUE: Shared<Queue<Frame, FRAMES>> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
-    // SAFETY: main runs once, and hands the two ends to one owner each.
-    let queue = unsafe { (*QUEUE.0.get()).write(Queue::new()) };
-    let (producer, mut frames) = queue.split();
     let control = Loop {
         converters: Converters {
             dac: board.dac,
             fault: board.fault,
-            frames: producer,
             late: false,
         },
         controller: Controller::new(parameters, &setup),
@@ -150,17 +141,25 @@ fn main() -> ! {
 
     let (mut pressed, mut running, mut seen, mut fault) = (false, false, 0_u32, None);
     loop {
-        while let Some(frame) = frames.dequeue() {
+        while let Some(frame) = FRAMES.pop() {
             seen = seen.wrapping_add(1);
             if frame.fault() != fault {
                 fault = frame.fault();
-                defmt::warn!("fault {=u8} at tick {=u32}", fault.map_or(0, |fault| fault as u8), frame.number);
+                defmt::warn!(
+                    "fault {=u8} at tick {=u32}",
+                    fault.map_or(0, |fault| fault as u8),
+                    frame.number
+                );
             }
             if seen % 50_000 == 0 {
                 defmt::info!(
                     "tick {=u32}: reference {=f32} um, command {=f32} V, {=u32} frames lost, {=u32} overruns, longest {=u32} cycles",
-                    frame.number, frame.reference_um, frame.command_v,
-                    LOST.load(Ordering::Relaxed), OVERRUNS.load(Ordering::Relaxed), LONGEST.load(Ordering::Relaxed)
+                    frame.number,
+                    frame.reference_um,
+                    frame.command_v,
+                    FRAMES.lost(),
+                    OVERRUNS.load(Ordering::Relaxed),
+                    LONGEST.load(Ordering::Relaxed)
                 );
             }
         }
@@ -168,7 +167,16 @@ fn main() -> ! {
         let now = board.button.is_high();
         if now && !pressed {
             running = !running && fault.is_none();
-            ORDER.store(if fault.is_some() { CLEAR } else if running { START } else { STOP }, Ordering::Relaxed);
+            ORDER.store(
+                if fault.is_some() {
+                    CLEAR
+                } else if running {
+                    START
+                } else {
+                    STOP
+                },
+                Ordering::Relaxed,
+            );
         }
         pressed = now;
     }
