@@ -28,7 +28,7 @@ pub(crate) const EMULATED: Limits = Limits {
 pub(crate) const REAL: Limits = Limits {
     flash: 48_000,
     memory: 8_000,
-    stack: 500,
+    stack: 1200,
 };
 
 /// Words in a function's name that may not be reached.
