@@ -46,7 +46,7 @@ fn val_data_flows_one_way() {
     check("diagnose", &["core", "data", "identify"]);
     check("tracking", &["core", "data", "identify", "plant"]);
     check("table", &["core"]);
-    check("board", &["core", "firmware", "plant"]);
+    check("board", &["core", "firmware", "plant", "table"]);
     check("report", &["data", "identify", "diagnose", "tracking"]);
     check("challenge", &["data", "plant"]);
     check("lab", &["challenge", "data", "identify", "diagnose", "report"]);

@@ -12,6 +12,12 @@ pub(crate) const IMAGES: &str = "firmware/target/images";
 /// The table in the images that `board run` takes by default.
 pub(crate) const TABLE: &str = "firmware/tables/paper-rate-mrpi.toml";
 
+/// The built-in stages that there are tables for.
+const STAGES: [&str; 2] = ["paper-rate", "paper-delay"];
+
+/// Where the processor enters the emulator's images by itself while the loop runs; the second comes on top of the first.
+const EMULATED_ENTRIES: [&str; 2] = ["mps2::sample_clock", "NonMaskableInt"];
+
 /// Smallest code of an image: an image that was linked without its linker script has two bytes of it.
 const SMALLEST_BYTES: u64 = 4096;
 
@@ -26,9 +32,34 @@ fn build_into(table: &Path, folder: &Path) -> Result<(), String> {
         let built = build_image("mps2", core, table)?;
         let image = folder.join(board);
         std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
-        crate::firmware_image::check(board, &image)?;
+        crate::firmware_image::check(board, &image, &EMULATED_ENTRIES, &crate::firmware_image::EMULATED)?;
     }
     Ok(())
+}
+
+/// Builds an image a table, and holds the emulator beside the host over controllers and references.
+pub(crate) fn compare() -> Result<(), String> {
+    let folder = Path::new(IMAGES).join("tables");
+    std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    for stage in STAGES {
+        for family in ["linear", "mpi", "wrpi", "mrpi", "play-polynomial"] {
+            let name = format!("{stage}-{family}");
+            let built = build_image("mps2", BOARDS[0].1, Path::new(&format!("firmware/tables/{name}.toml")))?;
+            let image = folder.join(name);
+            std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
+        }
+    }
+    run(
+        "cargo",
+        &[
+            "run",
+            "--locked",
+            "--package",
+            "hysteron-board",
+            "--example",
+            "emulator_and_host",
+        ],
+    )
 }
 
 /// Whether an image with a reachable panic is refused by the linker, for that reason: it must be.
@@ -105,6 +136,42 @@ pub(crate) fn build_image(package: &str, core: &str, table: &Path) -> Result<Pat
     Ok(built)
 }
 
+/// ST's boards: the feature, and the handler that the loop is in. Each is built for its own chip, with the flags of its core.
+const REAL_BOARDS: [(&str, &str, &str, &str); 2] = [
+    ("nucleo-h743zi", "h743zi", "cortex-m7", "ADC"),
+    ("nucleo-g474re", "g474re", "cortex-m4", "ADC1_2"),
+];
+
+/// Builds the images of the real boards, and shows what can be known of them without one.
+pub(crate) fn boards() -> Result<(), String> {
+    let table = Path::new(TABLE)
+        .canonicalize()
+        .map_err(|error| format!("{TABLE}: {error}"))?;
+    for (board, feature, core, handler) in REAL_BOARDS {
+        let flags = format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]");
+        let mut arguments = vec!["build", "--release", "--locked", "--target-dir", "../target/nucleo"];
+        arguments.extend(["--features", feature, "--config", &flags]);
+        run_in(
+            "firmware/nucleo",
+            "cargo",
+            &arguments,
+            &[
+                ("HYSTERON_TABLE", Some(&table.display().to_string())),
+                ("RUSTFLAGS", None),
+                ("CARGO_TARGET_DIR", None),
+            ],
+        )?;
+        let built = PathBuf::from("firmware/target/nucleo")
+            .join(CHIP)
+            .join("release/nucleo");
+        let image = Path::new(IMAGES).join(board);
+        std::fs::create_dir_all(IMAGES).map_err(|error| format!("{IMAGES}: {error}"))?;
+        std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
+        crate::firmware_image::check(board, &image, &[handler], &crate::firmware_image::REAL)?;
+    }
+    Ok(())
+}
+
 /// Writes the tables in `firmware/tables` anew: the built-in stages' inverses of every family, by the tool's own commands.
 pub(crate) fn tables() -> Result<(), String> {
     // As the tests build it: optimised well enough, and built already.
@@ -112,7 +179,7 @@ pub(crate) fn tables() -> Result<(), String> {
     let hysteron = targets().join("debug/hysteron");
     let hysteron = hysteron.to_str().ok_or("the target folder's name is not UTF-8")?;
     let work = Path::new("firmware/target/tables");
-    for stage in ["paper-rate", "paper-delay"] {
+    for stage in STAGES {
         for (records, excitations, families) in TABLES {
             let data = work.join(format!("{stage}-{records}")).display().to_string();
             let mut arguments = vec!["simulate", "--stage", stage, "--overwrite", "-o", &data];

@@ -18,6 +18,8 @@ usage: cargo xtask <command>
   firmware run      build the images, run each in the emulator against the simulated stage
   firmware build    build the images for the emulator's boards; takes a table, by default firmware/tables/paper-rate-mrpi.toml
   firmware bench    instructions of one control tick in the emulator, beside the same algorithm in C by gcc -O3
+  firmware compare  every controller on every reference, in the emulator and on the host, bit by bit, as one table
+  firmware boards   build the images of nucleo-h743zi and nucleo-g474re, and check what can be checked without a board
   firmware tables   write the tables in firmware/tables anew with the tool's own commands
   fuzz    run every fuzz target for SECONDS (default 60) with cargo-fuzz; needs the nightly toolchain
 
@@ -76,8 +78,12 @@ fn firmware(what: Option<&str>, table: Option<&str>) -> Result<(), String> {
         Some("bench") => install_emulator()
             .and_then(|()| install_compiler())
             .and_then(|()| firmware_bench::bench()),
+        Some("compare") => install_emulator().and_then(|()| firmware::compare()),
+        Some("boards") => install_compiler().and_then(|()| firmware::boards()),
         Some("run") => install_emulator().and_then(|()| firmware::show()),
-        other => Err(format!("firmware: {other:?} is none of run, build, bench, tables")),
+        other => Err(format!(
+            "firmware: {other:?} is none of run, build, bench, compare, boards, tables"
+        )),
     }
 }
 
@@ -105,8 +111,9 @@ fn test() -> Result<(), String> {
         "--release",
         "--locked",
     ])?;
-    firmware::build(None)?;
     firmware::refuses_panics()?;
+    firmware::compare()?;
+    firmware::build(None)?;
     firmware_bench::bench()?;
     count_tests(&["test", "--workspace", "--locked", "--no-fail-fast"])
 }

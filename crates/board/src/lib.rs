@@ -1,13 +1,16 @@
 //! Processor in the loop: the firmware's image in QEMU against the simulated stage, a code each way a tick, in virtual time.
 #![forbid(unsafe_code)]
 
+pub mod budget;
 mod emulator;
+pub mod host;
 pub mod rig;
 
+pub use hysteron_firmware::trajectory::Shape;
 pub use rig::{Bench, Recording, Rig, drive_here};
 
 use emulator::Emulator;
-use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello, SUMMARY_BYTES, Setup, Summary};
+use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello, Input, SUMMARY_BYTES, Setup, Summary};
 use hysteron_plant::{Stage, StageError};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -106,7 +109,9 @@ impl Machine {
 /// What a run is to do; checked against what the image says of its table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Request {
-    /// Frequency of the reference, a sine, hertz.
+    /// What a period of the reference looks like.
+    pub shape: Shape,
+    /// Frequency of the reference, hertz.
     pub frequency_hz: f64,
     /// Lowest and highest reference, micrometres; `None` for the table's range less [`INSET`] at either end.
     pub range_um: Option<[f64; 2]>,
@@ -155,11 +160,13 @@ impl Request {
         within("ticks", self.seconds * rate_hz, 2.0, MOST_TICKS)?;
         Ok(Setup {
             ticks: (self.seconds * rate_hz).round() as u32 + FALL_TICKS,
+            shape: self.shape,
             phase_step: (self.frequency_hz / rate_hz * 4_294_967_296.0).round() as u32,
             low_um: low_um as f32,
             high_um: high_um as f32,
             feedforward: self.feedforward,
             feedback: self.feedback,
+            clocked: true,
         })
     }
 }
@@ -172,13 +179,102 @@ fn within(name: &'static str, value: f64, min: f64, max: f64) -> Result<(), Boar
     Err(BoardError::Setup { name, value, min, max })
 }
 
+/// An image in QEMU, for any number of runs.
+pub struct Session {
+    emulator: Emulator,
+    hello: Hello,
+}
+
+impl Session {
+    /// Starts an image; the emulator is ended `patience` later, or when this is dropped.
+    ///
+    /// # Errors
+    /// No image or no emulator, an image that says nothing or not what this version understands.
+    pub fn start(machine: Machine, image: &Path, patience: Duration) -> Result<Self, BoardError> {
+        if !image.is_file() {
+            return Err(BoardError::NoImage(image.to_owned()));
+        }
+        let mut emulator = Emulator::start(machine, image, patience)?;
+        let mut said = [0; HELLO_BYTES];
+        let read = emulator.from_board.read_exact(&mut said);
+        read.map_err(|source| broken(&emulator, 0, source))?;
+        let hello = Hello::from_bytes(&said).ok_or(BoardError::OtherVersion)?;
+        Ok(Self { emulator, hello })
+    }
+
+    /// What the image said of itself.
+    pub fn hello(&self) -> &Hello {
+        &self.hello
+    }
+
+    /// Runs it against a bench. Each tick the image gets a code and an order and answers with a frame; virtual time stands still
+    /// during the exchange.
+    ///
+    /// # Errors
+    /// A bench of another rate than the table's, an exchange that breaks off.
+    pub fn run(
+        &mut self,
+        setup: &Setup,
+        bench: &mut dyn Bench,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Summary, BoardError> {
+        let (stage_hz, table_hz) = (bench.sample_rate_hz(), f64::from(self.hello.sample_rate_hz));
+        if (stage_hz / table_hz - 1.0).abs() > 1e-6 {
+            return Err(BoardError::OtherRate { stage_hz, table_hz });
+        }
+        let mut ticks = 0;
+        exchange(&mut self.emulator, setup, bench, &mut ticks, progress).map_err(|failed| match failed {
+            Broken::Wire(source) => broken(&self.emulator, ticks, source),
+            Broken::Said(error) => error,
+        })
+    }
+
+    /// Runs it on inputs that are known, which it gets ahead of their ticks: the frames that it answers with, and the summary.
+    ///
+    /// Where the inputs are what a bench answered to the same frames, tick by tick, this computes what the run against that bench
+    /// computes. Nobody waits for the other; a setup that is not `clocked` does not wait for the sample clock either, and its summary
+    /// has no times.
+    ///
+    /// # Errors
+    /// An exchange that breaks off.
+    pub fn replay(&mut self, setup: &Setup, inputs: &[Input]) -> Result<(Vec<Frame>, Summary), BoardError> {
+        let setup = Setup {
+            ticks: u32::try_from(inputs.len()).unwrap_or(u32::MAX),
+            ..*setup
+        };
+        let mut bytes = setup.to_bytes().to_vec();
+        bytes.extend(inputs.iter().flat_map(Input::to_bytes));
+        let mut to_board = self.emulator.to_board.try_clone()?;
+        let mut answers = vec![0; inputs.len() * FRAME_BYTES + SUMMARY_BYTES];
+        let from_board = &mut self.emulator.from_board;
+        let exchanged = std::thread::scope(|scope| {
+            let writer = scope.spawn(move || to_board.write_all(&bytes));
+            let read = from_board.read_exact(&mut answers);
+            // A writer that failed has left the reader without an answer.
+            writer.join().unwrap_or(Ok(())).and(read)
+        });
+        exchanged.map_err(|source| broken(&self.emulator, setup.ticks, source))?;
+        let (frames, summary) = answers.split_at(inputs.len() * FRAME_BYTES);
+        let mut last = [0; SUMMARY_BYTES];
+        last.copy_from_slice(summary);
+        let frames = frames.chunks_exact(FRAME_BYTES).map(|chunk| {
+            let mut frame = [0; FRAME_BYTES];
+            frame.copy_from_slice(chunk);
+            Frame::from_bytes(&frame)
+        });
+        Ok((frames.collect(), Summary::from_bytes(&last)))
+    }
+}
+
+fn broken(emulator: &Emulator, tick: u32, source: std::io::Error) -> BoardError {
+    let said = emulator.said();
+    BoardError::Exchange { tick, source, said }
+}
+
 /// Runs an image in QEMU against a bench, until the ticks of the request and [`FALL_TICKS`] are over.
 ///
-/// Each tick the image gets a code and an order and answers with a frame. Virtual time stands still during the exchange. The emulator
-/// is ended `patience` after its start.
-///
 /// # Errors
-/// No image or no emulator, a request that the image's table does not allow, an exchange that breaks off.
+/// As [`Session::start`], [`Request::setup`] and [`Session::run`].
 pub fn drive(
     machine: Machine,
     image: &Path,
@@ -187,19 +283,11 @@ pub fn drive(
     patience: Duration,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Outcome, BoardError> {
-    if !image.is_file() {
-        return Err(BoardError::NoImage(image.to_owned()));
-    }
-    let mut emulator = Emulator::start(machine, image, patience)?;
-    let mut ticks = 0;
-    exchange(&mut emulator, request, bench, &mut ticks, progress).map_err(|broken| match broken {
-        Broken::Wire(source) => BoardError::Exchange {
-            tick: ticks,
-            source,
-            said: emulator.said(),
-        },
-        Broken::Said(error) => error,
-    })
+    let mut session = Session::start(machine, image, patience)?;
+    let setup = request.setup(session.hello())?;
+    let summary = session.run(&setup, bench, progress)?;
+    let hello = session.hello;
+    Ok(Outcome { hello, setup, summary })
 }
 
 /// As [`drive`], against a simulated stage: start, the request, stop, and what was recorded.
@@ -238,19 +326,11 @@ impl From<BoardError> for Broken {
 
 fn exchange(
     emulator: &mut Emulator,
-    request: &Request,
+    setup: &Setup,
     bench: &mut dyn Bench,
     ticks: &mut u32,
     progress: &mut dyn FnMut(f64),
-) -> Result<Outcome, Broken> {
-    let mut said = [0; HELLO_BYTES];
-    emulator.from_board.read_exact(&mut said)?;
-    let hello = Hello::from_bytes(&said).ok_or(BoardError::OtherVersion)?;
-    let (stage_hz, table_hz) = (bench.sample_rate_hz(), f64::from(hello.sample_rate_hz));
-    if (stage_hz / table_hz - 1.0).abs() > 1e-6 {
-        return Err(BoardError::OtherRate { stage_hz, table_hz }.into());
-    }
-    let setup = request.setup(&hello)?;
+) -> Result<Summary, Broken> {
     emulator.to_board.write_all(&setup.to_bytes())?;
     let mut frame = [0; FRAME_BYTES];
     for wanted in 0..setup.ticks {
@@ -269,6 +349,5 @@ fn exchange(
     }
     let mut summary = [0; SUMMARY_BYTES];
     emulator.from_board.read_exact(&mut summary)?;
-    let summary = Summary::from_bytes(&summary);
-    Ok(Outcome { hello, setup, summary })
+    Ok(Summary::from_bytes(&summary))
 }

@@ -8,6 +8,7 @@
 use hysteron_board::{Bench, BoardError, Machine, Outcome, Recording, Request, Rig, drive, drive_here};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::table;
+use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::wire::{Frame, Hello, Input, LIMITED, Mode, Order, Setup};
 use hysteron_plant::{Stage, StageConfig, preset};
 use std::path::{Path, PathBuf};
@@ -30,6 +31,7 @@ fn image(machine: Machine) -> Option<PathBuf> {
 
 fn sine(frequency_hz: f64, feedforward: bool, feedback: bool, seconds: f64) -> Request {
     Request {
+        shape: Shape::Sine,
         frequency_hz,
         range_um: Some([0.2, 2.2]),
         seconds,

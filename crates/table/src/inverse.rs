@@ -4,7 +4,7 @@ use crate::{Family, Table};
 use hysteron_core::bank::{PlayBank, PlayState};
 use hysteron_core::envelope::Envelope;
 use hysteron_core::error::ParamError;
-use hysteron_core::model::Hysteresis;
+use hysteron_core::model::{AtRest, Hysteresis};
 use hysteron_core::mpi::{Mpi, MpiCoefficients};
 use hysteron_core::mrpi::Mrpi;
 use hysteron_core::play_polynomial::{PlayPolynomial, PolynomialCoefficients};
@@ -99,5 +99,16 @@ impl Table {
             )?),
         };
         Ok((bank, inverse))
+    }
+}
+
+impl<const N: usize> AtRest<f32> for Inverse<N> {
+    fn at_rest(&self, output: f32, last_input: f32) -> PlayState<f32, N> {
+        match self {
+            Self::Mpi(model) => model.at_rest(output, last_input),
+            Self::Wrpi(model) => model.at_rest(output, last_input),
+            Self::Mrpi(model) => model.at_rest(output, last_input),
+            Self::PlayPolynomial(model) => model.at_rest(output, last_input),
+        }
     }
 }

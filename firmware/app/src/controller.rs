@@ -2,12 +2,15 @@
 
 use crate::monitor::{Fault, Monitor, MonitorState, Tick};
 use crate::parameters::Parameters;
-use crate::trajectory::Sine;
+use crate::trajectory::Trajectory;
+use crate::tuning::{Change, Mailbox};
+use crate::wire::{ACCEPTED, REFUSED};
 use crate::wire::{Frame, Input, Mode, Order, Setup, flags};
 use hysteron_core::codes::AdcCode;
 use hysteron_core::control_law::{ControlLaw, ControlState};
 use hysteron_core::limiter::LimiterState;
 use hysteron_core::model::AtRest;
+use hysteron_core::pi_controller::PiController;
 
 /// Control law, trajectory, monitor, and what the controller is at.
 ///
@@ -22,8 +25,11 @@ pub struct Controller<I: AtRest<f32>> {
     ramp: LimiterState<f32>,
     monitor: Monitor,
     seen: MonitorState,
-    trajectory: Sine,
+    trajectory: Trajectory,
+    /// Where the trajectory begins, micrometres.
+    first_um: f32,
     setup: Setup,
+    mailbox: Mailbox,
     feedback_weight: f32,
     mode: Mode,
     fault: Option<Fault>,
@@ -39,7 +45,9 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
             feedback: setup.feedback.then_some(parameters.feedback),
             limiter: parameters.limiter,
         };
-        let plays = parameters.inverse.at_rest(setup.low_um, setup.low_um);
+        let trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
+        let first_um = trajectory.first_um();
+        let plays = parameters.inverse.at_rest(first_um, first_um);
         let frequency_hz = setup.frequency_hz(parameters.sample_rate_hz);
         Self {
             law,
@@ -47,8 +55,10 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
             ramp: parameters.ramp.start_at(parameters.safe_v),
             monitor: Monitor::new(&parameters.scales, setup.half_period()),
             seen: MonitorState::default(),
-            trajectory: Sine::new(setup.low_um, setup.high_um, setup.phase_step),
+            first_um,
+            trajectory,
             setup: *setup,
+            mailbox: Mailbox::default(),
             feedback_weight: feedback_weight(frequency_hz, parameters.feedback_up_to_hz),
             mode: Mode::Off,
             fault: None,
@@ -67,7 +77,7 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
     #[inline(always)]
     pub fn step(&mut self, input: Input, late: bool) -> Frame {
         let measured_um = self.parameters.adc.volts(AdcCode(input.adc));
-        self.obey(input.order, measured_um);
+        let answer = self.obey(input.order, measured_um);
         if self.mode != Mode::Off {
             let clock = self.monitor.clock(&mut self.seen, late);
             let sensor = self.monitor.sensor(&mut self.seen, input.adc, self.command_v);
@@ -85,7 +95,7 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
             reference_um,
             command_v: self.command_v,
             dac: self.parameters.dac.code(self.command_v).0,
-            flags: flags(limited, self.mode, self.fault),
+            flags: flags(limited, self.mode, self.fault) | answer,
         };
         self.number = self.number.wrapping_add(1);
         frame
@@ -101,24 +111,92 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
     }
 
     #[inline(always)]
-    fn obey(&mut self, order: Order, measured_um: f32) {
+    fn obey(&mut self, order: Order, measured_um: f32) -> u16 {
         match order {
             Order::Start if self.mode == Mode::Off && self.fault.is_none() => self.start(measured_um),
             Order::Stop => self.begin_to_fall(),
             // An interrupt that hung may hang again, and the loop is no longer in it: only a reset ends that.
             Order::Clear if self.mode == Mode::Off && self.fault != Some(Fault::Watchdog) => self.fault = None,
+            Order::Byte(byte) => self.mailbox.push(byte),
+            Order::Apply(kind) => return self.apply(kind),
             _ => {}
         }
+        0
+    }
+
+    /// Puts a change in force as a whole, or not at all. What the command does of it, the limiter's slew bounds.
+    #[inline(never)]
+    fn apply(&mut self, kind: u8) -> u16 {
+        let off = self.mode == Mode::Off;
+        let accepted = match self.mailbox.take(kind) {
+            Some(Change::Gains {
+                proportional_v_per_um,
+                integral_v_per_um_s,
+            }) => {
+                let rate_hz = self.parameters.sample_rate_hz;
+                let gains = PiController::new(proportional_v_per_um, integral_v_per_um_s, rate_hz);
+                gains.is_ok_and(|gains| {
+                    self.parameters.feedback = gains;
+                    self.law.feedback = self.law.feedback.map(|_| gains);
+                    true
+                })
+            }
+            Some(Change::Trajectory {
+                shape,
+                phase_step,
+                low_um,
+                high_um,
+            }) if off => {
+                let setup = Setup {
+                    shape,
+                    phase_step,
+                    low_um,
+                    high_um,
+                    ..self.setup
+                };
+                self.set_up(&setup)
+            }
+            Some(Change::Parts { feedforward, feedback }) if off => {
+                let setup = Setup {
+                    feedforward,
+                    feedback,
+                    ..self.setup
+                };
+                self.set_up(&setup)
+            }
+            _ => false,
+        };
+        if accepted { ACCEPTED } else { REFUSED }
+    }
+
+    /// Another setup, at the safe level; refuses a reference outside the table's range or above a tenth of the sample rate.
+    fn set_up(&mut self, setup: &Setup) -> bool {
+        let [min_um, max_um] = self.parameters.range_um;
+        // A NaN fails the comparisons.
+        let inside = setup.low_um >= min_um && setup.low_um < setup.high_um && setup.high_um <= max_um;
+        if !inside || setup.phase_step > u32::MAX / 10 {
+            return false;
+        }
+        let frequency_hz = setup.frequency_hz(self.parameters.sample_rate_hz);
+        self.setup = *setup;
+        self.law.feedforward = setup.feedforward.then_some(self.parameters.inverse);
+        self.law.feedback = setup.feedback.then_some(self.parameters.feedback);
+        self.feedback_weight = feedback_weight(frequency_hz, self.parameters.feedback_up_to_hz);
+        self.monitor = Monitor::new(&self.parameters.scales, setup.half_period());
+        self.trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
+        self.first_um = self.trajectory.first_um();
+        true
     }
 
     /// The plays where the stage's are: at rest at the safe level after coming down to it, wherever the sensor sees that.
     fn start(&mut self, measured_um: f32) {
-        let plays = self.parameters.inverse.at_rest(measured_um, self.setup.low_um);
+        let plays = self.parameters.inverse.at_rest(measured_um, self.first_um);
         self.state = self.law.start(plays, self.command_v);
         self.state.set_feedback_weight(self.feedback_weight);
         self.ramp = self.parameters.ramp.start_at(self.command_v);
         self.seen = MonitorState::default();
-        self.trajectory = Sine::new(self.setup.low_um, self.setup.high_um, self.setup.phase_step);
+        let setup = &self.setup;
+        self.trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
         self.mode = Mode::Rising;
     }
 
@@ -154,9 +232,9 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
 
     /// Towards the inverse's command at the trajectory's first value; feedback alone starts from where it is.
     fn rise(&mut self) -> (f32, bool) {
-        let low_um = self.setup.low_um;
+        let first_um = self.first_um;
         let wanted_v = match &self.law.feedforward {
-            Some(inverse) => inverse.step(&mut self.state.feedforward, low_um),
+            Some(inverse) => inverse.step(&mut self.state.feedforward, first_um),
             None => self.command_v,
         };
         let before_v = self.command_v;
@@ -167,7 +245,7 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
             self.state.limiter = self.law.limiter.start_at(self.command_v);
             self.mode = Mode::Running;
         }
-        (low_um, limited)
+        (first_um, limited)
     }
 
     fn fall(&mut self) -> (f32, bool) {
@@ -176,7 +254,7 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
         if !limited {
             self.mode = Mode::Off;
         }
-        (self.setup.low_um, limited)
+        (self.first_um, limited)
     }
 }
 

@@ -10,6 +10,7 @@ pub mod monitor;
 pub mod parameters;
 pub mod table;
 pub mod trajectory;
+pub mod tuning;
 pub mod wire;
 
 use controller::Controller;

@@ -24,6 +24,8 @@ pub struct Parameters<I> {
     pub dac: Converter<f32>,
     /// Codes of the position, micrometres: the converter's volts are the sensor's micrometres here.
     pub adc: Converter<f32>,
+    /// Lowest and highest reference, micrometres.
+    pub range_um: [f32; 2],
     /// Rate of the loop, hertz.
     pub sample_rate_hz: f32,
     /// Feedback is whole up to this frequency of the reference and none from twice it, hertz.

@@ -32,6 +32,7 @@ pub fn parameters() -> Result<Parameters<Inverse>, ParamError> {
         },
         dac: Converter::new(DAC_MIN_V, DAC_TOP_V)?,
         adc: Converter::new(ADC_MIN_UM, ADC_TOP_UM)?,
+        range_um: [INPUT_MIN_UM, INPUT_MAX_UM],
         sample_rate_hz: SAMPLE_RATE_HZ,
         feedback_up_to_hz: FEEDBACK_UP_TO_HZ,
         safe_v: SAFE_V,

@@ -1,11 +1,16 @@
 //! What board and host say to each other, little-endian: hello, setup, then a code and a frame a tick, then a summary.
 
 use crate::monitor::Fault;
+use crate::trajectory::Shape;
 
 /// First bytes of a hello; another version has others.
-pub const MAGIC: [u8; 8] = *b"HYSTERN3";
+pub const MAGIC: [u8; 8] = *b"HYSTERN4";
 /// Bit of [`Frame::flags`]: the limiter changed the command.
 pub const LIMITED: u16 = 1;
+/// Bit of [`Frame::flags`]: the change that came with this tick is in force.
+pub const ACCEPTED: u16 = 2;
+/// Bit of [`Frame::flags`]: the change that came with this tick was refused; nothing has changed.
+pub const REFUSED: u16 = 4;
 /// Place of the [`Mode`] in [`Frame::flags`].
 const MODE_BIT: u16 = 4;
 /// Place of the fault's number in [`Frame::flags`].
@@ -37,9 +42,11 @@ pub struct Hello {
 /// What the host asks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setup {
-    /// Ticks to run.
+    /// Ticks to run; 0 ends the image.
     pub ticks: u32,
-    /// Turns a tick of the sine, in 2^-32.
+    /// What a period of the reference looks like.
+    pub shape: Shape,
+    /// Turns a tick of the reference, in 2^-32.
     pub phase_step: u32,
     /// Lowest reference.
     pub low_um: f32,
@@ -49,6 +56,8 @@ pub struct Setup {
     pub feedforward: bool,
     /// Whether the PI controller runs.
     pub feedback: bool,
+    /// Whether each tick waits for the sample clock. Without it ticks follow each other at once, for tests of what they compute.
+    pub clocked: bool,
 }
 
 /// What the host asks of the controller.
@@ -63,6 +72,10 @@ pub enum Order {
     Stop,
     /// Forget the latched fault, once at the safe level.
     Clear,
+    /// One more byte of a change, see [`crate::tuning`].
+    Byte(u8),
+    /// The change of this number is complete: put it in force, and say so in this tick's frame.
+    Apply(u8),
     /// For tests of the counters: hold this tick up while so many edges of the sample clock come.
     Stall(u8),
     /// For tests of the watchdog: never come back from this tick.
@@ -103,7 +116,7 @@ pub struct Frame {
     pub command_v: f32,
     /// The converter's code.
     pub dac: u16,
-    /// [`LIMITED`], [`Frame::mode`] and [`Frame::fault`].
+    /// [`LIMITED`], [`ACCEPTED`], [`REFUSED`], [`Frame::mode`] and [`Frame::fault`].
     pub flags: u16,
 }
 
@@ -157,14 +170,15 @@ impl Hello {
 }
 
 impl Setup {
-    /// Frequency of the sine, hertz.
+    /// Frequency of the reference, hertz.
     pub fn frequency_hz(&self, sample_rate_hz: f32) -> f32 {
         self.phase_step as f32 * (sample_rate_hz / 4_294_967_296.0)
     }
 
-    /// Samples in half a period of the sine; the largest number where it stands still.
+    /// Samples in half a period of the reference's highest harmonic; the largest number where it stands still.
     pub fn half_period(&self) -> u32 {
-        (1_u32 << 31).checked_div(self.phase_step).unwrap_or(u32::MAX)
+        let half = (1_u32 << 31).checked_div(self.phase_step).unwrap_or(u32::MAX);
+        half / self.shape.highest_harmonic()
     }
 
     /// As bytes.
@@ -176,10 +190,12 @@ impl Setup {
         bytes[12..16].copy_from_slice(&self.high_um.to_le_bytes());
         bytes[16] = u8::from(self.feedforward);
         bytes[17] = u8::from(self.feedback);
+        bytes[18] = self.shape as u8;
+        bytes[19] = u8::from(self.clocked);
         bytes
     }
 
-    /// From bytes.
+    /// From bytes; a shape that is none counts as a sine.
     pub fn from_bytes(bytes: &[u8; SETUP_BYTES]) -> Self {
         Self {
             ticks: u32::from_le_bytes(word(bytes, 0)),
@@ -188,6 +204,8 @@ impl Setup {
             high_um: f32::from_le_bytes(word(bytes, 12)),
             feedforward: bytes[16] != 0,
             feedback: bytes[17] != 0,
+            clocked: bytes[19] != 0,
+            shape: Shape::from_code(bytes[18]).unwrap_or_default(),
         }
     }
 }
@@ -202,6 +220,8 @@ impl Input {
             Order::Clear => (3, 0),
             Order::Stall(edges) => (4, edges),
             Order::Hang => (5, 0),
+            Order::Byte(byte) => (6, byte),
+            Order::Apply(kind) => (7, kind),
         };
         let [low, high] = self.adc.to_le_bytes();
         [low, high, order, value]
@@ -217,6 +237,8 @@ impl Input {
             3 => Order::Clear,
             4 => Order::Stall(value),
             5 => Order::Hang,
+            6 => Order::Byte(value),
+            7 => Order::Apply(value),
             _ => Order::None,
         };
         Self {
@@ -319,11 +341,13 @@ mod tests {
         assert_eq!(Hello::from_bytes(&[0; HELLO_BYTES]), None);
         let setup = Setup {
             ticks: 7,
+            shape: Shape::Triangle,
             phase_step: 1 << 31,
             low_um: -0.5,
             high_um: 2.5,
             feedforward: true,
             feedback: false,
+            clocked: true,
         };
         assert_eq!(Setup::from_bytes(&setup.to_bytes()), setup);
         let frame = Frame {
@@ -345,6 +369,8 @@ mod tests {
             Order::Clear,
             Order::Stall(7),
             Order::Hang,
+            Order::Byte(0xfe),
+            Order::Apply(1),
         ];
         for order in orders {
             let input = Input { adc: 0xabcd, order };

@@ -1,7 +1,7 @@
 //! What the ticks are counted over: references in the table's range, and a sensor that follows them late and with noise.
 
 use hysteron_firmware::table;
-use hysteron_firmware::trajectory::Sine;
+use hysteron_firmware::trajectory::{Shape, Trajectory};
 
 /// Kinds of references.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -33,7 +33,7 @@ impl Kind {
 /// A reference and a sensor, tick by tick; the same in every run.
 pub struct Signal {
     kind: Kind,
-    sine: Sine,
+    sine: Trajectory,
     share: f32,
     number: u32,
     seed: u32,
@@ -57,7 +57,7 @@ impl Signal {
         let step = (hz / table::SAMPLE_RATE_HZ * 4_294_967_296.0) as u32;
         Self {
             kind,
-            sine: Sine::new(-0.5, 0.5, step),
+            sine: Trajectory::new(Shape::Sine, -0.5, 0.5, step),
             share: 1.0,
             number: 0,
             seed: 1,

@@ -10,7 +10,7 @@ use cortex_m_rt::{entry, exception};
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::monitor::{Fault, WATCHDOG_SAMPLES};
-use hysteron_firmware::wire::{Frame, Hello, INPUT_BYTES, Input, Order, SETUP_BYTES, Setup, Summary};
+use hysteron_firmware::wire::{FRAME_BYTES, Frame, Hello, INPUT_BYTES, Input, Order, SETUP_BYTES, Setup, Summary};
 use hysteron_firmware::{Board, table, tick};
 use mps2::semihosting::{self, File};
 use mps2::{timer, watchdog};
@@ -79,16 +79,30 @@ fn main() -> ! {
         input_max_um: table::INPUT_MAX_UM,
     };
     to_host.write(&hello.to_bytes());
-    let mut setup = [0; SETUP_BYTES];
-    from_host.read(&mut setup);
-    let setup = Setup::from_bytes(&setup);
+    loop {
+        let mut setup = [0; SETUP_BYTES];
+        from_host.read(&mut setup);
+        let setup = Setup::from_bytes(&setup);
+        if setup.ticks == 0 {
+            semihosting::exit(true);
+        }
+        let summary = if setup.clocked {
+            run(&setup, &mut from_host, &to_host)
+        } else {
+            run_unclocked(&setup, &mut from_host, &to_host)
+        };
+        to_host.write(&summary.to_bytes());
+    }
+}
+
+/// One run, from the safe level to the safe level.
+fn run(setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
     let Ok(parameters) = table::parameters() else {
         semihosting::exit(false);
     };
-    let controller = Controller::new(parameters, &setup);
     let board = Emulated {
-        from_host,
-        to_host,
+        from_host: from_host.again(),
+        to_host: to_host.again(),
         order: Order::None,
         late: false,
         read_at: 0,
@@ -101,14 +115,15 @@ fn main() -> ! {
     };
     let control = Loop {
         board,
-        controller,
-        setup,
+        controller: Controller::new(parameters, setup),
+        setup: *setup,
         done: 0,
         edge: 0,
         summary,
     };
-    // SAFETY: the timer does not run yet.
+    // SAFETY: the timer does not run.
     unsafe { (*LOOP.0.get()).write(control) };
+    DONE.store(false, Ordering::Release);
     watchdog::start(WATCHDOG_SAMPLES * timer::PERIOD);
     timer::start();
     while !DONE.load(Ordering::Acquire) {
@@ -116,9 +131,38 @@ fn main() -> ! {
         core::hint::spin_loop();
     }
     // SAFETY: initialised above; the timer has been stopped by the interrupt.
-    let control = unsafe { (*LOOP.0.get()).assume_init_ref() };
-    control.board.to_host.write(&control.summary.to_bytes());
-    semihosting::exit(true);
+    unsafe { (*LOOP.0.get()).assume_init_ref() }.summary
+}
+
+/// Ticks that are exchanged at once where no clock is waited for.
+const BATCH: usize = 64;
+
+/// One run without the sample clock: the same ticks, as fast as they come. A tick that is held up makes the next one late.
+fn run_unclocked(setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
+    let Ok(parameters) = table::parameters() else {
+        semihosting::exit(false);
+    };
+    let mut controller = Controller::new(parameters, setup);
+    let mut late = false;
+    let mut left = setup.ticks as usize;
+    let mut inputs = [[0; INPUT_BYTES]; BATCH];
+    let mut frames = [[0; FRAME_BYTES]; BATCH];
+    while left > 0 {
+        let now = left.min(BATCH);
+        if let Some(bytes) = inputs.as_flattened_mut().get_mut(..now * INPUT_BYTES) {
+            from_host.read(bytes);
+        }
+        for (bytes, answer) in inputs.iter().zip(&mut frames).take(now) {
+            let input = Input::from_bytes(*bytes);
+            *answer = controller.step(input, late).to_bytes();
+            late = matches!(input.order, Order::Stall(edges) if edges > 0);
+        }
+        if let Some(bytes) = frames.as_flattened().get(..now * FRAME_BYTES) {
+            to_host.write(bytes);
+        }
+        left -= now;
+    }
+    Summary::default()
 }
 
 /// The sample clock's interrupt.

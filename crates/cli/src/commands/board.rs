@@ -5,7 +5,7 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::{Args, Subcommand, ValueEnum};
-use hysteron_board::{Machine, Outcome, Recording, Request};
+use hysteron_board::{Machine, Outcome, Recording, Request, Shape};
 use hysteron_data::{Dataset, Known, Overwrite, Record, Role, write_dataset};
 use hysteron_plant::Stage;
 use std::fmt::Write;
@@ -41,7 +41,10 @@ pub(crate) struct RunArgs {
     /// The firmware's image; by default firmware/target/images/EMULATOR
     #[arg(long, value_name = "FILE")]
     pub image: Option<PathBuf>,
-    /// Frequency of the reference, a sine, hertz
+    /// What a period of the reference looks like
+    #[arg(long, value_enum, default_value_t = ShapeName::Sine)]
+    pub shape: ShapeName,
+    /// Frequency of the reference, hertz
     #[arg(long, default_value_t = 100.0)]
     pub hz: f64,
     /// Lowest reference, micrometres; by default the table's lowest and 2 % of its range
@@ -74,6 +77,34 @@ pub(crate) struct RunArgs {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ShapeName {
+    /// From the lowest point on
+    Sine,
+    /// The paper's sum of a sine and its third harmonic
+    ComplexHarmonic,
+    /// Straight lines
+    Triangle,
+}
+
+impl ShapeName {
+    fn shape(self) -> Shape {
+        match self {
+            Self::Sine => Shape::Sine,
+            Self::ComplexHarmonic => Shape::ComplexHarmonic,
+            Self::Triangle => Shape::Triangle,
+        }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::Sine => "sine",
+            Self::ComplexHarmonic => "complex harmonic",
+            Self::Triangle => "triangle",
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum EmulatorName {
     /// Cortex-M4F
     #[value(name = "mps2-an386")]
@@ -101,6 +132,7 @@ pub(crate) fn run(args: &BoardArgs) -> Result<Done, CliError> {
 fn run_emulator(args: &RunArgs) -> Result<Done, CliError> {
     let machine = args.emulator.machine();
     let request = Request {
+        shape: args.shape.shape(),
         frequency_hz: args.hz,
         range_um: args.low.zip(args.high).map(|(low, high)| [low, high]),
         seconds: args.seconds,
@@ -158,8 +190,11 @@ fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
             file: "run.csv".to_owned(),
             role: Role::Validate,
             excitation: format!(
-                "reference sine {} Hz, {} to {} um",
-                args.hz, outcome.setup.low_um, outcome.setup.high_um
+                "reference {} {} Hz, {} to {} um",
+                args.shape.words(),
+                args.hz,
+                outcome.setup.low_um,
+                outcome.setup.high_um
             ),
             start_s: 0.0,
             period_s: config.sample_period_s,

@@ -1,0 +1,125 @@
+//! Cycles, latency and headroom of the loop on real boards, computed from data sheets and from instructions counted in the emulator.
+//!
+//! Nothing here was measured on a board: `docs/boards/` says how to.
+
+/// One board's figures, each with its source.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Budget {
+    /// The board.
+    pub board: &'static str,
+    /// Processor clock, hertz, as `firmware/nucleo/src/board.rs` sets it.
+    pub clock_hz: f64,
+    /// Clock of the ADC, hertz: 64 MHz / 2, and halved inside of the chip from revision V on (RM0433, "ADC clocks"); 170 MHz / 4.
+    pub adc_hz: f64,
+    /// Cycles of the ADC's clock in which it samples.
+    pub sampling_cycles: f64,
+    /// Cycles from the end of sampling to the code: `N / 2 + 1/2` for 16 bits of the STM32H7 (DS12110, ADC characteristics), 12.5 for
+    /// 12 bits of the STM32G4 (DS12288, ADC characteristics).
+    pub conversion_cycles: f64,
+    /// Clock of the DAC's bus, hertz.
+    pub bus_hz: f64,
+    /// Instructions of a tick at worst: law, reference, monitor, in QEMU (`cargo xtask firmware compare`), rounded up.
+    pub tick_instructions: f64,
+}
+
+/// Cycles for an instruction, as a bound for this code: floating-point arithmetic takes 1 and loads 2 (Cortex-M4 TRM DDI 0439, tables
+/// 3-1 and 7-1), a taken branch up to 4 but less than one in eight is one. A Cortex-M7 issues two at once where it can.
+const CYCLES_AN_INSTRUCTION: f64 = 2.0;
+/// Entering an interrupt and leaving it, with the floating-point registers: 29 cycles and 27 (DDI 0439, section 3.9).
+const INTERRUPT_CYCLES: f64 = 56.0;
+/// Instructions of the driver around the bus, three bytes with their flags: counted in the disassembly, doubled.
+const DRIVER_INSTRUCTIONS: f64 = 150.0;
+/// Bits of a word of the AD5683R.
+const BUS_BITS: f64 = 24.0;
+/// Settling of the AD5683R from a quarter to three quarters of its range, typical (data sheet, AC characteristics).
+pub const SETTLING_S: f64 = 5e-6;
+/// Period of the loop.
+const PERIOD_S: f64 = 20e-6;
+
+/// The boards of `firmware/nucleo`.
+pub const BOARDS: [Budget; 2] = [
+    Budget {
+        board: "nucleo-h743zi",
+        clock_hz: 400e6,
+        adc_hz: 16e6,
+        sampling_cycles: 8.5,
+        conversion_cycles: 8.5,
+        bus_hz: 25e6,
+        tick_instructions: 500.0,
+    },
+    Budget {
+        board: "nucleo-g474re",
+        clock_hz: 170e6,
+        adc_hz: 42.5e6,
+        sampling_cycles: 12.5,
+        conversion_cycles: 12.5,
+        bus_hz: 21.25e6,
+        tick_instructions: 500.0,
+    },
+];
+
+impl Budget {
+    /// Processor cycles of the interrupt, without the bus.
+    pub fn cycles(&self) -> f64 {
+        INTERRUPT_CYCLES + CYCLES_AN_INSTRUCTION * (self.tick_instructions + DRIVER_INSTRUCTIONS)
+    }
+
+    /// Time in the interrupt, seconds: cycles, and the bus, which it waits for.
+    pub fn interrupt_s(&self) -> f64 {
+        self.cycles() / self.clock_hz + BUS_BITS / self.bus_hz
+    }
+
+    /// From the end of sampling to the edge of the DAC's output, seconds; settling and half a period of hold come on top.
+    pub fn latency_s(&self) -> f64 {
+        self.conversion_cycles / self.adc_hz + self.interrupt_s()
+    }
+
+    /// Known delay of a recording, seconds: latency, half of the settling, half a period of hold.
+    pub fn known_delay_s(&self) -> f64 {
+        self.latency_s() + 0.5 * SETTLING_S + 0.5 * PERIOD_S
+    }
+
+    /// Share of the period that is left.
+    pub fn headroom(&self) -> f64 {
+        1.0 - (self.interrupt_s() + (self.sampling_cycles + self.conversion_cycles) / self.adc_hz) / PERIOD_S
+    }
+
+    /// The row of `docs/boards/`.
+    pub fn row(&self) -> String {
+        format!(
+            "| {} | {:.0} MHz | {:.2} us | {:.0} | {:.2} us | {:.2} us | {:.1} us | {:.0} % |",
+            self.board,
+            self.clock_hz / 1e6,
+            1e6 * (self.sampling_cycles + self.conversion_cycles) / self.adc_hz,
+            self.cycles(),
+            1e6 * BUS_BITS / self.bus_hz,
+            1e6 * self.latency_s(),
+            1e6 * self.known_delay_s(),
+            100.0 * self.headroom()
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The pages of the boards quote what is computed here.
+    #[test]
+    fn golden_pages_have_these_figures() {
+        for budget in BOARDS {
+            let page = format!("{}/../../docs/boards/{}.md", env!("CARGO_MANIFEST_DIR"), budget.board);
+            let text = std::fs::read_to_string(&page).unwrap();
+            assert!(text.contains(&budget.row()), "{page} should have\n{}", budget.row());
+            assert!(budget.headroom() > 0.5, "{}", budget.board);
+        }
+    }
+
+    /// By hand: 12.5 / 42.5 MHz + (56 + 2 x 650) / 170 MHz + 24 / 21.25 MHz.
+    #[test]
+    fn val_latency_by_hand() {
+        let g474 = BOARDS[1];
+        assert!((g474.latency_s() - (0.294_118e-6 + 7.976_471e-6 + 1.129_412e-6)).abs() < 1e-11);
+        assert!((g474.known_delay_s() - g474.latency_s() - 12.5e-6).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,177 @@
+//! Gains, reference and parts changed while the image runs: acknowledged, in force from that tick on, or refused as a whole.
+#![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
+#![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
+
+use hysteron_board::{Bench, Machine, Request, Rig, Session, Shape, drive_here};
+use hysteron_firmware::controller::Controller;
+use hysteron_firmware::monitor::Fault;
+use hysteron_firmware::table;
+use hysteron_firmware::tuning::Change;
+use hysteron_firmware::wire::{ACCEPTED, Frame, Hello, Input, Mode, Order, REFUSED, Setup};
+use hysteron_plant::{Stage, preset};
+use std::path::Path;
+use std::time::Duration;
+
+/// The stage, and orders by tick.
+struct Scripted {
+    rig: Rig,
+    orders: Vec<Order>,
+    inputs: Vec<Input>,
+}
+
+impl Bench for Scripted {
+    fn sample_rate_hz(&self) -> f64 {
+        self.rig.sample_rate_hz()
+    }
+
+    fn input(&mut self, number: u32) -> Input {
+        let order = self.orders.get(number as usize).copied().unwrap_or(Order::None);
+        let input = Input {
+            order,
+            ..self.rig.input(number)
+        };
+        self.inputs.push(input);
+        input
+    }
+
+    fn output(&mut self, frame: &Frame) {
+        self.rig.output(frame);
+    }
+}
+
+/// A run here with changes at ticks, and, where there is an emulator, the same frames from it.
+fn run(ticks: u32, script: &[(usize, Order)], changes: &[(usize, Change)]) -> Vec<Frame> {
+    let hello = Hello {
+        hash: table::HASH,
+        sample_rate_hz: table::SAMPLE_RATE_HZ,
+        input_min_um: table::INPUT_MIN_UM,
+        input_max_um: table::INPUT_MAX_UM,
+    };
+    let request = Request {
+        shape: Shape::Sine,
+        frequency_hz: 100.0,
+        range_um: None,
+        seconds: f64::from(ticks) / 50e3,
+        feedforward: true,
+        feedback: true,
+    };
+    let setup = Setup {
+        ticks,
+        clocked: false,
+        ..request.setup(&hello).unwrap()
+    };
+    let mut orders = vec![Order::None; ticks as usize];
+    for &(tick, order) in script {
+        orders[tick] = order;
+    }
+    for (tick, change) in changes {
+        for (k, order) in change.orders().enumerate() {
+            orders[tick + k] = order;
+        }
+    }
+    let rig = Rig::new(Stage::new(&preset::paper_rate(), 3).unwrap(), request.seconds);
+    let mut bench = Scripted {
+        rig,
+        orders,
+        inputs: Vec::new(),
+    };
+    let mut controller = Controller::new(table::parameters().unwrap(), &setup);
+    drive_here(&mut controller, ticks, &mut bench);
+    let frames = bench.rig.recording.frames;
+    let machine = Machine::Mps2An386;
+    let image = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../firmware/target/images/mps2-an386");
+    let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
+    if image.is_file() && emulator.is_ok() {
+        let mut session = Session::start(machine, &image, Duration::from_secs(300)).unwrap();
+        let (board, _) = session.replay(&setup, &bench.inputs).unwrap();
+        for (board, here) in board.iter().zip(&frames) {
+            assert_eq!(board.to_bytes(), here.to_bytes(), "{board:?} {here:?}");
+        }
+    } else {
+        assert!(
+            std::env::var_os("HYSTERON_EMULATOR").is_none(),
+            "no image or no emulator"
+        );
+        eprintln!("here alone: no image or no qemu-system-arm; run `cargo xtask test`");
+    }
+    frames
+}
+
+fn answers(frames: &[Frame]) -> Vec<(u32, u16)> {
+    let of = |frame: &Frame| (frame.number, frame.flags & (ACCEPTED | REFUSED));
+    frames.iter().map(of).filter(|answer| answer.1 != 0).collect()
+}
+
+const fn gains(proportional_v_per_um: f32, integral_v_per_um_s: f32) -> Change {
+    Change::Gains {
+        proportional_v_per_um,
+        integral_v_per_um_s,
+    }
+}
+
+/// Doubled gains act from the acknowledged tick on; gains that no loop has are refused and change nothing.
+#[test]
+fn val_gains_at_run_time() {
+    let start = [(0, Order::Start)];
+    let plain = run(4000, &start, &[]);
+    let same = run(4000, &start, &[(2000, gains(-1.0, 1.0)), (2100, gains(0.0, f32::NAN))]);
+    assert_eq!(answers(&same), [(2008, REFUSED), (2108, REFUSED)]);
+    let commands = |frames: &[Frame]| frames.iter().map(|frame| frame.command_v.to_bits()).collect::<Vec<_>>();
+    assert_eq!(commands(&plain), commands(&same));
+    let doubled = run(4000, &start, &[(2000, gains(0.0, 2.0 * table::INTEGRAL_V_PER_UM_S))]);
+    assert_eq!(answers(&doubled), [(2008, ACCEPTED)]);
+    assert_eq!(commands(&plain)[..2008], commands(&doubled)[..2008]);
+    assert!(commands(&plain)[2008..] != commands(&doubled)[2008..]);
+    // Far too high: the monitor sees what comes of it.
+    let wild = run(
+        20_000,
+        &start,
+        &[(2000, gains(0.0, 100.0 * table::INTEGRAL_V_PER_UM_S))],
+    );
+    let fault = wild.iter().find_map(Frame::fault);
+    let runaway = [
+        Fault::Oscillation,
+        Fault::SensorJump,
+        Fault::Saturated,
+        Fault::Disagreement,
+    ];
+    assert!(fault.is_some_and(|fault| runaway.contains(&fault)), "{fault:?}");
+    assert_eq!(wild.last().unwrap().command_v, table::SAFE_V);
+}
+
+/// Another reference is refused while the loop runs, and taken at the safe level.
+#[test]
+fn val_references_at_run_time() {
+    let triangle = Change::Trajectory {
+        shape: Shape::Triangle,
+        // 200 Hz at 50 kHz.
+        phase_step: 17_179_869,
+        low_um: 0.5,
+        high_um: 1.5,
+    };
+    let outside = Change::Trajectory {
+        shape: Shape::Sine,
+        phase_step: 17_179_869,
+        low_um: 0.5,
+        high_um: 9.0,
+    };
+    let parts = Change::Parts {
+        feedforward: true,
+        feedback: false,
+    };
+    let script = [(0, Order::Start), (2000, Order::Stop), (5000, Order::Start)];
+    let changes = [(1000, triangle), (4000, outside), (4100, triangle), (4200, parts)];
+    let frames = run(9000, &script, &changes);
+    assert_eq!(
+        answers(&frames),
+        [(1013, REFUSED), (4013, REFUSED), (4113, ACCEPTED), (4202, ACCEPTED)]
+    );
+    let later = frames[5500..].iter().filter(|frame| frame.mode() == Mode::Running);
+    let references: Vec<f32> = later.map(|frame| frame.reference_um).collect();
+    assert!(references.len() > 3000, "{}", references.len());
+    let (low, high) = references
+        .iter()
+        .fold((f32::MAX, f32::MIN), |(low, high), &r| (low.min(r), high.max(r)));
+    // A tick of 200 Hz moves a triangle of 1 um by 8 nm.
+    assert!((low - 0.5).abs() < 0.009 && (high - 1.5).abs() < 0.009, "{low} {high}");
+}
