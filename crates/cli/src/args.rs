@@ -2,9 +2,9 @@
 
 use crate::commands::{
     add::AddArgs, board::BoardArgs, challenge::ChallengeArgs, compare::CompareArgs, control::design::DesignArgs,
-    control::record::CampaignArgs, control::track::TrackArgs, demo::DemoArgs, diagnose::DiagnoseArgs,
-    explain::ExplainArgs, export::ExportArgs, fit::FitArgs, import::ImportArgs, lab::LabArgs, ladder::LadderArgs,
-    learn::LearnArgs, paper::PaperArgs, report::ReportArgs, simulate::SimulateArgs,
+    control::record::CampaignArgs, control::rehearse::RehearseArgs, control::track::TrackArgs, demo::DemoArgs,
+    diagnose::DiagnoseArgs, explain::ExplainArgs, export::ExportArgs, fit::FitArgs, import::ImportArgs, lab::LabArgs,
+    ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs, report::ReportArgs, simulate::SimulateArgs,
 };
 use clap::{Parser, Subcommand};
 
@@ -52,6 +52,8 @@ pub(crate) enum Command {
     Design(DesignArgs),
     /// Track references with a controller and with the paper's, side by side
     Track(TrackArgs),
+    /// Rehearse the whole way on a stage with a hidden effect: record, learn, design, track; the error before and after
+    Rehearse(RehearseArgs),
     /// Redo the paper on the simulated stages, its figures beside ours
     Paper(PaperArgs),
     /// Turn a direct inverse into the table that is compiled into the firmware

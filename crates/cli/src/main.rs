@@ -35,6 +35,7 @@ fn main() -> ExitCode {
         Command::Campaign(args) => commands::control::record::run(&args),
         Command::Design(args) => commands::control::design::run(&args),
         Command::Track(args) => commands::control::track::run(&args),
+        Command::Rehearse(args) => commands::control::rehearse::run(&args),
         Command::Paper(args) => commands::paper::run(&args),
         Command::Export(args) => commands::export::run(&args),
         Command::Board(args) => commands::board::run(&args),

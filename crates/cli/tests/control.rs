@@ -1,4 +1,4 @@
-//! What `campaign`, `design` and `track` refuse, as a user meets it: the reason, what to do, exit code 2.
+//! From a model to a controller as a user meets it, and what is refused: the reason, what to do, exit code 2.
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up its files fails")]
 
 use assert_cmd::Command;
@@ -41,13 +41,6 @@ fn refuse_stages_and_ranges_that_are_not_there() {
 #[test]
 fn refuse_to_design_without_records_of_a_campaign() {
     let folder = tempfile::tempdir().unwrap();
-    refused(
-        &["design", "model.toml"],
-        &[
-            "from the records of a campaign, not from a model file",
-            "give the folder",
-        ],
-    );
     let one = folder.path().join("one.csv");
     std::fs::write(&one, "time_s,voltage_v,position_um\n0,0,0\n0.1,1,0.3\n0.2,2,0.5\n").unwrap();
     refused(
@@ -56,5 +49,210 @@ fn refuse_to_design_without_records_of_a_campaign() {
             "the dataset has no small multisine",
             "`hysteron campaign` records what is needed",
         ],
+    );
+}
+
+/// A parameter of an effect: name, value, unit.
+type Named = (&'static str, f64, &'static str);
+
+/// A model as `fit` and `add` write it: three plays, one effect.
+fn model(weights: [f64; 3], effect: &str, parameters: &[Named]) -> String {
+    let mut text =
+        "format = 1\nhysteron = \"0.1.0\"\ndirection = \"forward\"\ninput_unit = \"V\"\noutput_unit = \"um\"\n\
+        [hysteresis]\nfamily = \"pi\"\ninput_min = 0.0\ninput_max = 100.0\nthresholds = [4.0, 15.0, 40.0]\n"
+            .to_owned();
+    let mut parameter = |table: &str, name: &str, value: f64, unit: &str| {
+        text.push_str(&format!(
+            "[[{table}]]\nname = \"{name}\"\nvalue = {value:?}\nunit = \"{unit}\"\n"
+        ));
+    };
+    parameter("hysteresis.parameter", "offset", 0.0, "um");
+    parameter("hysteresis.parameter", "linear", 0.06, "um/V");
+    for (i, weight) in weights.into_iter().enumerate() {
+        parameter("hysteresis.parameter", &format!("weight[{}]", i + 1), weight, "um/V");
+    }
+    if !effect.is_empty() {
+        text.push_str(&format!("[[effect]]\nname = \"{effect}\"\n"));
+        for (name, value, unit) in parameters {
+            text.push_str(&format!(
+                "[[effect.parameter]]\nname = \"{name}\"\nvalue = {value:?}\nunit = \"{unit}\"\n"
+            ));
+        }
+    }
+    text.push_str(
+        "[fitted_on]\ndataset = \"stage\"\nmethod = \"separable\"\nweighting = \"record\"\nplacement = \"data\"\nridge = 0.0\n\
+        [[fitted_on.record]]\nfile = \"a.csv\"\nsamples = 1000\nsample_rate_hz = 50000.0\n\
+        initial_state = \"at rest from above\"\nfitted_from = 0\nweight = 1.0\n",
+    );
+    text
+}
+
+const RISING: [f64; 3] = [0.02, 0.02, 0.02];
+
+fn mode(hz: f64, damping: f64) -> [Named; 5] {
+    [
+        ("frequency", hz, "Hz"),
+        ("damping", damping, ""),
+        ("frequency_2", 20e3, "Hz"),
+        ("damping_2", 0.02, ""),
+        ("share_2", 0.0, ""),
+    ]
+}
+
+/// Everything that would make an inverse explode ends with the reason, what to do, and exit code 2; nothing is written.
+#[test]
+fn refuse_models_whose_inverse_would_explode() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.toml");
+    let out = folder.path().join("controller.toml");
+    let check = |text: String, options: &[&str], words: &[&str]| {
+        std::fs::write(&path, text).unwrap();
+        let mut args = vec!["design", path.to_str().unwrap(), "-o", out.to_str().unwrap()];
+        args.extend(options);
+        refused(&args, words);
+        assert!(!out.exists());
+    };
+    check(
+        model(RISING, "resonance", &mode(800.0, 0.0)),
+        &[],
+        &[
+            "mode 1 at 800 Hz has a damping ratio of 0",
+            "record a longer small multisine",
+        ],
+    );
+    check(
+        model(RISING, "resonance", &mode(26e3, 0.02)),
+        &[],
+        &[
+            "mode 1 at 26000 Hz lies above half the sample rate, 25000 Hz",
+            "run the controller faster",
+        ],
+    );
+    check(
+        model(RISING, "resonance", &mode(800.0, 0.02)),
+        &["--rate-hz", "1000"],
+        &["mode 1 at 800 Hz lies above half the sample rate, 500 Hz"],
+    );
+    check(
+        model([0.02, -0.11, 0.02], "", &[]),
+        &[],
+        &[
+            "the hysteresis table does not invert",
+            "the displacement goes back",
+            "fit fewer plays",
+        ],
+    );
+    check(
+        model(RISING, "delay", &[("delay", 400e-6, "s")]),
+        &[],
+        &[
+            "the latency of 400 us is longer than the preview of 320 us (16 samples)",
+            "--reference live",
+        ],
+    );
+    check(
+        model(
+            RISING,
+            "first-order-lag",
+            &[("amplifier_tau", 1.0, "s"), ("sensor_tau", 0.0, "s")],
+        ),
+        &[],
+        &["an amplifier's lag of 1000000 us cannot be undone", "identify again"],
+    );
+    check(
+        model(RISING, "", &[]),
+        &["--volts", "5,5"],
+        &["--volts [5.0, 5.0]", "the lower first"],
+    );
+    check(model(RISING, "", &[]), &["--rate-hz", "0"], &["--rate-hz 0"]);
+    let inverse = model(RISING, "", &[]).replace("\"forward\"", "\"inverse\"");
+    let inverse = inverse
+        .replace("input_unit = \"V\"", "input_unit = \"um\"")
+        .replace("output_unit = \"um\"", "output_unit = \"V\"")
+        .replace("unit = \"um/V\"", "unit = \"V/um\"")
+        .replace("value = 0.0\nunit = \"um\"", "value = 0.0\nunit = \"V\"");
+    check(inverse, &[], &["the model runs from position to voltage", "forward"]);
+}
+
+/// Each effect of a model brings its compensator or is named as left out; and a controller file that was changed by hand is refused
+/// as a model is.
+#[test]
+fn val_design_from_a_model_names_every_effect() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.toml");
+    let out = folder.path().join("controller.toml");
+    let (path, out) = (path.to_str().unwrap(), out.to_str().unwrap());
+    let creep = [
+        ("first_tau", 0.1, "s"),
+        ("share_1", 0.01, ""),
+        ("share_2", 0.01, ""),
+        ("share_3", 0.01, ""),
+        ("share_4", 0.01, ""),
+    ];
+    let hum: [Named; 6] = [
+        ("frequency", 50.0, "Hz"),
+        ("amplitude_1", 0.02, "um"),
+        ("amplitude_2", 0.0, "um"),
+        ("amplitude_3", 0.01, "um"),
+        ("amplitude_4", 0.0, "um"),
+        ("amplitude_5", 0.0, "um"),
+    ];
+    let coupling = [
+        ("gain", 0.003, "um/V"),
+        ("lead", -1e-7, "um s/V"),
+        ("play_weight", 0.001, "um/V"),
+        ("threshold", 30.0, "V"),
+    ];
+    let sensor = [
+        ("middle", 5.0, "um"),
+        ("quadratic", 0.002, "1/um"),
+        ("cubic", 0.0, "1/um^2"),
+    ];
+    let heat = [
+        ("reference", 22.0, "degC"),
+        ("tau", 100.0, "s"),
+        ("shift", 0.3, "um/K"),
+        ("gain", 0.001, "1/K"),
+    ];
+    let lag = [("amplifier_tau", 60e-6, "s"), ("sensor_tau", 30e-6, "s")];
+    let cases: [(&str, &[Named], &str); 9] = [
+        ("delay", &[("delay", 60e-6, "s")], "preview"),
+        ("first-order-lag", &lag, "lead, and reference through the sensor's lag"),
+        ("resonance", &mode(800.0, 0.02), "resonance inverse"),
+        ("creep", &creep, "creep inverse"),
+        ("mains-hum", &hum, "hum learned in the loop"),
+        ("cross-coupling", &coupling, "decoupling"),
+        ("sensor-nonlinearity", &sensor, "sensor polynomial"),
+        ("thermal-drift", &heat, "thermal gain"),
+        ("backlash", &[("width", 0.05, "um")], ""),
+    ];
+    for (effect, parameters, by) in cases {
+        std::fs::write(path, model(RISING, effect, parameters)).unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_hysteron"))
+            .args(["design", path, "-o", out, "--open", "--json"])
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(0), "{effect}: {said}");
+        let answer: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let found = &answer["effects"][0];
+        assert_eq!(found["effect"], effect);
+        assert_eq!(found["by"].as_str().unwrap_or(""), by, "{effect}");
+        // The table that inverts three plays: 0.3 % of the range is a third of a volt.
+        assert!(answer["inverse_misfit_percent"].as_f64().unwrap() < 0.3, "{answer}");
+    }
+    std::fs::write(path, model(RISING, "resonance", &mode(800.0, 0.02))).unwrap();
+    let designed = Command::new(env!("CARGO_BIN_EXE_hysteron"))
+        .args(["design", path, "-o", out, "--open"])
+        .output()
+        .unwrap();
+    assert!(designed.status.success());
+    let changed = std::fs::read_to_string(out)
+        .unwrap()
+        .replace("damping = 0.02", "damping = 0.0");
+    std::fs::write(out, changed).unwrap();
+    refused(
+        &["track", out, "--stage", "8k"],
+        &["mode 1 at 800 Hz has a damping ratio of 0", "record a longer"],
     );
 }

@@ -6,7 +6,8 @@
 //! - operators: [`play`] (eqs 1-4, 7, 8), [`envelope`] (9), [`thresholds`] (16), [`bank`]
 //! - models: [`pi_model`] (5), [`mpi`] (6, 12), [`wrpi`], [`mrpi`] (10, 13), [`play_polynomial`]; see [`model`] for inverses
 //! - control: [`pi_controller`] (14), [`limiter`], [`control_law`] (15), [`codes`]; the complete inverse with feedback in
-//!   [`tracking_law`], made of [`preview`], [`biquad`] and the compensators beside their effects in [`effects`]
+//!   [`tracking_law`], made of [`preview`], [`biquad`] and the compensators beside their effects in [`effects`]; other axis, mains,
+//!   heat and sensor around it in [`surroundings`]
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -31,6 +32,7 @@ pub mod play;
 pub mod play_polynomial;
 pub mod preview;
 pub mod real;
+pub mod surroundings;
 pub mod thresholds;
 pub mod tracking_law;
 pub mod wrpi;

@@ -137,7 +137,7 @@ pub struct TrackingLaw<T, const TAPS: usize, const PLAYS: usize, const FAST: usi
 /// State of [`TrackingLaw`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackingState<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
-    feedforward: FeedforwardState<T, TAPS, PLAYS, FAST, SLOW>,
+    pub(crate) feedforward: FeedforwardState<T, TAPS, PLAYS, FAST, SLOW>,
     feedback: FeedbackState<T>,
     limiter: LimiterState<T>,
 }
@@ -160,9 +160,15 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     #[inline(always)]
     pub fn step(&self, state: &mut TrackingState<T, TAPS, PLAYS, FAST, SLOW>, reference_ahead: T, measured: T) -> T {
         let command = self.feedforward.step(&mut state.feedforward, reference_ahead);
+        let error = self.feedforward.due(&state.feedforward) - measured;
+        self.close(state, command, error)
+    }
+
+    /// The feedforward's command with feedback on an error, through the limiter.
+    #[inline(always)]
+    pub(crate) fn close(&self, state: &mut TrackingState<T, TAPS, PLAYS, FAST, SLOW>, command: T, error: T) -> T {
         let correction = match &self.feedback {
             Some(feedback) => {
-                let error = self.feedforward.due(&state.feedforward) - measured;
                 let (lowest, highest) = self.limiter.room(&state.limiter);
                 feedback.step(&mut state.feedback, error, lowest - command, highest - command)
             }

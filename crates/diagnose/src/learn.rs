@@ -18,6 +18,8 @@ pub struct Learned {
     pub model: Model,
     /// The attempts in their order, those that were not kept as well.
     pub attempts: Vec<Attempt>,
+    /// The model at the start and after each attempt that was kept; the last is [`Self::model`].
+    pub rungs: Vec<Model>,
     /// Why it stopped.
     pub stop: Stop,
     /// The last diagnosis.
@@ -122,6 +124,7 @@ pub fn learn_from(dataset: &Dataset, model: Model, progress: &(dyn Fn(&str, f64)
 fn go_on(dataset: &Dataset, model: Model, own: &[UserEffect], progress: &(dyn Fn(&str, f64) + Sync)) -> Learned {
     let mut learner = Learner {
         dataset,
+        rungs: vec![model.clone()],
         model,
         own,
         attempts: Vec::new(),
@@ -144,6 +147,7 @@ fn go_on(dataset: &Dataset, model: Model, own: &[UserEffect], progress: &(dyn Fn
     Learned {
         model: learner.model,
         attempts: learner.attempts,
+        rungs: learner.rungs,
         stop,
         diagnosis,
     }
@@ -170,6 +174,7 @@ struct Learner<'a> {
     model: Model,
     own: &'a [UserEffect],
     attempts: Vec<Attempt>,
+    rungs: Vec<Model>,
     progress: &'a (dyn Fn(&str, f64) + Sync),
 }
 
@@ -262,6 +267,7 @@ impl Learner<'_> {
             kept,
         });
         if kept {
+            self.rungs.push(step.model.clone());
             self.model = step.model;
         }
     }

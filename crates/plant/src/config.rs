@@ -168,7 +168,9 @@ impl StageConfig {
                 what: "rate_dependence is given for the MRPI family, which has its own alpha and beta".to_owned(),
                 advice: "set hysteresis.mrpi.alpha_s and beta_s, and no rate_dependence",
             }),
-            (Some(rate), Family::Linear | Family::Preisach(_) | Family::BoucWen(_)) if rate.needs_thresholds() => {
+            (Some(rate), Family::Linear | Family::Preisach(_) | Family::BoucWen(_) | Family::Mixed(_))
+                if rate.needs_thresholds() =>
+            {
                 Err(StageError::Conflict {
                     what: "rate_dependence changes thresholds, which this hysteresis family does not have".to_owned(),
                     advice: "use SigmoidPlays or MaxwellSlip, or another rate dependence",

@@ -93,7 +93,7 @@ pub struct TrackReport {
 }
 
 /// A controller ready to run.
-enum Contender<'a> {
+pub(crate) enum Contender<'a> {
     Complete(Box<CompleteLaw<f64>>),
     Paper(experiment::Controller<'a>),
 }
@@ -125,16 +125,13 @@ pub fn compare(
     with_paper: bool,
 ) -> Result<TrackReport, TrackingError> {
     let closed = controller.law::<f64>()?;
-    let open = CompleteLaw {
-        feedback: None,
-        ..closed
-    };
+    let open = controller.without_feedback().law::<f64>()?;
     let mut contenders = vec![(
         "complete feedforward".to_owned(),
         "open",
         Contender::Complete(Box::new(open)),
     )];
-    if closed.feedback.is_some() {
+    if closed.feedback().is_some() {
         contenders.push((
             "complete feedforward + feedback".to_owned(),
             "closed",
@@ -185,7 +182,7 @@ impl<'a> Contender<'a> {
     }
 
     /// The judged part of a run.
-    fn track(&self, bench: &Bench<'_>, reference: &Reference) -> Result<Tracked, TrackingError> {
+    pub(crate) fn track(&self, bench: &Bench<'_>, reference: &Reference) -> Result<Tracked, TrackingError> {
         match self {
             Self::Complete(law) => {
                 Ok(complete::track(bench.stage, bench.seed, law, reference)?.from(reference.judged_from))
@@ -289,7 +286,7 @@ impl Bench<'_> {
     }
 
     /// Rms about a straight line over the last 0.2 s of a second at rest in the middle of the range.
-    fn noise_at_rest_nm(&self, contender: &Contender<'_>) -> Result<f64, TrackingError> {
+    pub(crate) fn noise_at_rest_nm(&self, contender: &Contender<'_>) -> Result<f64, TrackingError> {
         let middle_um = 0.5 * (self.range_um[0] + self.range_um[1]);
         let samples = |time_s: f64| (time_s / self.period_s()).round() as usize;
         let rise = samples(0.02);

@@ -4,6 +4,7 @@ use crate::design::CompleteLaw;
 use crate::error::TrackingError;
 use crate::reference::Reference;
 use crate::run::Tracked;
+use hysteron_core::surroundings::LoopInput;
 use hysteron_plant::{Stage, StageConfig};
 
 /// Lets a complete law drive a fresh stage along a reference; position k is compared with reference k, nothing is shifted.
@@ -19,20 +20,41 @@ pub fn track(
     law: &CompleteLaw<f64>,
     reference: &Reference,
 ) -> Result<Tracked, TrackingError> {
+    track_beside(config, seed, law, reference, &[])
+}
+
+/// As [`track`], with a command of the other axis beside it, one value a sample of the reference, 0 V beyond its ends; the law
+/// knows it as early as the reference.
+///
+/// # Errors
+/// As [`track`].
+pub fn track_beside(
+    config: &StageConfig,
+    seed: u64,
+    law: &CompleteLaw<f64>,
+    reference: &Reference,
+    voltage2_v: &[f64],
+) -> Result<Tracked, TrackingError> {
     let samples_um = &reference.samples_um;
     if let Some(index) = samples_um.iter().position(|value| !value.is_finite()) {
         let value = samples_um[index];
         return Err(TrackingError::Reference { index, value });
     }
     let mut stage = Stage::new(config, seed)?;
-    let ahead = law.feedforward.preview.ahead();
+    let ahead = law.ahead();
     let last = samples_um.last().copied().unwrap_or(0.0);
-    let mut state = law.rest();
+    let temperature = |stage: &Stage| stage.sample().temperature_c.unwrap_or(0.0);
+    let mut state = law.rest(temperature(&stage));
+    let input = |stage: &Stage, k: usize| LoopInput {
+        reference_ahead: samples_um.get(k).copied().unwrap_or(last),
+        measured: stage.sample().position_um,
+        voltage2_ahead: voltage2_v.get(k).copied().unwrap_or(0.0),
+        temperature_c: temperature(stage),
+    };
     // What becomes known before the first sample is due.
-    let lead_in = samples_um.iter().take(ahead);
-    for &reference_um in lead_in {
-        let command_v = law.step(&mut state, reference_um, stage.sample().position_um);
-        stage.step(command_v);
+    for k in 0..ahead.min(samples_um.len()) {
+        let command_v = law.step(&mut state, input(&stage, k));
+        stage.step_two_axes(command_v, 0.0);
     }
     let length = samples_um.len();
     let mut tracked = Tracked {
@@ -46,11 +68,10 @@ pub fn track(
         let sample = stage.sample();
         tracked.measured_um.push(sample.position_um);
         tracked.true_um.push(sample.true_position_um);
-        let reference_um = samples_um.get(k + ahead).copied().unwrap_or(last);
-        let command_v = law.step(&mut state, reference_um, sample.position_um);
+        let command_v = law.step(&mut state, input(&stage, k + ahead));
         tracked.command_v.push(command_v);
-        tracked.limited.push(state.limiter().limited());
-        stage.step(command_v);
+        tracked.limited.push(state.limited());
+        stage.step_two_axes(command_v, voltage2_v.get(k).copied().unwrap_or(0.0));
     }
     Ok(tracked)
 }

@@ -16,7 +16,9 @@ pub mod figures;
 pub mod formulas;
 pub mod paper;
 pub mod reference;
+pub mod rehearsal;
 pub mod response;
+pub mod robustness;
 pub mod run;
 
 pub use error::TrackingError;

@@ -9,6 +9,7 @@ pub mod coupling;
 pub mod creep;
 pub mod delay;
 pub mod hum;
+pub mod hum_canceller;
 pub mod lag;
 pub mod resonance;
 pub mod saturation;

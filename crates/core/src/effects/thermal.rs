@@ -69,6 +69,48 @@ impl<T: Real> Thermal<T> {
     }
 }
 
+/// What heat does to the position, undone: `u = (y - k d) / (1 + c d)` with `tau d' + d = T - T_0`.
+///
+/// # Units
+/// As [`Thermal`].
+/// # Cost
+/// 4 multiply-adds and a division a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Heat<T> {
+    thermal: Thermal<T>,
+}
+
+/// The body's temperature against the reference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeatState<T> {
+    body: LagState<T>,
+}
+
+impl<T: Real> Heat<T> {
+    /// Undoes an effect.
+    pub fn undoing(thermal: Thermal<T>) -> Self {
+        Self { thermal }
+    }
+
+    /// State of a body that has taken this temperature.
+    pub fn settled_at(&self, temperature_c: T) -> HeatState<T> {
+        HeatState {
+            body: self.thermal.settled_at(temperature_c).body,
+        }
+    }
+
+    /// One sample: the position that heat moves to the one wanted.
+    #[inline(always)]
+    pub fn undo(&self, state: &mut HeatState<T>, wanted: T, temperature_c: T) -> T {
+        let thermal = &self.thermal;
+        let kelvin = within(temperature_c - thermal.reference_c);
+        let warmer = thermal.body.step(&mut state.body, kelvin);
+        // A gain that heat takes away altogether cannot be given back: a tenth is left of it.
+        let gain = (T::ONE + thermal.gain_per_k * warmer).select_max(T::from_f64(0.1));
+        (wanted - thermal.shift_um_per_k * warmer) / gain
+    }
+}
+
 /// Nothing on a bench is further from its reference, kelvin: keeps products finite. A NaN counts as the lower end.
 #[inline(always)]
 fn within<T: Real>(kelvin: T) -> T {
@@ -80,6 +122,21 @@ fn within<T: Real>(kelvin: T) -> T {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Undone and done again is the position wanted, while the body still follows.
+    #[test]
+    fn val_heat_undone_and_done_is_nothing() {
+        let thermal = Thermal::<f64>::new(0.3, 2e-3, 22.0, 5.0, 100.0).unwrap();
+        let heat = Heat::undoing(thermal);
+        let (mut there, mut back) = (thermal.settled_at(22.0), heat.settled_at(22.0));
+        for k in 0..1000 {
+            let temperature_c = 22.0 + 0.002 * f64::from(k);
+            let wanted = 5.0 + f64::from(k % 7);
+            let before = heat.undo(&mut back, wanted, temperature_c);
+            let found = thermal.step(&mut there, before, temperature_c);
+            assert!((found - wanted).abs() < 1e-12);
+        }
+    }
 
     #[test]
     fn val_shift_and_gain_after_the_body_has_followed() {

@@ -184,12 +184,12 @@ pub(super) fn behind_lag(voltage_v: &[f64], period_s: f64, latency_s: f64, lag_s
 }
 
 impl Problem {
-    /// Builds the rows.
-    fn new(seen: &[Seen<'_>]) -> Self {
-        let inputs = || seen.iter().flat_map(|s| s.before_creep_um[..s.to].iter().copied());
+    /// Builds the rows from the inverse's inputs, one series a record.
+    fn new(inputs: &[&[f64]]) -> Self {
+        let all = || inputs.iter().flat_map(|series| series.iter().copied());
         let scale = Scale {
-            low_um: inputs().fold(f64::INFINITY, f64::min),
-            high_um: inputs().fold(f64::NEG_INFINITY, f64::max),
+            low_um: all().fold(f64::INFINITY, f64::min),
+            high_um: all().fold(f64::NEG_INFINITY, f64::max),
         };
         let thresholds = thresholds(scale);
         let mut problem = Self {
@@ -198,10 +198,10 @@ impl Problem {
             normal: Normal::new(COLUMNS),
             scale,
         };
-        for (number, record) in seen.iter().enumerate() {
-            let stride = record.to.div_ceil(ROWS_A_RECORD).max(1);
+        for (number, series) in inputs.iter().enumerate() {
+            let stride = series.len().div_ceil(ROWS_A_RECORD).max(1);
             let mut plays = [0.0; PLAYS];
-            for (k, &x) in record.before_creep_um[..record.to].iter().enumerate() {
+            for (k, &x) in series.iter().enumerate() {
                 play::advance(&thresholds, &mut plays, x, x);
                 if k % stride == 0 {
                     let row = row(scale, x, &plays);
@@ -215,17 +215,22 @@ impl Problem {
     }
 
     /// Solves for a lag: coefficients and the mean square of what is left, V^2.
-    fn solve(&self, seen: &[Seen<'_>], latency_s: f64, lag_s: f64) -> (Vec<f64>, f64) {
+    fn solve_for_lag(&self, seen: &[Seen<'_>], latency_s: f64, lag_s: f64) -> (Vec<f64>, f64) {
         let targets: Vec<Vec<f64>> = seen
             .iter()
             .map(|s| behind_lag(&s.record.voltage_v, s.record.period_s, latency_s, lag_s))
             .collect();
+        self.solve(&targets, RIDGE)
+    }
+
+    /// Solves for voltages: coefficients and the mean square of what is left, V^2.
+    fn solve(&self, targets: &[Vec<f64>], ridge: f64) -> (Vec<f64>, f64) {
         let mut right = DVector::<f64>::zeros(COLUMNS);
         for (row, &(record, k)) in self.rows.iter().zip(&self.places) {
             let target = targets[record][k];
             right.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * target);
         }
-        let coefficients = self.normal.solve_for(&right, RIDGE);
+        let coefficients = self.normal.solve_for(&right, ridge);
         let squares: f64 = self
             .rows
             .iter()
@@ -246,7 +251,7 @@ impl Problem {
                 parameters: COLUMNS,
             });
         }
-        let cost = |lag_s: f64| self.solve(seen, latency_s, lag_s).1;
+        let cost = |lag_s: f64| self.solve_for_lag(seen, latency_s, lag_s).1;
         let (mut low, mut high) = (0.0, LONGEST_LAG_S);
         let golden = 0.5 * (5_f64.sqrt() - 1.0);
         let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
@@ -263,7 +268,7 @@ impl Problem {
             }
         }
         let lag_s = 0.5 * (low + high);
-        let (coefficients, squares) = self.solve(seen, latency_s, lag_s);
+        let (coefficients, squares) = self.solve_for_lag(seen, latency_s, lag_s);
         Ok((part(self.scale, &coefficients), lag_s, squares.sqrt()))
     }
 }
@@ -350,6 +355,31 @@ pub(super) struct Around<'a> {
     pub gain_um_per_v: f64,
 }
 
+/// Ridges tried on a model's own answers, which have no noise to keep coefficients small: the least that leaves an inverse that rises.
+const RIDGES: [f64; 7] = [1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2];
+/// Least slope of such an inverse, as a share of its mean: a stack's slope after a turn is half its mean and more.
+const LEAST_SLOPE: f64 = 0.2;
+
+/// Fits the inverse to positions and the voltages that they stand for, series by series, each from rest; with the rms of what is
+/// left, volts. Where no ridge makes it rise everywhere the smoothest is returned, to be refused.
+pub(super) fn fit_pairs(positions_um: &[&[f64]], voltages_v: &[Vec<f64>]) -> (InversePart, f64) {
+    let problem = Problem::new(positions_um);
+    let (low_v, high_v) = crate::family::range(voltages_v.iter().flatten().copied());
+    let mean_slope = (high_v - low_v) / (problem.scale.high_um - problem.scale.low_um);
+    let mut last = None;
+    for ridge in RIDGES {
+        let (coefficients, squares) = problem.solve(voltages_v, ridge);
+        let part = part(problem.scale, &coefficients);
+        let rises = part.smallest_slope_v_per_um() > LEAST_SLOPE * mean_slope;
+        last = Some((part, squares.sqrt()));
+        if rises {
+            break;
+        }
+    }
+    // There is at least one ridge.
+    last.unwrap_or_else(|| (part(problem.scale, &[0.0; COLUMNS]), f64::INFINITY))
+}
+
 /// Fits inverse and lag to records; returns them with the rms of what is left, volts.
 pub(super) fn fit(records: &[&Record], around: &Around<'_>) -> Result<(InversePart, f64, f64), IdentifyError> {
     let Some(first) = records.first() else {
@@ -364,7 +394,8 @@ pub(super) fn fit(records: &[&Record], around: &Around<'_>) -> Result<(InversePa
     let mut round = 1;
     loop {
         seen.par_iter_mut().for_each(|record| record.undo_creep(&creep));
-        let found = Problem::new(&seen).solve_with_lag(&seen, around.latency_s)?;
+        let inputs: Vec<&[f64]> = seen.iter().map(|s| &s.before_creep_um[..s.to]).collect();
+        let found = Problem::new(&inputs).solve_with_lag(&seen, around.latency_s)?;
         if round == ROUNDS || around.linear.modes.is_empty() {
             return Ok(found);
         }

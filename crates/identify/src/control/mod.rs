@@ -5,12 +5,14 @@
 //! biased by the hysteresis of small loops. Nothing but records goes in.
 
 mod creep_fit;
+pub mod from_model;
 mod inverse;
 pub mod linear_part;
 pub mod model;
 
+pub use from_model::{Undone, chain_of};
 pub use linear_part::{FrequencyResponse, LinearPart, ModeOfStage, SmallSignal, fit_small_signal, frequency_response};
-pub use model::{ControlModel, CreepPart, InversePart};
+pub use model::{AroundPart, ControlModel, CreepPart, HumPart, InversePart};
 
 use crate::error::IdentifyError;
 use hysteron_data::{Dataset, Record, Role};
@@ -89,5 +91,6 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
         linear,
         creep,
         inverse,
+        around: model::AroundPart::default(),
     })
 }

@@ -72,6 +72,41 @@ pub struct ControlModel {
     pub creep: CreepPart,
     /// Hysteresis.
     pub inverse: InversePart,
+    /// What acts on the position beside the command.
+    #[serde(default)]
+    pub around: AroundPart,
+}
+
+/// What acts on the position beside the command, as far as it was identified.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AroundPart {
+    /// Position at rest at 0 V, micrometres.
+    pub rest_um: f64,
+    /// Time constant of the sensor's lag, seconds; 0 for none.
+    pub sensor_lag_s: f64,
+    /// The other axis: gain (um/V), lead (um s/V), weight (um/V) and threshold (V) of its play.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub coupling: Option<[f64; 4]>,
+    /// The mains.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hum: Option<HumPart>,
+    /// Heat: reference (degC), time constant (s), shift (um/K), gain (1/K).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heat: Option<[f64; 4]>,
+    /// The sensor's curve: middle (um), quadratic (1/um), cubic (1/um^2).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<[f64; 3]>,
+}
+
+/// Hum: its phases differ from record to record and are learned in the loop.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HumPart {
+    /// Frequency of the line, hertz.
+    pub frequency_hz: f64,
+    /// Amplitudes of the harmonics, micrometres.
+    pub amplitudes_um: Vec<f64>,
 }
 
 fn array<T: Real, const N: usize>(name: &'static str, values: &[f64]) -> Result<[T; N], ParamError> {

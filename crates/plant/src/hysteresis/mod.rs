@@ -59,6 +59,19 @@ pub enum Family {
     BoucWen(BoucWen),
     /// The paper's own model, eqs 7-10.
     Mrpi(Mrpi),
+    /// Two families side by side, each scaled to the same stroke.
+    Mixed(Box<Mixed>),
+}
+
+/// Two operators that share the displacement: `y = (1 - s) H_1[v] + s H_2[v]`, each of the full stroke.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mixed {
+    /// H_1.
+    pub first: Family,
+    /// H_2.
+    pub second: Family,
+    /// s, from 0 to 1.
+    pub share_of_second: f64,
 }
 
 impl Hysteresis {
@@ -84,12 +97,31 @@ impl Hysteresis {
             Family::MaxwellSlip(family) => family.validate(),
             Family::BoucWen(family) => family.validate(),
             Family::Mrpi(family) => family.validate(),
+            Family::Mixed(mixed) => {
+                within(
+                    "hysteresis.mixed.share_of_second",
+                    mixed.share_of_second,
+                    0.0,
+                    1.0,
+                    "give the second family's part of the displacement",
+                )?;
+                self.of(&mixed.first).validate()?;
+                self.of(&mixed.second).validate()
+            }
+        }
+    }
+
+    /// The same stroke and start with another family.
+    fn of(&self, family: &Family) -> Self {
+        Self {
+            family: family.clone(),
+            ..self.clone()
         }
     }
 
     fn loop_opening(&self) -> Option<f64> {
         match &self.family {
-            Family::Linear | Family::Mrpi(_) => None,
+            Family::Linear | Family::Mrpi(_) | Family::Mixed(_) => None,
             Family::Preisach(family) => Some(family.loop_opening),
             Family::SigmoidPlays(family) => Some(family.loop_opening),
             Family::MaxwellSlip(family) => Some(family.loop_opening),
@@ -135,7 +167,8 @@ enum Operator {
 impl Operator {
     fn new(config: &Hysteresis) -> Self {
         match &config.family {
-            Family::Linear => Self::Linear,
+            // Of a mixture each part is an operator of its own.
+            Family::Linear | Family::Mixed(_) => Self::Linear,
             Family::Preisach(family) => Self::Preisach(preisach::PreisachState::new(family)),
             Family::SigmoidPlays(family) => Self::SigmoidPlays(sigmoid_plays::SigmoidPlaysState::new(family)),
             Family::MaxwellSlip(family) => Self::MaxwellSlip(maxwell_slip::MaxwellSlipState::new(family)),
@@ -195,12 +228,21 @@ pub(crate) struct HysteresisState {
     reversible_um_per_v: f64,
     irreversible_um: f64,
     rest: f64,
+    /// The second operator of a mixture, and its share.
+    beside: Option<(f64, Box<HysteresisState>)>,
 }
 
 impl HysteresisState {
     /// Scales the operator to stroke and loop opening and puts it in its initial state.
     pub(crate) fn new(config: &Hysteresis) -> Result<Self, StageError> {
         config.validate()?;
+        if let Family::Mixed(mixed) = &config.family {
+            let second = Self::new(&config.of(&mixed.second))?;
+            return Ok(Self {
+                beside: Some((mixed.share_of_second, Box::new(second))),
+                ..Self::new(&config.of(&mixed.first))?
+            });
+        }
         let mut conditioned = Operator::new(config);
         let cycle = reference_cycle(&mut conditioned, config.reference_v);
         within(
@@ -236,12 +278,53 @@ impl HysteresisState {
             reversible_um_per_v: config.stroke_um * (1.0 - share) / config.reference_v,
             irreversible_um,
             rest,
+            beside: None,
         })
     }
 
     #[inline]
     pub(crate) fn advance(&mut self, drive: &Drive) -> f64 {
         let moved = self.operator.advance(drive) - self.rest;
-        self.reversible_um_per_v * drive.voltage_v + self.irreversible_um * moved
+        let first_um = self.reversible_um_per_v * drive.voltage_v + self.irreversible_um * moved;
+        match &mut self.beside {
+            Some((share, second)) => first_um + *share * (second.advance(drive) - first_um),
+            None => first_um,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{BoucWen, Drive, Family, Hysteresis, HysteresisState, Initial, MaxwellSlip, Mixed};
+    use rand::SeedableRng;
+
+    /// A mixture moves by the weighted sum of its parts, sample by sample, and by the whole stroke over the reference cycle.
+    #[test]
+    fn val_mixture_is_the_weighted_sum() {
+        let slip = MaxwellSlip::random(&mut rand_pcg::Pcg64::seed_from_u64(3), 100.0);
+        let wen = BoucWen {
+            loop_opening: 0.12,
+            saturation_v: 13.0,
+            exponent: 1.4,
+            roundness: 0.65,
+        };
+        let of = |family: Family| Hysteresis {
+            stroke_um: 10.0,
+            reference_v: 100.0,
+            initial: Initial::Conditioned,
+            family,
+        };
+        let [first, second] = [Family::MaxwellSlip(slip), Family::BoucWen(wen)];
+        let mixed = Family::Mixed(Box::new(Mixed {
+            first: first.clone(),
+            second: second.clone(),
+            share_of_second: 0.3,
+        }));
+        let [mut a, mut b, mut both] = [first, second, mixed].map(|family| HysteresisState::new(&of(family)).unwrap());
+        for v in [10.0, 90.0, 30.0, 70.0, 5.0, 100.0, 0.0] {
+            let drive = Drive::quasi_static(v);
+            let wanted = 0.7 * a.advance(&drive) + 0.3 * b.advance(&drive);
+            assert!((both.advance(&drive) - wanted).abs() < 1e-12, "{v} V");
+        }
     }
 }

@@ -254,7 +254,9 @@ impl Plants {
                     .iter()
                     .map(|&w| {
                         let half = 0.5 * w * period_s;
-                        Complex64::from_polar(half.sin() / half, -w * model.latency_s) * linear.response(w)
+                        Complex64::from_polar(half.sin() / half, -w * model.latency_s)
+                            * linear.response(w)
+                            * sensor(model, w)
                     })
                     .collect()
             })
@@ -421,6 +423,32 @@ pub fn design(model: &ControlModel) -> Option<FeedbackDesign> {
         helps_to_hz: below(1.0),
         noise_nm: plants.noise(&sensitivity),
     })
+}
+
+/// The sensor's own lag.
+fn sensor(model: &ControlModel, omega: f64) -> Complex64 {
+    1.0 / Complex64::new(1.0, omega * model.around.sensor_lag_s)
+}
+
+/// What the loop's error shows of a disturbance of the position: the sensitivity behind the sensor's lag; that lag alone without
+/// feedback.
+pub(crate) fn sensitivity(model: &ControlModel, design: Option<&FeedbackDesign>, omega: f64) -> Complex64 {
+    let Some(design) = design else {
+        return sensor(model, omega);
+    };
+    let (period_s, half) = (model.sample_period_s, 0.5 * omega * model.sample_period_s);
+    let angle = omega * period_s;
+    let biquad = |c: [f64; 5]| {
+        let filter = Biquad::<f64>::new([c[0], c[1], c[2]], [c[3], c[4]]);
+        filter.map_or_else(|_| Complex64::default(), |filter| section(&filter, angle))
+    };
+    let integral = design.integral_v_per_um_s * period_s / (1.0 - Complex64::from_polar(1.0, -angle));
+    let controller = integral * biquad(design.series[0]) * biquad(design.series[1]) + biquad(design.damping);
+    let plant = mean_gain_um_per_v(model)
+        * Complex64::from_polar(half.sin() / half, -omega * model.latency_s)
+        * model.linear.response(omega)
+        * sensor(model, omega);
+    sensor(model, omega) / (1.0 + controller * plant)
 }
 
 /// Displacement over voltage over the whole identified range, micrometres per volt.

@@ -1,15 +1,21 @@
 //! From the identified chain to a controller: every effect gets its compensator, with reasons where it cannot have one.
 
 pub mod feedback;
+pub mod prediction;
 pub mod preview;
+pub mod refusal;
 
 use crate::error::TrackingError;
 use feedback::FeedbackDesign;
 use hysteron_core::biquad::Biquad;
-use hysteron_core::effects::lag::HeldLagInverse;
+use hysteron_core::effects::coupling::Coupling;
+use hysteron_core::effects::hum_canceller::HumCanceller;
+use hysteron_core::effects::lag::{HeldLagInverse, Lag};
+use hysteron_core::effects::thermal::{Heat, Thermal};
 use hysteron_core::limiter::Limiter;
 use hysteron_core::preview::Preview;
 use hysteron_core::real::Real;
+use hysteron_core::surroundings::{ChainLaw, HARMONICS, SensorInverse, Surroundings};
 use hysteron_core::tracking_law::{Feedforward, TrackingLaw};
 use hysteron_identify::control::ControlModel;
 use hysteron_identify::control::model::{CREEP_FAST, CREEP_SLOW, PLAYS};
@@ -17,7 +23,7 @@ use preview::{AHEAD, PreviewQuality, TAPS, Undone};
 use serde::{Deserialize, Serialize};
 
 /// The law with the sizes of a designed controller.
-pub type CompleteLaw<T> = TrackingLaw<T, TAPS, PLAYS, CREEP_FAST, CREEP_SLOW>;
+pub type CompleteLaw<T> = ChainLaw<T, TAPS, PLAYS, CREEP_FAST, CREEP_SLOW>;
 
 /// When the reference is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -57,26 +63,13 @@ impl Controller {
     /// Designs a controller on an identified chain.
     ///
     /// # Errors
-    /// A chain that cannot be undone: see [`refuse`].
+    /// A chain that cannot be undone: see [`refusal::refuse`].
     pub fn design(model: &ControlModel, reference: ReferenceKind) -> Result<Self, TrackingError> {
-        refuse(model)?;
-        let period_s = model.sample_period_s;
-        let band_hz = band_hz(model);
         let (samples_ahead, band_hz) = match reference {
-            ReferenceKind::Previewed => (AHEAD, band_hz),
-            ReferenceKind::Live => (0, LIVE_BAND_HZ.min(band_hz)),
+            ReferenceKind::Previewed => (AHEAD, band_hz(model)),
+            ReferenceKind::Live => (0, LIVE_BAND_HZ.min(band_hz(model))),
         };
-        let advance_s = advance_s(model);
-        if samples_ahead > 0 && advance_s > samples_ahead as f64 * period_s {
-            return Err(TrackingError::Design {
-                what: format!(
-                    "the latency of {:.0} us is longer than the preview of {:.0} us ({samples_ahead} samples)",
-                    1e6 * model.latency_s,
-                    1e6 * samples_ahead as f64 * period_s
-                ),
-                advice: "shorten the controller's latency, or design with --reference live and accept its limits",
-            });
-        }
+        refusal::refuse(model, samples_ahead)?;
         let taps = preview::design(&undone(model, samples_ahead)?, band_hz);
         Ok(Self {
             format: FORMAT,
@@ -97,6 +90,15 @@ impl Controller {
         }
     }
 
+    /// The same controller in open loop; hum is still learned from the sensor where the chain has any.
+    #[must_use]
+    pub fn without_feedback(&self) -> Self {
+        Self {
+            feedback: None,
+            ..self.clone()
+        }
+    }
+
     /// What the preview filter reaches on the identified linear part.
     ///
     /// # Errors
@@ -107,6 +109,20 @@ impl Controller {
             .zip(&self.preview)
             .for_each(|(tap, value)| *tap = *value);
         Ok(preview::quality(&taps, &undone(&self.model, self.samples_ahead)?))
+    }
+
+    /// Error of the position at one frequency, as a share of the reference, that the preview filter leaves on the identified linear
+    /// part.
+    pub(crate) fn preview_error_at(&self, frequency_hz: f64) -> Result<f64, TrackingError> {
+        let mut taps = [0.0; TAPS];
+        taps.iter_mut()
+            .zip(&self.preview)
+            .for_each(|(tap, value)| *tap = *value);
+        Ok(preview::error_at(
+            &taps,
+            &undone(&self.model, self.samples_ahead)?,
+            frequency_hz,
+        ))
     }
 
     /// The control law, open or closed, in the number type of the host or the chip.
@@ -124,7 +140,7 @@ impl Controller {
             advice: "design the controller again with this version",
         })?;
         let (low_v, high_v) = (model.voltage_min_v, model.voltage_max_v);
-        Ok(TrackingLaw {
+        let tracking = TrackingLaw {
             feedforward: Feedforward {
                 preview: Preview::new(taps, self.samples_ahead)?,
                 second_mode: second_mode(model)?,
@@ -144,9 +160,67 @@ impl Controller {
                 T::from_f64((high_v - low_v) * rate_hz),
                 T::from_f64(rate_hz),
             )?,
+        };
+        Ok(ChainLaw {
+            tracking,
+            surroundings: self.surroundings(rate_hz)?,
         })
     }
+
+    fn surroundings<T: Real>(&self, rate_hz: f64) -> Result<Surroundings<T>, TrackingError> {
+        let around = &self.model.around;
+        let coupling = around.coupling.map(|[g, d, p, r]| Coupling::new(g, d, p, r, rate_hz));
+        let heat = around.heat.map(|[reference_c, tau_s, shift, gain]| {
+            let thermal = Thermal::new(
+                T::from_f64(shift),
+                T::from_f64(gain),
+                T::from_f64(reference_c),
+                tau_s,
+                rate_hz,
+            );
+            thermal.map(Heat::undoing)
+        });
+        let sensor = around.sensor.map(|[middle, c2, c3]| SensorInverse::new(middle, c2, c3));
+        let sensor_lag = (around.sensor_lag_s > 0.0).then(|| Lag::new(around.sensor_lag_s, rate_hz));
+        Ok(Surroundings {
+            rest: T::from_f64(around.rest_um),
+            coupling: coupling.transpose()?,
+            hum: self.hum_canceller(rate_hz)?,
+            heat: heat.transpose()?,
+            sensor: sensor.transpose()?,
+            sensor_lag: sensor_lag.transpose()?,
+        })
+    }
+
+    /// Harmonics of less than a hundredth of the largest are left alone: learning them would only pass the sensor's noise on.
+    fn hum_canceller<T: Real>(&self, rate_hz: f64) -> Result<Option<HumCanceller<T, HARMONICS>>, TrackingError> {
+        let Some(hum) = &self.model.around.hum else {
+            return Ok(None);
+        };
+        let largest = hum.amplitudes_um.iter().fold(0.0, |most: f64, a| most.max(*a));
+        let mut sensitivity = [[0.0; 2]; HARMONICS];
+        for (k, (cell, amplitude)) in sensitivity.iter_mut().zip(&hum.amplitudes_um).enumerate() {
+            if *amplitude > 0.01 * largest {
+                let omega = std::f64::consts::TAU * (k + 1) as f64 * hum.frequency_hz;
+                let seen = feedback::sensitivity(&self.model, self.feedback.as_ref(), omega);
+                *cell = [seen.re, seen.im];
+            }
+        }
+        // A record's hum and today's may differ: up to five times as much is learned.
+        let most_um = 5.0 * hum.amplitudes_um.iter().sum::<f64>();
+        Ok(Some(HumCanceller::new(
+            hum.frequency_hz,
+            sensitivity,
+            HUM_S,
+            self.samples_ahead,
+            most_um,
+            rate_hz,
+        )?))
+    }
 }
+
+/// Time constant of learning the hum, seconds: a bandwidth of half a hertz, more than the line wanders in.
+const HUM_S: f64 = 0.3;
 
 /// How early the inverse has to come: the latency, and half a sample because the lag's inverse meets its values at the end
 /// of each sample.
@@ -188,76 +262,6 @@ fn undone(model: &ControlModel, ahead: usize) -> Result<Undone<'_>, TrackingErro
     })
 }
 
-/// Longest lag that the core undoes, samples.
-const LONGEST_LAG_SAMPLES: f64 = 1000.0;
-
-/// Refuses a chain whose inverse would explode.
-///
-/// # Errors
-/// - a mode without damping, or above half the sample rate;
-/// - a lag that is negative or of more than 1000 samples;
-/// - a table that does not rise everywhere, so that it has no inverse;
-/// - limits of the command that are not known.
-pub fn refuse(model: &ControlModel) -> Result<(), TrackingError> {
-    let half_rate_hz = 0.5 / model.sample_period_s;
-    for (i, mode) in model.linear.modes.iter().enumerate() {
-        // A ring of 1/zeta turns: at 1e-4 it outlasts every record of a second.
-        if !(mode.damping >= 1e-4 && mode.damping < 1.0) {
-            return Err(TrackingError::Design {
-                what: format!(
-                    "mode {} at {:.0} Hz has a damping ratio of {}; its inverse needs 0.0001 to 1",
-                    i + 1,
-                    mode.frequency_hz,
-                    mode.damping
-                ),
-                advice: "record a longer small multisine, so that the width of the peak can be seen",
-            });
-        }
-        if !(mode.frequency_hz > 0.0 && mode.frequency_hz < half_rate_hz) {
-            return Err(TrackingError::Design {
-                what: format!(
-                    "mode {} at {:.0} Hz lies above half the sample rate, {half_rate_hz:.0} Hz",
-                    i + 1,
-                    mode.frequency_hz
-                ),
-                advice: "run the controller faster, or take the mode out of the model: below it the stage is rigid",
-            });
-        }
-    }
-    let longest_s = LONGEST_LAG_SAMPLES * model.sample_period_s;
-    if !(0.0..=longest_s).contains(&model.linear.lag_s) {
-        return Err(TrackingError::Design {
-            what: format!(
-                "an amplifier's lag of {:.0} us cannot be undone at {:.0} Hz: it asks for more than {LONGEST_LAG_SAMPLES} times \
-                 each change of the command",
-                1e6 * model.linear.lag_s,
-                2.0 * half_rate_hz
-            ),
-            advice: "give a lag of 0 to 1000 samples, or identify again",
-        });
-    }
-    let slope = model.inverse.smallest_slope_v_per_um();
-    if slope.is_nan() || slope <= 0.0 {
-        return Err(TrackingError::Design {
-            what: format!(
-                "the hysteresis table does not invert: its voltage falls by {slope:.3} V/um somewhere in its range"
-            ),
-            advice: "record large signals over the whole stroke, slow and fast, and identify again",
-        });
-    }
-    if !(model.voltage_min_v.is_finite()
-        && model.voltage_max_v.is_finite()
-        && model.voltage_min_v < model.voltage_max_v)
-        || model.voltage_max_v == f64::MAX
-    {
-        return Err(TrackingError::Design {
-            what: "the limits of the command are not known".to_owned(),
-            advice: "give known.voltage_min_v and known.voltage_max_v in dataset.toml",
-        });
-    }
-    Ok(())
-}
-
 impl Controller {
     /// Reads a controller file.
     ///
@@ -277,7 +281,7 @@ impl Controller {
                 controller.format
             )));
         }
-        refuse(&controller.model)?;
+        refusal::refuse(&controller.model, controller.samples_ahead)?;
         controller.law::<f64>()?;
         Ok(controller)
     }

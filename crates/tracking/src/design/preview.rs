@@ -107,18 +107,27 @@ pub fn design(undone: &Undone<'_>, band_hz: f64) -> [f64; TAPS] {
 /// Ridge, as a share of the mean weight of a coefficient: the sixth digit of a coefficient.
 const RIDGE: f64 = 1e-12;
 
+/// Response from the reference to the position.
+fn through(taps: &[f64; TAPS], undone: &Undone<'_>, hz: f64) -> Complex64 {
+    let (period_s, ahead) = (undone.period_s, undone.ahead);
+    let omega = TAU * hz;
+    let gain: Complex64 = taps
+        .iter()
+        .enumerate()
+        .map(|(j, h)| Complex64::from_polar(*h, omega * (period_s * (ahead as f64 - j as f64) - undone.advance_s)))
+        .sum();
+    gain * undone.response(omega)
+}
+
+/// What a filter leaves of a reference of one frequency.
+pub fn error_at(taps: &[f64; TAPS], undone: &Undone<'_>, hz: f64) -> f64 {
+    (through(taps, undone, hz) - 1.0).norm()
+}
+
 /// Judges a filter on the linear part that it was designed for.
 pub fn quality(taps: &[f64; TAPS], undone: &Undone<'_>) -> PreviewQuality {
-    let (period_s, ahead) = (undone.period_s, undone.ahead);
-    let at = |hz: f64| {
-        let omega = TAU * hz;
-        let gain: Complex64 = taps
-            .iter()
-            .enumerate()
-            .map(|(j, h)| Complex64::from_polar(*h, omega * (period_s * (ahead as f64 - j as f64) - undone.advance_s)))
-            .sum();
-        gain * undone.response(omega)
-    };
+    let period_s = undone.period_s;
+    let at = |hz: f64| through(taps, undone, hz);
     let worst = |to_hz: f64| {
         (1..=200)
             .map(|n| (at(to_hz * f64::from(n) / 200.0) - 1.0).norm())

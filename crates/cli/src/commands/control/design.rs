@@ -5,24 +5,41 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
 use clap::{Args, ValueEnum};
-use hysteron_identify::control::identify;
+use hysteron_identify::Model;
+use hysteron_identify::control::{ControlModel, Undone, chain_of, identify};
+use hysteron_tracking::design::prediction::{cost, predict};
 use hysteron_tracking::design::{Controller, ReferenceKind};
 use std::fmt::Write;
 use std::path::PathBuf;
 
 #[derive(Args)]
-#[command(after_help = "Example:\n  hysteron design records -o controller.toml\n\n\
-    The dataset is one of `hysteron campaign`. Every effect that is identified gets its compensator: latency and modes a\n\
-    filter over the reference ahead, creep and hysteresis their inverses, the amplifier's lag a lead; feedback on what is left.")]
+#[command(
+    after_help = "Examples:\n  hysteron design records -o controller.toml\n  hysteron design model.toml --volts 0,200 -o controller.toml\n\n\
+    From the records of `hysteron campaign`, or from a model that `fit`, `add` and `learn` wrote. Every effect brings its\n\
+    compensator: latency and modes a filter over the reference ahead, creep and hysteresis their inverses, the amplifier's lag a\n\
+    lead, another axis, mains, heat and the sensor's curve their own; feedback on what is left. What has none is named."
+)]
 pub(crate) struct DesignArgs {
-    /// Dataset folder of a campaign
-    pub data: PathBuf,
+    /// Dataset folder of a campaign, or model.toml
+    pub source: PathBuf,
     /// When the reference is known
     #[arg(long, value_enum, default_value_t = ReferenceName::Previewed)]
     pub reference: ReferenceName,
+    /// Limits of the command, volts; from a model without them the range of its records
+    #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 1)]
+    pub volts: Option<Vec<f64>>,
+    /// Rate that the controller runs at, hertz; from a model without it the highest of its records
+    #[arg(long, value_name = "HZ")]
+    pub rate_hz: Option<f64>,
+    /// Without feedback
+    #[arg(long)]
+    pub open: bool,
     /// Where to write the controller
     #[arg(short, long, default_value = "controller.toml")]
     pub output: PathBuf,
+    /// Print the answer as JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -42,32 +59,116 @@ impl From<ReferenceName> for ReferenceKind {
     }
 }
 
+/// The chain, and what is known of it beside its numbers.
+struct Source {
+    chain: ControlModel,
+    undone: Vec<Undone>,
+    /// The model's error on records, percent of peak to peak.
+    model_percent: Option<f64>,
+}
+
 pub(crate) fn run(args: &DesignArgs) -> Result<Done, CliError> {
-    if args.data.extension().is_some_and(|ending| ending == "toml") {
-        return Err(CliError::Option(format!(
-            "{}: a controller is designed from the records of a campaign, not from a model file, which lacks the linear part; \
-             give the folder that `hysteron campaign` wrote",
-            args.data.display()
-        )));
-    }
-    let dataset = load::dataset(&args.data)?;
-    let model = identify(&dataset)?;
-    let controller = Controller::design(&model, args.reference.into())?.with_feedback();
+    let source = if args.source.extension().is_some_and(|ending| ending == "toml") {
+        from_model(args)?
+    } else {
+        from_records(args)?
+    };
+    let controller = Controller::design(&source.chain, args.reference.into())?;
+    let controller = if args.open {
+        controller
+    } else {
+        controller.with_feedback()
+    };
     output::write_file(&args.output, &controller.to_toml()?)?;
-    output::print(&text(args, &controller)?)?;
+    if args.json {
+        output::print_json(&json(args, &source, &controller)?)?;
+    } else {
+        output::print(&text(args, &source, &controller)?)?;
+    }
     Ok(Done::Answered)
 }
 
-fn text(args: &DesignArgs, controller: &Controller) -> Result<String, CliError> {
+fn volts(args: &DesignArgs) -> Result<Option<[f64; 2]>, CliError> {
+    match args.volts.as_deref() {
+        Some(&[low, high]) if low.is_finite() && high.is_finite() && low < high => Ok(Some([low, high])),
+        Some(given) => Err(CliError::Option(format!(
+            "--volts {given:?}: two voltages, the lower first, such as 0,200"
+        ))),
+        None => Ok(None),
+    }
+}
+
+fn from_records(args: &DesignArgs) -> Result<Source, CliError> {
+    let mut chain = identify(&load::dataset(&args.source)?)?;
+    if args.rate_hz.is_some() {
+        return Err(CliError::Option(
+            "--rate-hz: a campaign is recorded at the controller's own rate; leave the option out".to_owned(),
+        ));
+    }
+    if let Some([low, high]) = volts(args)? {
+        (chain.voltage_min_v, chain.voltage_max_v) = (low, high);
+    }
+    Ok(Source {
+        chain,
+        undone: Vec::new(),
+        model_percent: None,
+    })
+}
+
+fn from_model(args: &DesignArgs) -> Result<Source, CliError> {
+    let model = Model::read(&args.source)?;
+    let rate_hz = match args.rate_hz {
+        Some(hz) if (1.0..=1e7).contains(&hz) => hz,
+        Some(hz) => return Err(CliError::Option(format!("--rate-hz {hz}: 1 to 10000000 hertz"))),
+        None => {
+            let rates = model.fitted_on.records.iter().map(|record| record.sample_rate_hz);
+            let highest = rates.fold(0.0, f64::max);
+            if highest <= 0.0 {
+                return Err(CliError::Option(format!(
+                    "{}: the model does not say at what rate its records were taken; give the controller's with --rate-hz 50000",
+                    args.source.display()
+                )));
+            }
+            highest
+        }
+    };
+    let volts = volts(args)?.unwrap_or([model.input_min, model.input_max]);
+    let (chain, undone) = chain_of(&model, 1.0 / rate_hz, volts)?;
+    let last = model.history.last();
+    Ok(Source {
+        chain,
+        undone,
+        model_percent: last.and_then(|step| step.validate_percent.or(step.identify_percent)),
+    })
+}
+
+fn json(args: &DesignArgs, source: &Source, controller: &Controller) -> Result<serde_json::Value, CliError> {
+    let quality = controller.preview_quality()?;
+    let undone: Vec<_> = source
+        .undone
+        .iter()
+        .map(|u| serde_json::json!({"effect": u.effect, "by": u.by, "note": u.note}))
+        .collect();
+    Ok(serde_json::json!({
+        "file": args.output,
+        "effects": undone,
+        "model_percent": source.model_percent,
+        "inverse_misfit_percent": controller.model.misfit_percent,
+        "samples_ahead": controller.samples_ahead,
+        "bandwidth_hz": quality.bandwidth_hz,
+        "predicted": predict(controller, source.model_percent)?,
+        "feedback": controller.feedback,
+        "cost": cost(controller),
+    }))
+}
+
+fn text(args: &DesignArgs, source: &Source, controller: &Controller) -> Result<String, CliError> {
     let model = &controller.model;
     let mut text = String::new();
     // Writing to a String does not fail.
+    effects(&mut text, source);
     let _ = writeln!(text, "IDENTIFIED");
-    let _ = writeln!(
-        text,
-        "  latency of the controller  {:8.2} us (known)",
-        1e6 * model.latency_s
-    );
+    let _ = writeln!(text, "  latency                    {:8.2} us", 1e6 * model.latency_s);
     let _ = writeln!(text, "  amplifier's lag            {:8.2} us", 1e6 * model.linear.lag_s);
     for (i, mode) in model.linear.modes.iter().enumerate() {
         let _ = writeln!(
@@ -84,11 +185,20 @@ fn text(args: &DesignArgs, controller: &Controller) -> Result<String, CliError> 
     let decades =
         (model.creep.tau_s.last().copied().unwrap_or(1.0) / model.creep.tau_s.first().copied().unwrap_or(1.0)).log10()
             / (shares.len().max(2) - 1) as f64;
-    let _ = writeln!(
-        text,
-        "  creep                      {:8.2} % a decade",
-        100.0 * mean / decades
-    );
+    if mean > 0.0 && source.undone.is_empty() {
+        let _ = writeln!(
+            text,
+            "  creep                      {:8.2} % a decade",
+            100.0 * mean / decades
+        );
+    } else if mean > 0.0 {
+        let sum = shares.iter().sum::<f64>();
+        let _ = writeln!(
+            text,
+            "  creep                      {:8.2} % in the long run",
+            100.0 * sum
+        );
+    }
     let _ = writeln!(
         text,
         "  inverse of the hysteresis  {:8.3} % of the command's range missed on the records",
@@ -104,6 +214,16 @@ fn text(args: &DesignArgs, controller: &Controller) -> Result<String, CliError> 
         100.0 * quality.worst_to_1_khz,
         quality.bandwidth_hz
     );
+    if controller.samples_ahead == 0 {
+        let latency_s = model.latency_s;
+        let _ = writeln!(
+            text,
+            "  known no earlier than due, a reference is {:.0} us late: 30 degrees at {:.0} Hz; smooth ones are extrapolated by as much,\n  \
+             corners and noise are amplified",
+            1e6 * latency_s,
+            1.0 / (12.0 * latency_s)
+        );
+    }
     let _ = writeln!(text, "FEEDBACK");
     match &controller.feedback {
         Some(feedback) => {
@@ -123,7 +243,47 @@ fn text(args: &DesignArgs, controller: &Controller) -> Result<String, CliError> 
             "  none: no loop keeps its peak sensitivity below 2 over modes +-10 % and loop gain 0.6 to 1.3\n",
         ),
     }
+    expected(&mut text, source, controller)?;
     let path = args.output.display();
     let _ = writeln!(text, "written to {path}\nnext: hysteron track {path} --stage PRESET");
     Ok(text)
+}
+
+/// Each effect of the model with its compensator, or why it has none.
+fn effects(text: &mut String, source: &Source) {
+    if source.undone.is_empty() {
+        return;
+    }
+    text.push_str("EFFECTS\n");
+    for undone in &source.undone {
+        let by = undone.by.unwrap_or("LEFT OUT");
+        let _ = writeln!(text, "  {:<26} {by}: {}", undone.effect, undone.note);
+    }
+}
+
+/// What the controller will reach, what limits it, and what it costs.
+fn expected(text: &mut String, source: &Source, controller: &Controller) -> Result<(), CliError> {
+    text.push_str("EXPECTED, sine over the whole range, % of peak to peak\n");
+    for p in predict(controller, source.model_percent)? {
+        let closed = p
+            .closed_percent
+            .map_or_else(|| "-".to_owned(), |percent| format!("{percent:.3}"));
+        let _ = writeln!(
+            text,
+            "  {:>5} Hz  open {:.3}, closed {closed}; most of it from {}",
+            p.frequency_hz, p.open_percent, p.limited_by
+        );
+    }
+    if source.model_percent.is_none() {
+        text.push_str(
+            "  the model's own error is not in the file and not counted; hysteron compare or add measures it\n",
+        );
+    }
+    let costs = cost(controller);
+    let total: usize = costs.iter().map(|cost| cost.operations).sum();
+    let _ = writeln!(text, "COST A TICK  {total} multiply-adds and compares");
+    for cost in &costs {
+        let _ = writeln!(text, "  {:<36} {:>4}", cost.block, cost.operations);
+    }
+    Ok(())
 }

@@ -1,8 +1,9 @@
-//! From records to a controller that tracks: `campaign`, `design`, `track`.
+//! From records to a controller that tracks: `campaign`, `design`, `track`; `rehearse` all of it.
 
 pub(crate) mod design;
 mod page;
 pub(crate) mod record;
+pub(crate) mod rehearse;
 pub(crate) mod track;
 
 use crate::error::CliError;

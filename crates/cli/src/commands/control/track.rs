@@ -7,6 +7,7 @@ use crate::output;
 use clap::Args;
 use hysteron_tracking::bench::{Bench, ControllerFigures, SHAPES, TrackReport, compare};
 use hysteron_tracking::design::Controller;
+use hysteron_tracking::robustness::{RobustnessRow, robustness};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -21,11 +22,14 @@ pub(crate) struct TrackArgs {
     #[arg(long, value_name = "PRESET")]
     pub stage: String,
     /// Lowest and highest reference, micrometres; without it half the stroke about two fifths of it
-    #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 2)]
+    #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 1)]
     pub range: Option<Vec<f64>>,
     /// Write a page with pictures
     #[arg(short, long, value_name = "PAGE.html")]
     pub output: Option<PathBuf>,
+    /// The same controller on changed stages instead: gain +-10 %, mass +-20 %, one more sample of delay, 30 % Bouc-Wen
+    #[arg(long, conflicts_with_all = ["output", "alone"])]
+    pub robustness: bool,
     /// Leave the paper's controllers out
     #[arg(long)]
     pub alone: bool,
@@ -66,6 +70,9 @@ pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
         range_um,
         first_mode_hz: controller.model.linear.modes.first().map(|mode| mode.frequency_hz),
     };
+    if args.robustness {
+        return changed_stages(args, &bench, &controller);
+    }
     let report = compare(&args.stage, &bench, &controller, !args.alone)?;
     if let Some(path) = &args.output {
         output::write_file(path, &page::page(&report, &controller, args))?;
@@ -77,6 +84,9 @@ pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
     }
     Ok(Done::Answered)
 }
+
+/// Heads of the columns of [`SHAPES`].
+const COLUMNS: [&str; 7] = ["10 Hz", "100", "500", "503", "1000", "complex", "triangle"];
 
 fn text(report: &TrackReport) -> String {
     let mut text = String::new();
@@ -91,9 +101,8 @@ fn text(report: &TrackReport) -> String {
         report.stage, report.stroke_um, report.position
     );
     let widest = report.controllers.iter().map(|c| c.name.len()).max().unwrap_or(0);
-    let columns = ["10 Hz", "100", "500", "503", "1000", "complex", "triangle"];
     let _ = write!(text, "{:<widest$} {:<6}", "", "loop");
-    for column in columns {
+    for column in COLUMNS {
         let _ = write!(text, " {column:>8}");
     }
     let _ = writeln!(
@@ -135,6 +144,45 @@ fn line(controller: &ControllerFigures, widest: usize) -> String {
             "",
             controller.limited_on.join(", ")
         );
+    }
+    text
+}
+
+/// The controller on the stage and on each change of it.
+fn changed_stages(args: &TrackArgs, bench: &Bench<'_>, controller: &Controller) -> Result<Done, CliError> {
+    let rows = robustness(bench, controller)?;
+    let stroke_um = bench.range_um[1] - bench.range_um[0];
+    if args.json {
+        output::print_json(&serde_json::json!({
+            "stage": args.stage,
+            "stroke_um": stroke_um,
+            "position": "true",
+            "rows": rows,
+        }))?;
+    } else {
+        output::print(&robustness_text(args, stroke_um, &rows))?;
+    }
+    Ok(Done::Answered)
+}
+
+fn robustness_text(args: &TrackArgs, stroke_um: f64, rows: &[RobustnessRow]) -> String {
+    let mut text = format!(
+        "STAGE {} (simulated), changed; the controller is the one designed for it unchanged; stroke {stroke_um} um\n\
+         rms against the reference at the same instant, true position, mean included, % of peak to peak\n\n{:<26} {:<6}",
+        args.stage, "", "loop"
+    );
+    for column in COLUMNS {
+        // Writing to a String does not fail.
+        let _ = write!(text, " {column:>8}");
+    }
+    text.push_str("  at rest\n");
+    for row in rows {
+        let _ = write!(text, "{:<26} {:<6}", row.change, row.loop_kind);
+        for (key, _) in SHAPES {
+            let _ = write!(text, " {:>8.3}", row.rms_percent.get(key).copied().unwrap_or(f64::NAN));
+        }
+        let verdict = if row.stable { "stable" } else { "NOT STABLE" };
+        let _ = writeln!(text, "  {:.2} nm, {verdict}", row.rest_nm);
     }
     text
 }

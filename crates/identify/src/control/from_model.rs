@@ -1,0 +1,342 @@
+//! From a fitted model with effects to the chain that a controller undoes: each effect brings its compensator, or is named.
+
+use super::inverse;
+use super::linear_part::{LinearPart, ModeOfStage};
+use super::model::{AroundPart, CREEP_FAST, CREEP_SLOW, ControlModel, CreepPart, HumPart};
+use crate::error::IdentifyError;
+use crate::family::{Direction, Family};
+use crate::initial::InitialState;
+use crate::model::{FittedEffect, Model};
+use hysteron_core::envelope::Envelope;
+
+/// What became of one effect of a model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Undone {
+    /// The effect's name.
+    pub effect: String,
+    /// Its compensator; `None` where it is left out.
+    pub by: Option<&'static str>,
+    /// Why it is left out, or what limits its compensator.
+    pub note: &'static str,
+}
+
+/// The chain of a model for a controller of this sample period and these limits of the command, and what became of each effect.
+///
+/// The hysteresis is played over the whole range of voltages that the model was fitted on (cycles of every size, and minor loops at
+/// random), and its direct inverse is fitted to that; everything else is taken over effect by effect.
+///
+/// # Errors
+/// A model that runs backwards already; a hysteresis that does not rise with the voltage everywhere, so that it has no inverse.
+///
+/// # Cost
+/// 50 000 samples of the model and one least squares of 60 unknowns: some 0.1 s.
+pub fn chain_of(
+    model: &Model,
+    sample_period_s: f64,
+    [voltage_min_v, voltage_max_v]: [f64; 2],
+) -> Result<(ControlModel, Vec<Undone>), IdentifyError> {
+    if model.direction == Direction::Inverse {
+        return Err(IdentifyError::Control {
+            reason: "the model runs from position to voltage; a controller is designed from a forward model, fitted without \
+                     --direction inverse"
+                .into(),
+        });
+    }
+    let mut chain = ControlModel {
+        sample_period_s,
+        // The converter holds each command for a sample: that much delay is certain.
+        latency_s: 0.5 * sample_period_s,
+        voltage_min_v,
+        voltage_max_v,
+        small_signal_um_per_v: 0.0,
+        misfit_percent: 0.0,
+        linear: LinearPart {
+            lag_s: 0.0,
+            modes: Vec::new(),
+        },
+        creep: no_creep(),
+        inverse: super::InversePart {
+            input_min_um: 0.0,
+            input_max_um: 0.0,
+            thresholds_um: Vec::new(),
+            offset_v: 0.0,
+            input_function: Vec::new(),
+            linear: Vec::new(),
+            quadratic: Vec::new(),
+            cubic: Vec::new(),
+        },
+        around: AroundPart::default(),
+    };
+    let mut undone: Vec<Undone> = model
+        .effects
+        .iter()
+        .map(|effect| take_over(effect, &mut chain))
+        .collect();
+    if matches!(model.family, Family::Mrpi | Family::Wrpi) {
+        undone.push(Undone {
+            effect: format!("rate dependence of {}", model.family.name()),
+            by: None,
+            note: "its loops at rest are inverted; fit --model mpi and learn names what widens them (a delay, a lag, a mode)",
+        });
+    }
+    let quasi_static = quasi_static(model);
+    let played = play(&quasi_static)?;
+    rises(&played)?;
+    let inputs: Vec<&[f64]> = played.series.iter().map(|(_, x)| x.as_slice()).collect();
+    let voltages: Vec<Vec<f64>> = played.series.iter().map(|(v, _)| v.clone()).collect();
+    let (inverse, left_v) = inverse::fit_pairs(&inputs, &voltages);
+    let swing_v = model.input_max - model.input_min;
+    chain.inverse = inverse;
+    chain.around.rest_um = played.rest_um;
+    chain.misfit_percent = 100.0 * left_v / swing_v;
+    let spans = inputs.iter().flat_map(|x| x.iter().copied());
+    let (low, high) = crate::family::range(spans);
+    chain.small_signal_um_per_v = (high - low) / swing_v;
+    Ok((chain, undone))
+}
+
+/// Elements of the core's creep block without any share.
+fn no_creep() -> CreepPart {
+    let decade = |i: usize| 1e-3 * 10f64.powf(i as f64 * 2.0 / 3.0);
+    CreepPart {
+        tau_s: (0..CREEP_FAST + CREEP_SLOW).map(decade).collect(),
+        shares: vec![0.0; CREEP_FAST + CREEP_SLOW],
+    }
+}
+
+/// Slowest element of creep that keeps its digits in `f32` at every sample, seconds: at 50 kHz a step moves it by 1e-4 of its
+/// deviation.
+const SLOWEST_FAST_S: f64 = 0.2;
+
+/// Puts an effect's numbers where their compensator takes them from.
+fn take_over(effect: &FittedEffect, chain: &mut ControlModel) -> Undone {
+    let values: Vec<f64> = effect.parameters.iter().map(|parameter| parameter.value).collect();
+    let (by, note) = if effect.definition.is_some() {
+        (
+            None,
+            "an effect of your own has no inverse of its own; the feedback takes what it can of it",
+        )
+    } else {
+        compensator(&effect.name, &values, chain)
+    };
+    Undone {
+        effect: effect.name.clone(),
+        by,
+        note,
+    }
+}
+
+fn compensator(name: &str, values: &[f64], chain: &mut ControlModel) -> (Option<&'static str>, &'static str) {
+    match (name, values) {
+        ("delay", &[delay_s]) => {
+            chain.latency_s = delay_s;
+            (
+                Some("preview"),
+                "counted to the command's way; a sensor that is late as a whole looks the same in records",
+            )
+        }
+        ("first-order-lag", &[amplifier_s, sensor_s]) => {
+            chain.linear.lag_s = amplifier_s;
+            chain.around.sensor_lag_s = sensor_s;
+            match (amplifier_s > 0.0, sensor_s > 0.0) {
+                (_, false) => (
+                    Some("lead"),
+                    "asks for more voltage and current the faster the reference",
+                ),
+                (false, true) => (
+                    Some("reference through the same lag"),
+                    "a late reading moves nothing: only what the feedback compares with is made late",
+                ),
+                (true, true) => (
+                    Some("lead, and reference through the sensor's lag"),
+                    "asks for more voltage and current the faster the reference",
+                ),
+            }
+        }
+        ("resonance", &[hz, damping, hz2, damping2, share2]) => {
+            let mode = |frequency_hz, damping, share| ModeOfStage {
+                frequency_hz,
+                damping,
+                share,
+            };
+            chain.linear.modes = vec![mode(hz, damping, 1.0 - share2)];
+            if share2 != 0.0 {
+                chain.linear.modes.push(mode(hz2, damping2, share2));
+                chain
+                    .linear
+                    .modes
+                    .sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+            }
+            (
+                Some("resonance inverse"),
+                "1 % of the mode's frequency is 0.7 % of error near it; identify again when the load changes",
+            )
+        }
+        ("creep", &[first_tau_s, ref shares @ ..]) => {
+            creep(first_tau_s, shares, &mut chain.creep);
+            (Some("creep inverse"), "slow states run once in 50 samples")
+        }
+        ("cross-coupling", &[gain, lead, weight, threshold]) => {
+            chain.around.coupling = Some([gain, lead, weight, threshold]);
+            (
+                Some("decoupling"),
+                "needs the other axis' command as early as the reference",
+            )
+        }
+        ("mains-hum", &[frequency_hz, ref amplitudes_um @ ..]) => {
+            chain.around.hum = Some(HumPart {
+                frequency_hz,
+                amplitudes_um: amplitudes_um.to_vec(),
+            });
+            (
+                Some("hum learned in the loop"),
+                "half a hertz about each line; what a reference has there is taken for hum",
+            )
+        }
+        ("sensor-nonlinearity", &[middle, quadratic, cubic]) => {
+            chain.around.sensor = Some([middle, quadratic, cubic]);
+            (
+                Some("sensor polynomial"),
+                "as good as the records tell it from a bent hysteresis",
+            )
+        }
+        ("thermal-drift", &[reference_c, tau_s, shift, gain]) if reference_c != 0.0 => {
+            chain.around.heat = Some([reference_c, tau_s, shift, gain]);
+            (Some("thermal gain"), "needs the temperature at every sample")
+        }
+        ("thermal-drift", _) => (
+            None,
+            "it was fitted against time, not temperature, and time starts anew; record temperature_c, or leave it to the feedback",
+        ),
+        ("hysteresis-shape" | "amplitude-gain" | "asymmetry", _) => {
+            (Some("hysteresis inverse"), "part of the table that is inverted")
+        }
+        ("rate-dependence", _) => (
+            None,
+            "the inverse at rest is static; learn whether a delay, a lag or a mode is what widens the loops",
+        ),
+        ("slew-limit", _) => (
+            None,
+            "current that the amplifier lacks cannot be given; ask for slower references",
+        ),
+        ("saturation", _) => (None, "a stop cannot be passed; keep references away from it"),
+        ("backlash", _) => (None, "a jump at every turn shakes the stage; the feedback takes it up"),
+        _ => (None, "no compensator is known"),
+    }
+}
+
+/// Four elements, a decade apart, into the core's fast and slow ones; unused places keep a share of 0.
+fn creep(first_tau_s: f64, shares: &[f64], part: &mut CreepPart) {
+    let elements: Vec<(f64, f64)> = shares
+        .iter()
+        .enumerate()
+        .map(|(i, &share)| (first_tau_s * 10f64.powi(i as i32), share))
+        .collect();
+    let fast = elements.iter().filter(|(tau, _)| *tau <= SLOWEST_FAST_S).count();
+    for (i, &(tau, share)) in elements.iter().enumerate() {
+        let place = if i < fast {
+            CREEP_FAST - fast + i
+        } else {
+            CREEP_FAST + i - fast
+        };
+        (part.tau_s[place], part.shares[place]) = (tau, share);
+    }
+}
+
+/// The hysteresis alone, as slow as can be: what stands in its place and is static stays, all else is taken out.
+fn quasi_static(model: &Model) -> Model {
+    let mut alone = model.clone();
+    alone.effects.retain(|effect| effect.name == "asymmetry");
+    alone.envelope = model.envelope.map(|_| Envelope {
+        alpha_s: 0.0,
+        beta_s: 0.0,
+    });
+    alone
+}
+
+/// Voltages and the displacements that they make, from rest at 0 V.
+struct Played {
+    series: Vec<(Vec<f64>, Vec<f64>)>,
+    /// Position at rest at 0 V, micrometres.
+    rest_um: f64,
+}
+
+/// Time between two samples of a play, seconds: so long that rates are none.
+const AGES_S: f64 = 1e6;
+/// Samples of a sweep over the whole range: steps of a 500th of it, a fifth of the narrowest threshold of the inverse.
+const SWEEP: usize = 500;
+
+/// Plays cycles of every size about several middles, and a walk with turns at random places.
+fn play(model: &Model) -> Result<Played, IdentifyError> {
+    let [low, high] = [model.input_min.min(0.0), model.input_max];
+    let span = high - low;
+    let mut turns: Vec<Vec<f64>> = Vec::new();
+    for middle in [0.15, 0.35, 0.5, 0.65, 0.85_f64] {
+        // The whole range first, then ever smaller cycles about the middle.
+        let mut list = vec![0.0, high, low];
+        let reach = middle.min(1.0 - middle);
+        for i in 0..24 {
+            let size = reach * 0.85_f64.powi(i / 2);
+            let side = if i % 2 == 0 { 1.0 } else { -1.0 };
+            list.push(low + span * (middle + side * size));
+        }
+        turns.push(list);
+    }
+    // Turns at the points of a sequence that fills the range evenly (fractional parts of multiples of the golden ratio).
+    for start in [0.1_f64, 0.47, 0.83] {
+        let golden = 0.5 * (5_f64.sqrt() - 1.0);
+        let mut list = vec![0.0, high, low];
+        list.extend((0..30).map(|i| low + span * (start + golden * f64::from(i)).fract()));
+        turns.push(list);
+    }
+    let rest = InitialState::Remanent { fraction: 0.0 };
+    let rest_um = model.simulate_input(&[0.0; 2], AGES_S, rest)?[0];
+    let mut series = Vec::with_capacity(turns.len());
+    for list in turns {
+        let mut voltage_v = vec![0.0];
+        for pair in list.windows(2) {
+            let steps = ((pair[1] - pair[0]).abs() / span * SWEEP as f64).ceil().max(1.0);
+            voltage_v.extend((1..=steps as usize).map(|n| pair[0] + (pair[1] - pair[0]) * n as f64 / steps));
+        }
+        let position_um = model.simulate_input(&voltage_v, AGES_S, rest)?;
+        let moved = position_um.iter().map(|y| y - rest_um).collect();
+        series.push((voltage_v, moved));
+    }
+    Ok(Played { series, rest_um })
+}
+
+/// How far the displacement may go back in one sweep of the voltage, as a share of the stroke: a model fitted to noise and to effects
+/// that it lacks wavers by some thousandths, which the inverse smooths over.
+const WAVERS: f64 = 0.01;
+
+/// Refuses a hysteresis whose displacement goes back while the voltage goes on.
+fn rises(played: &Played) -> Result<(), IdentifyError> {
+    let all = played.series.iter().flat_map(|(_, x)| x.iter().copied());
+    let (low, high) = crate::family::range(all);
+    let stroke = high - low;
+    let refuse = |reason: String| Err(IdentifyError::Control { reason });
+    if stroke.is_nan() || stroke <= 0.0 {
+        return refuse(
+            "the model does not move between its lowest and highest voltage; fit it to records that do".into(),
+        );
+    }
+    for (voltage_v, x) in &played.series {
+        // Farthest along the sweep so far, and the voltage there.
+        let (mut farthest, mut at_v, mut last) = (0.0, voltage_v[0], 0.0);
+        for (v, x) in voltage_v.windows(2).zip(x.windows(2)) {
+            let direction = (v[1] - v[0]).signum();
+            if direction != last || (x[1] - farthest) * direction > 0.0 {
+                (farthest, at_v, last) = (x[1], v[1], direction);
+            }
+            let back = (farthest - x[1]) * direction;
+            if back > WAVERS * stroke {
+                return refuse(format!(
+                    "the hysteresis table does not invert: from {at_v:.2} V to {:.2} V the displacement goes back by {back:.2e} um; \
+                     fit fewer plays, or record large signals over the whole range",
+                    v[1]
+                ));
+            }
+        }
+    }
+    Ok(())
+}
