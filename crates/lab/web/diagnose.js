@@ -92,7 +92,7 @@ export async function diagnosePage(lab) {
     el("section", { class: numbers.cannot_answer.length ? "panel verdict unsure" : "panel verdict" },
       el("p", { class: "sentence", id: "verdict" }, verdict),
       lines.length ? el("ul", {}, lines.map((line) => el("li", {}, line))) : null,
-      el("p", { class: "hint" }, "The verdict is not calibrated yet: take it as a hint, and take the record it asks for."),
+      el("p", { class: "hint" }, "How often such a verdict is right was counted on simulated stages only: take it as a hint, and take the record it asks for."),
       numbers.next_record ? el("p", {}, el("a", { class: "button", href: download("next", step), download: true, id: "next-record" }, "Download the record to take next")) : null),
     tiles([
       ["The model", percent(numbers.before.validate_percent), "of peak to peak, records not fitted to"],

@@ -33,7 +33,7 @@ pub(crate) fn section(diagnosis: &Diagnosis) -> Section {
         section = section.with(card(effect));
     }
     section.with(Block::Text(
-        "The verdict is not calibrated yet: take it as a hint, and take the record it asks for.".to_owned(),
+        "How often such a verdict is right was counted on simulated stages only: take it as a hint, and take the record it asks for.".to_owned(),
     ))
 }
 
