@@ -141,9 +141,9 @@ impl<'a> Bench<'a> {
         sum
     }
 
-    fn grams_of_identify(&self, effects: &[Effect]) -> Vec<(usize, Gram)> {
+    pub(crate) fn grams_of_identify(&self, effects: &[Effect]) -> Vec<(usize, Gram)> {
         self.coarse
-            .iter()
+            .par_iter()
             .map(|(i, t)| {
                 let matrix = chain::matrix(&self.base, effects, t, self.reference(*i));
                 (*i, Gram::new(&matrix, &target(t, effects, self.reference(*i))))

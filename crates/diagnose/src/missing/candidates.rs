@@ -115,7 +115,7 @@ fn one(
     scan: usize,
     form: impl Fn(f64) -> Effect,
 ) -> Vec<Effect> {
-    if !given.iter().any(is_rate) {
+    if !given.iter().any(Effect::is_rate) {
         let (x, _) = least(low, high, scan, 9, |x| bench.objective(&with(given, form(x))));
         return with(given, form(x));
     }
@@ -144,10 +144,6 @@ fn one(
         step = step.sqrt();
     }
     chain(best.2, best.1)
-}
-
-fn is_rate(effect: &Effect) -> bool {
-    matches!(effect, Effect::RateShift { .. } | Effect::RateEnvelope { .. })
 }
 
 /// The chain with its rate dependence scaled.
@@ -260,12 +256,8 @@ fn lines(bench: &Bench<'_>, given: &[Effect], low: f64, high: f64) -> Vec<f64> {
 }
 
 fn rate(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
-    if given.iter().any(|e| {
-        matches!(
-            e,
-            Effect::RateShift { .. } | Effect::RateEnvelope { .. } | Effect::RateThreshold { .. } | Effect::LogGain
-        )
-    }) {
+    let has_rate = |e: &Effect| e.is_rate() || matches!(e, Effect::RateThreshold { .. } | Effect::LogGain);
+    if given.iter().any(has_rate) {
         return Vec::new();
     }
     let peak = chain::peak_rate(&bench.traces.each).max(f64::MIN_POSITIVE);

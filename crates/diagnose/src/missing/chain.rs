@@ -3,7 +3,7 @@
 //! voltage -> delay -> amplifier (lag, slew, clipping) -> plays (rate) -> structure (resonance) -> sensor (lag); what adds to
 //! the position (creep, heat, other axis, end stop) comes as columns of its own.
 
-use crate::missing::filters::{self, Mode};
+use crate::missing::filters::{self, Linear};
 use crate::missing::traces::{Trace, range};
 use crate::missing::user;
 use hysteron_identify::effects::UserEffect;
@@ -78,6 +78,11 @@ pub(crate) enum Effect {
 }
 
 impl Effect {
+    /// Whether it moves the plays' bounds with the rate.
+    pub(crate) fn is_rate(&self) -> bool {
+        matches!(self, Self::RateShift { .. } | Self::RateEnvelope { .. })
+    }
+
     /// Whether its columns are made from the modelled position.
     pub(crate) fn acts_on_position(&self) -> bool {
         if let Self::User { effect, .. } = self {
@@ -174,11 +179,9 @@ pub(crate) fn for_each_column(
         None => visit(j, series),
         Some(bend) => visit(j, &bend.of_change(series)),
     };
-    let after = After::new(effects, trace.period_s);
-    let n = input.len();
-    let mut column = vec![1.0; n];
-    visit(0, &column);
-    let powers: &[i32] = match base.shape {
+    visit(0, &vec![1.0; input.len()]);
+    let mut columns = Filtered::new(effects, trace.period_s);
+    let powers: &[u32] = match base.shape {
         Shape::Free => &[1, 2, 3, 4, 5],
         Shape::Pi => &[1],
         Shape::Mpi => &[1, 3],
@@ -189,35 +192,27 @@ pub(crate) fn for_each_column(
         Shape::Mpi => -trace.scales.middle_v / trace.scales.unit_v,
         Shape::Free | Shape::Pi | Shape::Stiff => 0.0,
     };
-    let mut next = 1;
-    let mut emit = |column: &mut Vec<f64>, visit: &mut dyn FnMut(usize, &[f64])| {
-        after.apply(column);
-        visit(next, column);
-        next += 1;
-    };
-    for &power in powers {
-        column
-            .iter_mut()
-            .zip(&input)
-            .for_each(|(c, v)| *c = (v - zero).powi(power));
-        emit(&mut column, &mut visit);
+    let mut product = vec![1.0; input.len()];
+    for power in 1..=*powers.last().unwrap_or(&0) {
+        product.iter_mut().zip(&input).for_each(|(p, v)| *p *= v - zero);
+        if powers.contains(&power) {
+            columns.push(product.iter().copied(), &mut visit);
+        }
     }
     let rates = Rates::new(effects, &input, trace.period_s);
-    for &threshold in &base.thresholds {
-        let play = rates.play(&input, threshold, trace.fraction);
-        column.copy_from_slice(&play);
-        emit(&mut column, &mut visit);
-        if base.shape == Shape::Free {
-            // Middle of the play's travel, so that odd and even powers stay apart.
-            for power in [2, 3] {
-                column
-                    .iter_mut()
-                    .zip(&play)
-                    .for_each(|(c, w)| *c = if power == 2 { w * w } else { w * w * w });
-                emit(&mut column, &mut visit);
+    for thresholds in base.thresholds.chunks(filters::LANES) {
+        let plays = rates.plays(&input, thresholds, trace.fraction);
+        for lane in 0..thresholds.len() {
+            let play = plays.iter().map(|w| w[lane]);
+            columns.push(play.clone(), &mut visit);
+            if base.shape == Shape::Free {
+                // Middle of the play's travel, so that odd and even powers stay apart.
+                columns.push(play.clone().map(|w| w * w), &mut visit);
+                columns.push(play.map(|w| w * w * w), &mut visit);
             }
         }
     }
+    let mut next = columns.finish(&mut visit);
     for effect in effects {
         extra(effect, trace, reference_um, &mut |series| {
             visit(next, series);
@@ -236,7 +231,7 @@ pub(crate) fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
     }
     for effect in effects {
         match *effect {
-            Effect::LagBefore { tau_s } => filters::lag(&mut input, trace.period_s, tau_s),
+            Effect::LagBefore { tau_s } => Linear::lag(tau_s, trace.period_s).apply(std::slice::from_mut(&mut input)),
             Effect::Slew { per_s } => filters::slew(&mut input, per_s * trace.period_s),
             Effect::ClipDrive { low, high } => input.iter_mut().for_each(|v| *v = v.clamp(low, high)),
             _ => {}
@@ -246,37 +241,53 @@ pub(crate) fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
     input
 }
 
-/// What every column of the hysteresis goes through.
-struct After {
-    modes: Vec<Mode>,
-    lags_s: Vec<f64>,
-    period_s: f64,
+/// The hysteresis' columns on their way through what stands behind it.
+struct Filtered {
+    filters: Vec<Linear>,
+    /// Columns that wait until there are enough of them to be filtered side by side.
+    waiting: [Vec<f64>; filters::LANES],
+    filled: usize,
+    /// Number of the next column.
+    next: usize,
 }
 
-impl After {
+impl Filtered {
     fn new(effects: &[Effect], period_s: f64) -> Self {
-        let (mut modes, mut lags_s) = (Vec::new(), Vec::new());
-        for effect in effects {
-            match *effect {
-                Effect::Mode { frequency_hz, zeta } => modes.push(Mode::new(frequency_hz, zeta, period_s)),
-                Effect::LagAfter { tau_s } => lags_s.push(tau_s),
-                _ => {}
-            }
-        }
+        let filter = |effect: &Effect| match *effect {
+            Effect::Mode { frequency_hz, zeta } => Some(Linear::mode(frequency_hz, zeta, period_s)),
+            Effect::LagAfter { tau_s } => Some(Linear::lag(tau_s, period_s)),
+            _ => None,
+        };
         Self {
-            modes,
-            lags_s,
-            period_s,
+            filters: effects.iter().filter_map(filter).collect(),
+            waiting: Default::default(),
+            filled: 0,
+            next: 1,
         }
     }
 
-    fn apply(&self, series: &mut [f64]) {
-        for mode in &self.modes {
-            mode.apply(series);
+    fn push(&mut self, column: impl Iterator<Item = f64>, visit: &mut impl FnMut(usize, &[f64])) {
+        let waiting = &mut self.waiting[self.filled];
+        waiting.clear();
+        waiting.extend(column);
+        self.filled += 1;
+        if self.filled == self.waiting.len() {
+            self.finish(visit);
         }
-        for &tau_s in &self.lags_s {
-            filters::lag(series, self.period_s, tau_s);
+    }
+
+    /// Filters and hands on what waits; the number of the next column.
+    fn finish(&mut self, visit: &mut impl FnMut(usize, &[f64])) -> usize {
+        let columns = &mut self.waiting[..self.filled];
+        for filter in &self.filters {
+            filter.apply(columns);
         }
+        for column in columns {
+            visit(self.next, column);
+            self.next += 1;
+        }
+        self.filled = 0;
+        self.next
     }
 }
 
@@ -341,40 +352,41 @@ impl Rates {
         rates
     }
 
-    /// Output of one play, centred: half its threshold above the lower bound.
-    fn play(&self, input: &[f64], threshold: f64, fraction: f64) -> Vec<f64> {
-        let wide = threshold > self.narrow * 2.0;
-        let half = threshold / 2.0;
-        // A drive between -1 and 1 takes a play no further out than this.
-        let lowest = -1.0_f64;
-        let mut w = input.first().map_or(0.0, |v| (v - fraction * threshold).max(lowest));
+    /// Outputs of up to [`filters::LANES`] plays side by side, centred: half its threshold above the lower bound.
+    fn plays(&self, input: &[f64], thresholds: &[f64], fraction: f64) -> Vec<[f64; filters::LANES]> {
+        let thresholds: [f64; filters::LANES] = std::array::from_fn(|l| thresholds.get(l).copied().unwrap_or(0.0));
+        let half = thresholds.map(|threshold| threshold / 2.0);
+        let wide = thresholds.map(|threshold| f64::from(u8::from(threshold > self.narrow * 2.0)));
         match (&self.bounds, &self.widening) {
-            (Some(bounds), _) if wide => input
-                .iter()
-                .zip(bounds)
-                .map(|(&v, [left, right])| {
-                    w = pushed(v - left - threshold, v + right, w);
-                    w + half
-                })
-                .collect(),
-            (_, Some(widening)) if wide => input
-                .iter()
-                .zip(widening)
-                .map(|(&v, grown)| {
-                    let more = half * (grown - 1.0);
-                    w = pushed(v - threshold - more, v + more, w);
-                    w + half
-                })
-                .collect(),
-            _ => input
-                .iter()
-                .map(|&v| {
-                    w = pushed(v - threshold, v, w);
-                    w + half
-                })
-                .collect(),
+            (Some(bounds), _) => side_by_side(input, thresholds, fraction, |k, l| bounds[k].map(|b| wide[l] * b)),
+            (_, Some(widening)) => side_by_side(input, thresholds, fraction, |k, l| {
+                [wide[l] * half[l] * (widening[k] - 1.0); 2]
+            }),
+            _ => side_by_side(input, thresholds, fraction, |_, _| [0.0; 2]),
         }
     }
+}
+
+/// Plays whose bounds lie `apart(sample, lane)` further below and above the input.
+fn side_by_side(
+    input: &[f64],
+    thresholds: [f64; filters::LANES],
+    fraction: f64,
+    apart: impl Fn(usize, usize) -> [f64; 2],
+) -> Vec<[f64; filters::LANES]> {
+    // A drive between -1 and 1 takes a play no further out than this.
+    let lowest = -1.0_f64;
+    let mut w = thresholds.map(|threshold| input.first().map_or(0.0, |v| (v - fraction * threshold).max(lowest)));
+    let half = thresholds.map(|threshold| threshold / 2.0);
+    let mut plays = vec![[0.0; filters::LANES]; input.len()];
+    for (k, (v, centred)) in input.iter().zip(&mut plays).enumerate() {
+        for l in 0..filters::LANES {
+            let [below, above] = apart(k, l);
+            w[l] = pushed(v - below - thresholds[l], v + above, w[l]);
+            centred[l] = w[l] + half[l];
+        }
+    }
+    plays
 }
 
 /// A play's output between its bounds; comparisons compile to selections where `max` and `min` must think of NaN.
@@ -483,8 +495,10 @@ fn cross(trace: &Trace, push: &mut dyn FnMut(&[f64])) {
         rate[k] = (drive2[k] - drive2[k - 1]) / trace.period_s;
     }
     push(&rate);
-    for threshold in [0.1, 0.4, 1.0] {
-        push(&Rates::STILL.play(drive2, threshold, 0.0));
+    let thresholds = [0.1, 0.4, 1.0];
+    let plays = Rates::STILL.plays(drive2, &thresholds, 0.0);
+    for lane in 0..thresholds.len() {
+        push(&plays.iter().map(|w| w[lane]).collect::<Vec<_>>());
     }
 }
 

@@ -26,31 +26,32 @@ pub(crate) fn delayed(series: &[f64], delay_samples: f64) -> Vec<f64> {
         .collect()
 }
 
-/// First-order lag `1 / (tau s + 1)`, in place.
-pub(crate) fn lag(series: &mut [f64], period_s: f64, tau_s: f64) {
-    let Some(&first) = series.first() else { return };
-    let a = (-period_s / tau_s).exp();
-    let share = (1.0 - a) * tau_s / period_s;
-    let (now, before) = (1.0 - share, share - a);
-    let (mut output, mut last) = (first, first);
-    for value in series {
-        output = a * output + now * *value + before * last;
-        last = *value;
-        *value = output;
-    }
-}
+/// Series that are worked on side by side: each one's next sample waits for its last, four of them keep the processor busy.
+pub(crate) const LANES: usize = 4;
 
-/// One mode, `w^2 / (s^2 + 2 zeta w s + w^2)`, ready for one sample period.
-pub(crate) struct Mode {
+/// A lag or a mode, ready for one sample period; its state is the output and its rate per sample.
+pub(crate) struct Linear {
     transition: [[f64; 2]; 2],
     of_last: [f64; 2],
     of_now: [f64; 2],
 }
 
-impl Mode {
-    pub(crate) fn new(frequency_hz: f64, zeta: f64, period_s: f64) -> Self {
+impl Linear {
+    /// First-order lag, `1 / (tau s + 1)`.
+    pub(crate) fn lag(tau_s: f64, period_s: f64) -> Self {
+        let a = (-period_s / tau_s).exp();
+        let share = (1.0 - a) * tau_s / period_s;
+        Self {
+            transition: [[a, 0.0], [0.0, 0.0]],
+            of_last: [share - a, 0.0],
+            of_now: [1.0 - share, 0.0],
+        }
+    }
+
+    /// One mode, `w^2 / (s^2 + 2 zeta w s + w^2)`.
+    pub(crate) fn mode(frequency_hz: f64, zeta: f64, period_s: f64) -> Self {
         let angle = TAU * frequency_hz * period_s;
-        // State: output and its rate per sample; the input runs in a straight line (augmented exponential, Van Loan 1978).
+        // The input runs in a straight line (augmented exponential, Van Loan 1978).
         let system = Matrix4::new(
             0.0,
             1.0,
@@ -79,17 +80,34 @@ impl Mode {
         }
     }
 
-    pub(crate) fn apply(&self, series: &mut [f64]) {
-        let Some(&first) = series.first() else { return };
-        let (mut x, mut rate, mut last) = (first, 0.0, first);
+    /// Filters in place columns of the same length.
+    pub(crate) fn apply(&self, columns: &mut [Vec<f64>]) {
+        let mut chunks = columns.chunks_exact_mut(LANES);
+        for chunk in &mut chunks {
+            if let Ok(four) = <&mut [Vec<f64>; LANES]>::try_from(chunk) {
+                self.apply_to(four.each_mut());
+            }
+        }
+        for column in chunks.into_remainder() {
+            self.apply_to([column]);
+        }
+    }
+
+    fn apply_to<const N: usize>(&self, columns: [&mut Vec<f64>; N]) {
         let a = &self.transition;
-        for value in series {
-            let now = *value;
-            let next = a[0][0] * x + a[0][1] * rate + self.of_last[0] * last + self.of_now[0] * now;
-            rate = a[1][0] * x + a[1][1] * rate + self.of_last[1] * last + self.of_now[1] * now;
-            x = next;
-            last = now;
-            *value = x;
+        let mut x: [f64; N] = std::array::from_fn(|l| columns[l].first().copied().unwrap_or(0.0));
+        let (mut rate, mut last) = ([0.0; N], x);
+        let mut each = columns.map(|column| column.iter_mut());
+        loop {
+            for (l, values) in each.iter_mut().enumerate() {
+                let Some(value) = values.next() else { return };
+                let now = *value;
+                let next = a[0][0] * x[l] + a[0][1] * rate[l] + self.of_last[0] * last[l] + self.of_now[0] * now;
+                rate[l] = a[1][0] * x[l] + a[1][1] * rate[l] + self.of_last[1] * last[l] + self.of_now[1] * now;
+                x[l] = next;
+                last[l] = now;
+                *value = next;
+            }
         }
     }
 }
@@ -145,8 +163,11 @@ mod tests {
     #[test]
     fn val_lag_of_a_sine() {
         let (tau, f, t) = (2e-3, 20.0, 1e-4);
-        let mut y = sine(f, t, 4000);
-        lag(&mut y, t, tau);
+        // Five: four side by side and one alone.
+        let mut columns = vec![sine(f, t, 4000); 5];
+        Linear::lag(tau, t).apply(&mut columns);
+        assert!(columns.iter().all(|column| *column == columns[4]));
+        let y = &columns[0];
         let w = TAU * f;
         for (k, y) in y.iter().enumerate().skip(2000) {
             let wanted = (w * k as f64 * t - (w * tau).atan()).sin() / (1.0 + (w * tau).powi(2)).sqrt();
@@ -158,8 +179,10 @@ mod tests {
     #[test]
     fn val_mode_of_a_sine() {
         let (f0, zeta, f, t) = (100.0, 0.05, 60.0, 1e-4);
-        let mut y = sine(f, t, 20_000);
-        Mode::new(f0, zeta, t).apply(&mut y);
+        let mut columns = vec![sine(f, t, 20_000); 5];
+        Linear::mode(f0, zeta, t).apply(&mut columns);
+        assert!(columns.iter().all(|column| *column == columns[4]));
+        let y = &columns[0];
         let (w, w0) = (TAU * f, TAU * f0);
         let (re, im) = (w0 * w0 - w * w, 2.0 * zeta * w0 * w);
         let gain = w0 * w0 / re.hypot(im);

@@ -2,6 +2,7 @@
 
 use crate::missing::traces::Traces;
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 /// Hum found in the residuals.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,24 +35,21 @@ pub(crate) fn find(traces: &Traces, residuals: &[Vec<f64>], noise_um: f64) -> Op
             t.period_s < 1.0 / 600.0 && (t.len() - t.from) as f64 * t.period_s > 3.0 / 50.0
         })
         .collect();
-    let mut best: Option<(f64, f64)> = None;
-    for nominal in [50.0, 60.0] {
-        for k in -10..=10 {
-            let f = nominal + BAND_HZ * f64::from(k) / 10.0;
-            let power: f64 = usable
-                .iter()
-                .map(|&i| {
-                    let (taken, all) = lines(&traces.each[i], &residuals[i], f);
-                    // Relative to the residual: a badly fitted record must not decide.
-                    taken / (all + noise_um * noise_um)
-                })
-                .sum();
-            if best.is_none_or(|(_, p)| power > p) {
-                best = Some((f, power));
-            }
-        }
-    }
-    let (frequency_hz, _) = best?;
+    let power = |f: f64| -> f64 {
+        let of_record = |&i: &usize| {
+            let (taken, all) = lines(&traces.each[i], &residuals[i], f);
+            // Relative to the residual: a badly fitted record must not decide.
+            taken / (all + noise_um * noise_um)
+        };
+        usable.iter().map(of_record).sum()
+    };
+    let nearby = |nominal: f64| (-10..=10).map(move |k| nominal + BAND_HZ * f64::from(k) / 10.0);
+    let frequencies: Vec<f64> = [50.0, 60.0].into_iter().flat_map(nearby).collect();
+    let powers: Vec<f64> = frequencies.par_iter().map(|&f| power(f)).collect();
+    let best = (0..powers.len())
+        .rev()
+        .max_by(|&a, &b| powers[a].total_cmp(&powers[b]))?;
+    let frequency_hz = frequencies[best];
     let mut taken_um2 = vec![0.0; traces.each.len()];
     let (mut contrast, mut seen, mut amplitudes) = (0.0f64, 0, Vec::new());
     for &i in &usable {

@@ -119,7 +119,7 @@ impl Judge {
                 .partial_cmp(&(a.1.significant, a.1.statistic))
                 .unwrap_or(std::cmp::Ordering::Equal)
         });
-        let least = AS_FAR * ranked.first().map_or(f64::INFINITY, |r| r.1.statistic);
+        let least = ranked.first().map_or(f64::INFINITY, |r| r.1.statistic) - UNDECIDED;
         let close = ranked.partition_point(|r| r.1.significant && r.1.statistic > least);
         ranked[..close].sort_by(|a, b| b.1.log_likelihood_gain.total_cmp(&a.1.log_likelihood_gain));
         ranked
@@ -251,7 +251,7 @@ impl Judge {
     /// where the hysteresis' shape is not free to take its part.
     pub(crate) fn also_possible(&self, verdict: &str, ranking: &[RankedEffect], free: bool) -> Vec<String> {
         // The loops alone do not tell a bend of the drive from one of the sensor, nor either from the stage's own shape.
-        let bends = |r: &&RankedEffect| r.level == Level::Shape && r.effect != verdict && r.share > EQUIVALENT_SHARE;
+        let bends = |r: &&RankedEffect| r.level == Level::Shape && r.share > EQUIVALENT_SHARE;
         if verdict == "hysteresis-shape" {
             return ranking.iter().filter(bends).map(|r| r.effect.clone()).collect();
         }
@@ -288,11 +288,11 @@ impl Judge {
 /// Share of what the family lacks from which another bend is as good an explanation of the loops.
 const EQUIVALENT_SHARE: f64 = 0.9;
 
-/// Rivals closer than this in the statistic are not told apart: one record's squared error by a factor of 1.3.
+/// Rivals closer than this in the statistic, one record's squared error by a factor of 1.3, are ranked by likelihood: it counts
+/// how white a residual is, which the fall of the squared error does not see (a delay beside a lag of the same length).
 pub(crate) const UNDECIDED: f64 = 0.25;
 
-/// Rivals whose statistic reaches this share of the best are ranked by likelihood instead: it counts how white a residual
-/// is, which the fall of the squared error does not see (a delay beside a lag of the same length).
+/// Rivals whose statistic reaches this share of the best, and whose likelihood theirs, are not told apart.
 const AS_FAR: f64 = 0.9;
 
 /// Of those, gains in log-likelihood above this share of the first one's are not told apart.

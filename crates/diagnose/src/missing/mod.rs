@@ -87,29 +87,15 @@ pub(crate) fn search(
         ridge: 1e-7,
     };
     let given_effects = given(model, &traces);
-    let told = |from: f64, to: f64| move |done: f64, name: &str| progress(from + (to - from) * done, name);
-    let mut searched = Searched::new(
-        model,
-        &traces,
-        base,
-        &given_effects,
-        floor.rms_um,
-        own,
-        &told(0.02, 0.75),
-    );
+    let searching = |base: Base, from: f64, to: f64| {
+        let told = |done: f64, name: &str| progress(from + (to - from) * done, name);
+        Searched::new(model, &traces, base, &given_effects, floor.rms_um, own, &told)
+    };
+    let mut searched = searching(base, 0.02, 0.75);
     // Judged with what was found: a free shape bends to an effect that it has not got yet, and forecasts badly for that.
     let determined = shape::is_determined(&before, searched.last());
     if !determined || searched.is_users_own(own) {
-        let base = shape::of_family(model, &traces);
-        let stiff = Searched::new(
-            model,
-            &traces,
-            base,
-            &given_effects,
-            floor.rms_um,
-            own,
-            &told(0.75, 0.95),
-        );
+        let stiff = searching(shape::of_family(model, &traces), 0.75, 0.95);
         // An effect of the user's own may bend the position: where it does, the hysteresis that forecasts better counts.
         if !determined || stiff.last().validate_percent < searched.last().validate_percent {
             searched = stiff;
@@ -141,13 +127,18 @@ impl<'a> Searched<'a> {
     ) -> Self {
         let (bare, bare_start) = Bench::new(traces, base, given, noise_um);
         let (mut bench, mut start) = with_own_rate(model, &bare, &bare_start);
-        if start.effects.len() > bare_start.effects.len()
-            && let Some(effects) = rate_beside_dynamics(&bare, &bare_start, &bench, &start)
-        {
-            start = bare.fit(&effects, Some(2));
-            bench = bare.referring_to(&start);
-            bench.weigh_by(&start);
-            start = bench.fit(&effects, Some(2));
+        // What was tried already at this start, for the first round.
+        let mut tried = Vec::new();
+        if start.effects.len() > bare_start.effects.len() {
+            match rate_beside_dynamics(&bare, &bare_start, &bench, &start) {
+                Rate::Other(effects) => {
+                    start = bare.fit(&effects, Some(2));
+                    bench = bare.referring_to(&start);
+                    bench.weigh_by(&start);
+                    start = bench.fit(&effects, Some(2));
+                }
+                Rate::Stays(trials) => tried = trials,
+            }
         }
         let judge = Judge::new(&bench, &start);
         let mut found: Vec<(&'static str, Trial)> = Vec::new();
@@ -157,7 +148,7 @@ impl<'a> Searched<'a> {
             let current = found.last().map_or(&start, |f| &f.1).clone();
             let from = round as f64 / ROUNDS as f64;
             let here = bench.referring_to(&current);
-            let mut trials = try_all(&here, &current, |_| true, &|done, name| {
+            let mut trials = try_all(&here, &current, |_| true, &std::mem::take(&mut tried), &|done, name| {
                 progress(from + done / ROUNDS as f64, name);
             });
             trials.extend(user::trials(&here, &current, own, &|name| {
@@ -264,7 +255,7 @@ impl<'a> Searched<'a> {
 /// The model as it stands, its own rate dependence fitted anew with everything: what it has already is no missing effect.
 fn with_own_rate<'a>(model: &Model, bare: &Bench<'a>, bare_start: &Trial) -> (Bench<'a>, Trial) {
     let (mut bench, mut start) = (bare.clone(), bare_start.clone());
-    if matches!(model.family, Family::Mrpi | Family::Wrpi) && !start.effects.iter().any(is_rate) {
+    if matches!(model.family, Family::Mrpi | Family::Wrpi) && !start.effects.iter().any(Effect::is_rate) {
         let rate = candidates::rate_of_model(&bench, &start.effects);
         let with_rate = bench.fit(&rate, Some(2));
         if judge::total(&bench, &start, &with_rate) > 0.0 {
@@ -277,29 +268,29 @@ fn with_own_rate<'a>(model: &Model, bare: &Bench<'a>, bare_start: &Trial) -> (Be
     (bench, start)
 }
 
+/// What becomes of a model's own rate dependence.
+enum Rate {
+    /// It stays as it was fitted; what was tried beside it on the way.
+    Stays(Vec<(&'static str, Trial)>),
+    /// The model's effects with another one, or with none.
+    Other(Vec<Effect>),
+}
+
 /// The model's own rate dependence, or none, as it is beside a delay, a lag or a resonance, where that explains more than the
 /// one fitted without them: an envelope widened to imitate a lag hides the lag.
-fn rate_beside_dynamics(
-    bare: &Bench<'_>,
-    bare_start: &Trial,
-    rated: &Bench<'_>,
-    rated_start: &Trial,
-) -> Option<Vec<Effect>> {
+fn rate_beside_dynamics(bare: &Bench<'_>, bare_start: &Trial, rated: &Bench<'_>, rated_start: &Trial) -> Rate {
     // What is hidden so shows in the forecast, or in the fit.
     if rated_start.identify_percent.max(rated_start.validate_percent) < judge::MATTERS_PERCENT {
-        return None;
+        return Rate::Stays(Vec::new());
     }
     let dynamic = |name: &str| ["delay", "first-order-lag", "resonance"].contains(&name);
-    let trials = |bench: &Bench<'_>, start: &Trial| -> Vec<(f64, Trial)> {
-        let trials = try_all(&bench.referring_to(start), start, dynamic, &|_, _| {});
-        let mut trials: Vec<_> = trials
-            .into_iter()
-            .map(|t| (judge::total(bench, rated_start, &t.1), t.1))
-            .collect();
-        trials.sort_by(|a, b| b.0.total_cmp(&a.0));
-        trials
-    };
-    let without = trials(bare, bare_start);
+    let trials =
+        |bench: &Bench<'_>, start: &Trial| try_all(&bench.referring_to(start), start, dynamic, &[], &|_, _| {});
+    let mut without: Vec<(f64, Trial)> = trials(bare, bare_start)
+        .into_iter()
+        .map(|t| (judge::total(bare, rated_start, &t.1), t.1))
+        .collect();
+    without.sort_by(|a, b| b.0.total_cmp(&a.0));
     let beside: Vec<(f64, Vec<Effect>)> = without[..without.len().min(2)]
         .par_iter()
         .map(|(_, trial)| {
@@ -307,24 +298,28 @@ fn rate_beside_dynamics(
             let both = bare.referring_to(trial).fit_to_the_end(&effects);
             let own = effects
                 .into_iter()
-                .filter(|e| is_given(&bare_start.effects, e) || is_rate(e))
+                .filter(|e| is_given(&bare_start.effects, e) || e.is_rate())
                 .collect();
             (judge::total(bare, rated_start, &both), own)
         })
         .collect();
     let best_without = without.first().map_or(f64::NEG_INFINITY, |t| t.0);
-    let best_beside = beside.into_iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let as_it_was = trials(rated, rated_start).first().map_or(0.0, |t| t.0.max(0.0));
+    let Some(best_beside) = beside.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)) else {
+        return Rate::Stays(Vec::new());
+    };
+    let as_it_was = trials(rated, rated_start);
+    let falls = as_it_was.iter().map(|t| judge::total(rated, rated_start, &t.1));
+    let least = falls.fold(0.0, f64::max) + judge::THRESHOLD;
     let (best, effects) = if best_beside.0 > best_without + judge::UNDECIDED {
         best_beside
     } else {
         (best_without, bare_start.effects.clone())
     };
-    (best > as_it_was + judge::THRESHOLD).then_some(effects)
-}
-
-fn is_rate(effect: &Effect) -> bool {
-    matches!(effect, Effect::RateShift { .. } | Effect::RateEnvelope { .. })
+    if best > least {
+        Rate::Other(effects)
+    } else {
+        Rate::Stays(as_it_was)
+    }
 }
 
 /// The effects that the model has already, as the search writes them; parameters that are linear here are fitted anew.
@@ -378,11 +373,12 @@ fn given(model: &Model, traces: &Traces) -> Vec<Effect> {
     given
 }
 
-/// The wanted candidates' best forms, in parallel.
+/// The wanted candidates' best forms, in parallel; those that were tried already at the same start are not tried again.
 fn try_all(
     bench: &Bench<'_>,
     current: &Trial,
     wanted: impl Fn(&str) -> bool + Sync,
+    tried: &[(&'static str, Trial)],
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> Vec<(&'static str, Trial)> {
     let done = AtomicUsize::new(0);
@@ -395,11 +391,12 @@ fn try_all(
                 done.load(Ordering::Relaxed) as f64 / PHYSICAL.len() as f64,
                 candidate.name,
             );
-            let forms = (candidate.search)(bench, &current.effects);
-            let fitted: Vec<_> = forms
-                .into_iter()
-                .map(|effects| (candidate.name, bench.fit_to_the_end(&effects)))
-                .collect();
+            let mut fitted: Vec<_> = tried.iter().filter(|t| t.0 == candidate.name).cloned().collect();
+            if fitted.is_empty() {
+                let forms = (candidate.search)(bench, &current.effects);
+                let each = forms.into_iter().map(|effects| bench.fit_to_the_end(&effects));
+                fitted.extend(each.map(|trial| (candidate.name, trial)));
+            }
             done.fetch_add(1, Ordering::Relaxed);
             fitted
         })

@@ -6,6 +6,7 @@ use crate::missing::chain::{Base, Effect, Shape};
 use crate::missing::judge;
 use crate::missing::traces::Traces;
 use hysteron_identify::{Family, Model};
+use rayon::prelude::*;
 
 /// What the family of plays lacks against a free shape.
 pub(crate) struct ShapeAnswer {
@@ -97,7 +98,7 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
     let denser = (denser.thresholds.len() > plays.base.thresholds.len())
         .then(|| Bench::new(bench.traces, denser, &last.effects, bench.noise_um).0);
     let mut trials: Vec<(&str, Vec<Effect>, Trial)> = forms
-        .into_iter()
+        .into_par_iter()
         .map(|(name, effects)| {
             let trial = plays.fit_to_the_end(&effects);
             (name, effects.last().cloned().into_iter().collect(), trial)

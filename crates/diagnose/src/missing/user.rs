@@ -271,12 +271,8 @@ impl Search<'_> {
     }
 
     /// The positions before the effect.
-    fn positions(
-        &self,
-        base: &Base,
-        effects: &[Effect],
-        coefficients: &DVector<f64>,
-    ) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+    fn positions(&self, effects: &[Effect], coefficients: &DVector<f64>) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+        let base = &self.bench.base;
         let all = chain::width(base, self.given);
         let each = self.bench.coarse.iter().map(|(_, trace)| {
             let reference = chain::simulate(base, effects, trace, None, coefficients, base.columns());
@@ -331,8 +327,7 @@ impl Search<'_> {
     /// Where descents begin: the best starts seen from the free shape, and, for an effect on the position, the bottoms seen from
     /// a stiff one. A free shape bends with a ripple of the reading, and the position before it is then off by its pitch.
     fn first_points(&self, current: &Trial) -> Vec<Point> {
-        let bench = self.bench;
-        let mut points = self.quick_look(&bench.base, &current.coefficients);
+        let mut points = self.quick_look(&current.coefficients);
         if self.effect.acts_on_position() {
             points.extend(self.seen_from_stiff(current));
         }
@@ -348,22 +343,14 @@ impl Search<'_> {
             ridge: 1e-9,
         };
         let columns = chain::width(&bench.base, self.given);
-        let grams: Vec<(usize, Gram)> = bench
-            .coarse
-            .iter()
-            .map(|(i, trace)| {
-                let matrix = chain::matrix(&bench.base, self.given, trace, bench.reference(*i));
-                (*i, Gram::new(&matrix, &target(trace, self.given, bench.reference(*i))))
-            })
-            .collect();
-        let coefficients = solve_signed(&bench.pooled(&grams, None, columns), &bench.base, self.given);
+        let pooled = bench.pooled(&bench.grams_of_identify(self.given), None, columns);
+        let coefficients = solve_signed(&pooled, &bench.base, self.given);
         let stiff = Search {
             bench: &bench,
             columns,
             ..*self
         };
-        let points = stiff.quick_look(&bench.base, &coefficients);
-        let mut points = stiff.deepest(points);
+        let mut points = stiff.deepest(stiff.quick_look(&coefficients));
         for point in &mut points {
             point.value = f64::INFINITY;
             point.coefficients.clone_from(&current.coefficients);
@@ -373,7 +360,7 @@ impl Search<'_> {
 
     /// Starts in the order of what their change of the modelled position takes of the squared error, up to a factor and
     /// everything that is linear fitted anew.
-    fn quick_look(&self, base: &Base, x: &DVector<f64>) -> Vec<Point> {
+    fn quick_look(&self, x: &DVector<f64>) -> Vec<Point> {
         let bench = self.bench;
         let weight = |(i, trace): &(usize, Trace)| (bench.weights[*i] / trace.rows.len().max(1) as f64).sqrt();
         let stack = |parts: Vec<DVector<f64>>| -> DVector<f64> {
@@ -387,7 +374,7 @@ impl Search<'_> {
         let plain: Vec<DMatrix<f64>> = bench
             .coarse
             .iter()
-            .map(|(i, trace)| chain::matrix(base, self.given, trace, bench.reference(*i)))
+            .map(|(i, trace)| chain::matrix(&bench.base, self.given, trace, bench.reference(*i)))
             .collect();
         let rows: usize = plain.iter().map(DMatrix::nrows).sum();
         let mut stacked = DMatrix::zeros(rows, x.len());
@@ -403,7 +390,7 @@ impl Search<'_> {
             let explained = &basis * basis.tr_mul(&v);
             v - explained
         };
-        let (reference_um, position_um) = self.positions(base, self.given, x);
+        let (reference_um, position_um) = self.positions(self.given, x);
         let modelled = stack(plain.iter().map(|matrix| matrix * x).collect());
         let measured = bench
             .coarse
@@ -415,7 +402,7 @@ impl Search<'_> {
             stack(if self.effect.acts_on_position() {
                 self.modelled(&shares, &position_um)
             } else {
-                self.modelled(&shares, &self.positions(base, &self.with(&shares), x).1)
+                self.modelled(&shares, &self.positions(&self.with(&shares), x).1)
             })
         };
         let mut starts = self.effect.starts();
@@ -525,12 +512,10 @@ impl Search<'_> {
 
     /// Gauss-Newton steps within the bounds, in parameters and positions at once.
     fn descend(&self, start: Point, steps: usize) -> Point {
-        let bench = self.bench;
         let mut here = start;
         for _ in 0..steps {
             let ahead = self.ahead(&here);
-            let (reference_um, position_um) =
-                self.positions(&bench.base, &self.with(&ahead.shares), &ahead.coefficients);
+            let (reference_um, position_um) = self.positions(&self.with(&ahead.shares), &ahead.coefficients);
             let mut length = 1.0;
             let lower = (0..5).find_map(|_| {
                 let mut point = here.towards(&ahead, &reference_um, &position_um, length);
@@ -538,7 +523,7 @@ impl Search<'_> {
                     // What comes out of the plays does not lie on a line.
                     let from = self.with(&point.shares);
                     point.coefficients.clone_from(&ahead.coefficients);
-                    (point.reference_um, point.position_um) = self.positions(&bench.base, &from, &ahead.coefficients);
+                    (point.reference_um, point.position_um) = self.positions(&from, &ahead.coefficients);
                 }
                 let value = self.value(&point.shares, &point.position_um);
                 length *= 0.4;
