@@ -1,29 +1,37 @@
 //! Verdicts on hundreds of stages with hidden effects: the confusion matrix of the README.
 //!
 //! `cargo run --release -p host-tests --example calibrate -- [EACH] [FIRST_SEED] [WORD]`: EACH seeds for every effect and strength (default 4);
-//! with WORD only cases whose hidden effect has it in its name. One line a case goes to standard error as they come, the tables to standard output.
+//! with WORD only cases whose hidden effect has it in its name. With `learn` as WORD: EACH stages with two hidden effects, and what
+//! `learn` has in its model at the end. One line a case goes to standard error as they come, the tables to standard output.
 #![expect(
     clippy::print_stdout,
     clippy::print_stderr,
     reason = "an example of the command line"
 )]
 
-use host_tests::hidden::score::{calibration, line, markdown, score, tool};
+use host_tests::hidden::score::{calibration, learned, line, markdown, pairs, score, tool};
 use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut words = std::env::args().skip(1);
     let each = words.next().map_or(Ok(4), |word| word.parse::<u64>())?;
     let first_seed = words.next().map_or(Ok(1_000), |word| word.parse::<u64>())?;
-    let mut cases = calibration(first_seed, each);
-    if let Some(word) = words.next() {
+    let word = words.next();
+    let learns = word.as_deref() == Some("learn");
+    let mut cases = if learns {
+        pairs(first_seed, each)
+    } else {
+        calibration(first_seed, each)
+    };
+    if let Some(word) = word.filter(|_| !learns) {
         cases.retain(|(_, spec)| match spec.hidden.as_slice() {
             [] => word == "nothing",
             hidden => hidden.iter().any(|asked| asked.effect.name().contains(&word)),
         });
     }
     let started = Instant::now();
-    let outcomes = score(&cases, tool, |outcome| eprintln!("{}", line(outcome)));
+    let answer = if learns { learned } else { tool };
+    let outcomes = score(&cases, answer, |outcome| eprintln!("{}", line(outcome)));
     println!("{}", markdown(&outcomes));
     println!(
         "{} cases of seeds {first_seed} to {}, {:.1} s each on {} threads; {} could not be made.",

@@ -189,27 +189,37 @@ impl Learner<'_> {
     fn follow(&mut self, diagnosis: &Diagnosis) -> Result<(), Stop> {
         let mut named = vec![diagnosis.verdict.clone()];
         named.extend(diagnosis.also_possible.iter().cloned());
-        match self.add_best(&named) {
-            Ok(Some(effect)) => self.prune(&effect),
-            Ok(None) => {
-                let effect = diagnosis.verdict.clone();
-                return Err(Stop::NotConfirmed { effect });
-            }
+        let mut refused = None;
+        let mut kept = match self.add_best(&named) {
+            Ok(kept) => kept.inspect(|effect| self.prune(effect)).is_some(),
             Err(error) => {
-                return Err(Stop::CannotAdd {
-                    effect: diagnosis.verdict.clone(),
-                    reason: error.to_string(),
-                });
+                refused = Some(error.to_string());
+                false
             }
-        }
+        };
         // What stands behind the verdict is a weaker claim: where it fails, the next diagnosis decides.
         for effect in &diagnosis.further {
             let there = self.model.effects.iter().any(|fitted| fitted.name == *effect);
             if !there && let Ok(Some(effect)) = self.add_best(std::slice::from_ref(effect)) {
                 self.prune(&effect);
+                kept = true;
             }
         }
-        Ok(())
+        if kept || self.enrich(diagnosis) {
+            return Ok(());
+        }
+        let effect = diagnosis.verdict.clone();
+        Err(match refused {
+            Some(reason) => Stop::CannotAdd { effect, reason },
+            None => Stop::NotConfirmed { effect },
+        })
+    }
+
+    /// The diagnosis judges effects beside a hysteresis of free shape, the model must do with its own plays: where these are
+    /// too poor, they hide what the effect brings, and the shape goes first.
+    fn enrich(&mut self, diagnosis: &Diagnosis) -> bool {
+        let shape = ["hysteresis-shape".to_owned()];
+        diagnosis.shape_too_poor && diagnosis.verdict != shape[0] && matches!(self.add_best(&shape), Ok(Some(_)))
     }
 
     /// Tries effects that a diagnosis cannot tell apart and keeps the one that leaves least on the validation records, if

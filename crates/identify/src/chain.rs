@@ -202,11 +202,12 @@ impl Chain {
             let mut other = trace.clone();
             other.own.remove(i);
             let modelled = without.respond(coefficients, &other);
+            let stack_v = self.stack(trace);
             let measured = &trace.record.position_um;
             let unexplained: Vec<f64> = measured.iter().zip(&modelled).map(|(y, m)| y - m).collect();
             let own = link
                 .effect
-                .settle(&link.values, &signals(trace, &[], i), &unexplained, trace.every);
+                .settle(&link.values, &signals(trace, &stack_v, i), &unexplained, trace.every);
             trace.own[i] = own;
         }
     }

@@ -2,6 +2,7 @@
 
 use super::{Example, generate};
 use hysteron_diagnose::diagnosis::Diagnosis;
+use hysteron_diagnose::learn;
 use hysteron_identify::{FitOptions, fit};
 use hysteron_plant::challenge::{Asked, CATALOGUE, Effect, OUTSIDE, Spec, StageFamily, Strength, Truth};
 use rayon::prelude::*;
@@ -90,6 +91,24 @@ pub fn tool(example: &Example) -> Answer {
     }
 }
 
+/// The answer of `learn`: the effects of the model that it ends with, the first one kept as the verdict.
+///
+/// # Panics
+/// As [`tool`].
+pub fn learned(example: &Example) -> Answer {
+    match learn(&example.dataset, &FitOptions::new(example.start), &|_, _| {}) {
+        Ok(learned) => {
+            let mut effects = learned.model.effects.into_iter().map(|effect| effect.name);
+            Answer {
+                verdict: effects.next().unwrap_or(learned.diagnosis.verdict),
+                also_possible: Vec::new(),
+                further: effects.collect(),
+            }
+        }
+        Err(error) => panic!("seed {}: {error}", example.truth.seed),
+    }
+}
+
 /// Makes the cases, asks for answers on all cores, and grades them. A case that no stage of its seed can show is left out.
 pub fn score(
     cases: &[(u64, Spec)],
@@ -137,6 +156,22 @@ pub fn calibration(first_seed: u64, each: u64) -> Vec<(u64, Spec)> {
         .into_iter()
         .enumerate()
         .map(|(n, spec)| (first_seed + n as u64, spec))
+        .collect()
+}
+
+/// Cases with two hidden effects, as [`score`] takes them.
+pub fn pairs(first_seed: u64, count: u64) -> Vec<(u64, Spec)> {
+    (first_seed..first_seed + count)
+        .map(|seed| {
+            let hidden = pair(seed);
+            (
+                seed,
+                Spec {
+                    hidden,
+                    ..Spec::default()
+                },
+            )
+        })
         .collect()
 }
 

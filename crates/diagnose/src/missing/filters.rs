@@ -192,4 +192,17 @@ mod tests {
             assert!((y - wanted).abs() < 5e-4);
         }
     }
+
+    /// A mode above half the sampling rate, as slow records let it be fitted: exact on a ramp, behind by 2 zeta / w.
+    #[test]
+    fn val_mode_between_the_samples() {
+        for f0 in [100.0, 742.0, 1231.0, 4000.0] {
+            let (zeta, t) = (0.06, 1.0 / 1600.0);
+            let mut columns = [(0..4000).map(f64::from).collect::<Vec<_>>()];
+            Linear::mode(f0, zeta, t).apply(&mut columns);
+            let behind = 2.0 * zeta / (TAU * f0 * t);
+            let found = 3999.0 - columns[0][3999];
+            assert!((found - behind).abs() < 1e-9, "{f0}: {found} {behind}");
+        }
+    }
 }

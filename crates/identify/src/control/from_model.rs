@@ -200,7 +200,7 @@ fn compensator(name: &str, values: &[f64], chain: &mut ControlModel) -> (Option<
                 "as good as the records tell it from a bent hysteresis",
             )
         }
-        ("thermal-drift", &[reference_c, tau_s, shift, gain]) if reference_c != 0.0 => {
+        ("thermal-drift", &[reference_c, tau_s, shift, gain, _]) if reference_c != 0.0 => {
             chain.around.heat = Some([reference_c, tau_s, shift, gain]);
             (Some("thermal gain"), "needs the temperature at every sample")
         }

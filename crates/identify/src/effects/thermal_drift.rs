@@ -1,6 +1,7 @@
 //! `thermal-drift`
 
 use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::family::range;
 use hysteron_core::effects::thermal::Thermal;
 
 pub(super) struct ThermalDrift;
@@ -9,7 +10,8 @@ static DESCRIPTION: Description = Description {
     name: "thermal-drift",
     place: Place::Coupling,
     summary: "Position and gain follow the temperature (or, where it was not recorded, the time).",
-    equation: "y' = y (1 + c d) + k d, tau d' + d = T - T0; without a temperature d is the time since the record's start, in hours",
+    equation: "y' = y (1 + c d) + k d + s (z - k d_0), tau d' + d = T - T0; without a temperature d is the time since the \
+               record's start, in hours. z is where the record finds the stage at rest before it moves, d_0 the d of that moment",
     source: "aluminium 23 ppm/K x 50 mm = 1.15 um/K, Invar 0.1 um/K; bodies take 5 to 60 minutes to follow",
     parameters: &[
         Named {
@@ -31,6 +33,11 @@ static DESCRIPTION: Description = Description {
             name: "gain",
             unit: "1/K",
             what: "c, up to 0.05; 1/h without a temperature",
+        },
+        Named {
+            name: "rest_share",
+            unit: "",
+            what: "s, 0 to 1: how far the rest before a record tells its zero better than the temperature does",
         },
     ],
     shows: "The error follows the temperature column, or a straight line in time, whatever the last step was; the quiet \
@@ -58,6 +65,7 @@ impl Effect for ThermalDrift {
                 Bounds::new(0.0, 3600.0, 60.0, 0.0),
                 shift(stroke / (high - low)),
                 shift(0.05),
+                Bounds::new(0.0, 1.0, 0.1, 0.0),
             ],
             _ => {
                 let hours = facts.longest_s / 3600.0;
@@ -66,18 +74,20 @@ impl Effect for ThermalDrift {
                     Bounds::fixed(0.0),
                     shift(stroke / hours),
                     shift(0.2 / hours),
+                    Bounds::new(0.0, 1.0, 0.1, 0.0),
                 ]
             }
         })
     }
 
     fn starts(&self, facts: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
-        let start = |tau: f64| vec![bounds[0].neutral, tau, 0.0, 0.0];
-        if facts.temperature_c.is_some_and(|[low, _, high]| high > low) {
-            [0.0, 3.0, 30.0, 300.0, 1500.0].map(start).to_vec()
+        let taus: &[f64] = if facts.temperature_c.is_some_and(|[low, _, high]| high > low) {
+            &[0.0, 3.0, 30.0, 300.0, 1500.0]
         } else {
-            vec![start(0.0)]
-        }
+            &[0.0]
+        };
+        let start = |share: f64| move |&tau: &f64| vec![bounds[0].neutral, tau, 0.0, 0.0, share];
+        taus.iter().map(start(0.0)).chain(taus.iter().map(start(1.0))).collect()
     }
 
     fn acts(&self) -> Acts {
@@ -87,8 +97,30 @@ impl Effect for ThermalDrift {
 
     fn on_position(&self, values: &[f64], signals: &Signals<'_>, position_um: &mut [f64]) {
         let warmer = warmer(values, signals, position_um.len());
+        let at_start = warmer.get(signals.run_in).copied().unwrap_or(0.0);
+        let beside_um = signals
+            .own
+            .first()
+            .map_or(0.0, |zero| values[4] * (zero - values[2] * at_start));
         for (y, d) in position_um.iter_mut().zip(warmer) {
-            *y += d * (values[2] + values[3] * *y);
+            *y += beside_um + d * (values[2] + values[3] * *y);
+        }
+    }
+
+    fn own_numbers(&self) -> usize {
+        1
+    }
+
+    /// Where the record finds the stage: a body warms while nothing is recorded, and one that lags its temperature is not
+    /// where that says. Nothing where the record starts in motion.
+    fn settle(&self, _: &[f64], signals: &Signals<'_>, unexplained: &[f64], every: usize) -> Vec<f64> {
+        let drive = &signals.at_stack_v[signals.run_in..];
+        let (low, high) = range(drive.iter().copied());
+        let rests = |v: &&f64| (**v - drive[0]).abs() <= RESTS * (high - low);
+        let resting = drive.iter().step_by(every).take_while(rests).take(LONGEST_REST);
+        match resting.count().min(unexplained.len()) {
+            n if n > 0 && signals.run_in == 0 => vec![unexplained[..n].iter().sum::<f64>() / n as f64],
+            _ => Vec::new(),
         }
     }
 
@@ -101,6 +133,12 @@ impl Effect for ThermalDrift {
         }
     }
 }
+
+/// Share of a record's drive within which the stage stands still: a plain thousandth of its stroke.
+const RESTS: f64 = 1e-3;
+
+/// Samples of a rest that are looked at: what it drifts in a longer one is the effect itself.
+const LONGEST_REST: usize = 200;
 
 /// `d`: how much warmer the body is than the reference, or hours since the start.
 fn warmer(values: &[f64], signals: &Signals<'_>, n: usize) -> Vec<f64> {
