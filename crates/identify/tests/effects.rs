@@ -402,7 +402,47 @@ fn val_thermal_drift() {
             lag_s: 0.0,
         });
     });
-    close(value(&added, "thermal-drift", "shift"), 0.2, 0.05);
+    // The rests before the records take over what the temperature says between them: the shift is what it does within.
+    let shift = &added.model.effects[0].parameters[2];
+    let error = shift.standard_error.unwrap();
+    assert!(error < 0.05 && (shift.value - 0.2).abs() < 2.0 * error, "{shift:?}");
+}
+
+/// Where nobody recorded the temperature, what the stage drifts between records shows in the rest before each.
+#[test]
+fn val_thermal_drift_of_unknown_temperature() {
+    let floor = {
+        let bare = record(&stage());
+        validation_percent(&bare, &start(&bare))
+    };
+    let mut config = stage();
+    config.thermal_drift = Some(ThermalDrift {
+        position_um_per_k: 0.2,
+        gain_percent_per_k: 0.0,
+        lag_s: 0.0,
+    });
+    config.temperature = Some(Temperature {
+        start_c: 22.0,
+        drift_k_per_h: 12.0,
+        warm_up_k: 0.0,
+        warm_up_s: 400.0,
+        swing_k: 0.0,
+        swing_period_s: 600.0,
+        noise_rms_k: 0.002,
+        resolution_k: 0.001,
+    });
+    let mut dataset = record(&config);
+    for record in &mut dataset.records {
+        record.temperature_c = None;
+    }
+    let added = add_effect(&dataset, &start(&dataset), "thermal-drift", &|_| ()).unwrap();
+    let (before, after) = (
+        added.before.validate_percent.unwrap(),
+        added.after.validate_percent.unwrap(),
+    );
+    assert!(before > 5.0 * floor, "{before} {floor}");
+    assert!(after < 1.5 * floor, "{before} -> {after}, without the effect {floor}");
+    close(value(&added, "thermal-drift", "rest_share"), 1.0, 0.05);
 }
 
 #[test]

@@ -11,7 +11,8 @@ static DESCRIPTION: Description = Description {
     place: Place::Coupling,
     summary: "Position and gain follow the temperature (or, where it was not recorded, the time).",
     equation: "y' = y (1 + c d) + k d + s (z - k d_0), tau d' + d = T - T0; without a temperature d is the time since the \
-               record's start, in hours. z is where the record finds the stage at rest before it moves, d_0 the d of that moment",
+               record's start, in hours. z is where the record finds the stage at rest before it moves (else its mean error), \
+               d_0 the d of that moment",
     source: "aluminium 23 ppm/K x 50 mm = 1.15 um/K, Invar 0.1 um/K; bodies take 5 to 60 minutes to follow",
     parameters: &[
         Named {
@@ -112,30 +113,25 @@ impl Effect for ThermalDrift {
     }
 
     /// Where the record finds the stage: a body warms while nothing is recorded, and one that lags its temperature is not
-    /// where that says. Nothing where the record starts in motion.
+    /// where that says. A record that starts in motion has its zero in its mean.
     fn settle(&self, _: &[f64], signals: &Signals<'_>, unexplained: &[f64], every: usize) -> Vec<f64> {
         let drive = &signals.at_stack_v[signals.run_in..];
         let (low, high) = range(drive.iter().copied());
         let rests = |v: &&f64| (**v - drive[0]).abs() <= RESTS * (high - low);
         let resting = drive.iter().step_by(every).take_while(rests).take(LONGEST_REST);
-        match resting.count().min(unexplained.len()) {
-            n if n > 0 && signals.run_in == 0 => vec![unexplained[..n].iter().sum::<f64>() / n as f64],
-            _ => Vec::new(),
-        }
-    }
-
-    fn on_change(&self, values: &[f64], signals: &Signals<'_>, _: &[f64], change: &mut [f64]) {
-        if values[3] != 0.0 {
-            let warmer = warmer(values, signals, change.len());
-            for (change, d) in change.iter_mut().zip(warmer) {
-                *change *= 1.0 + d * values[3];
-            }
-        }
+        let looked_at = match resting.count() {
+            n if n >= LEAST_REST => n.min(unexplained.len()),
+            _ => unexplained.len(),
+        };
+        vec![unexplained[..looked_at].iter().sum::<f64>() / looked_at.max(1) as f64]
     }
 }
 
 /// Share of a record's drive within which the stage stands still: a plain thousandth of its stroke.
 const RESTS: f64 = 1e-3;
+
+/// Fewer samples are no rest: a drive in motion passes through.
+const LEAST_REST: usize = 3;
 
 /// Samples of a rest that are looked at: what it drifts in a longer one is the effect itself.
 const LONGEST_REST: usize = 200;
