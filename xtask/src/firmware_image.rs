@@ -19,8 +19,8 @@ pub(crate) struct Limits {
 
 /// The emulator's images.
 pub(crate) const EMULATED: Limits = Limits {
-    flash: 31_000,
-    memory: 700,
+    flash: 32_000,
+    memory: 1_300,
     stack: 1200,
 };
 

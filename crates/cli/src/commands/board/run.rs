@@ -70,6 +70,8 @@ pub(crate) enum ShapeName {
     ComplexHarmonic,
     /// Straight lines
     Triangle,
+    /// A staircase of quarters
+    Steps,
 }
 
 impl ShapeName {
@@ -78,6 +80,7 @@ impl ShapeName {
             Self::Sine => Shape::Sine,
             Self::ComplexHarmonic => Shape::ComplexHarmonic,
             Self::Triangle => Shape::Triangle,
+            Self::Steps => Shape::Steps,
         }
     }
 
@@ -86,6 +89,7 @@ impl ShapeName {
             Self::Sine => "sine",
             Self::ComplexHarmonic => "complex harmonic",
             Self::Triangle => "triangle",
+            Self::Steps => "steps",
         }
     }
 }
