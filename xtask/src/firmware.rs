@@ -19,7 +19,7 @@ const STAGES: [&str; 2] = ["paper-rate", "paper-delay"];
 const EMULATED_ENTRIES: [&str; 2] = ["mps2::sample_clock", "NonMaskableInt"];
 
 /// Smallest code of an image: an image that was linked without its linker script has two bytes of it.
-const SMALLEST_BYTES: u64 = 4096;
+pub(crate) const SMALLEST_BYTES: u64 = 4096;
 
 /// Builds the images with a table.
 pub(crate) fn build(table: Option<&str>) -> Result<(), String> {
@@ -134,42 +134,6 @@ pub(crate) fn build_image(package: &str, core: &str, table: &Path) -> Result<Pat
         ));
     }
     Ok(built)
-}
-
-/// ST's boards: the feature, and the handler that the loop is in. Each is built for its own chip, with the flags of its core.
-const REAL_BOARDS: [(&str, &str, &str, &str); 2] = [
-    ("nucleo-h743zi", "h743zi", "cortex-m7", "ADC"),
-    ("nucleo-g474re", "g474re", "cortex-m4", "ADC1_2"),
-];
-
-/// Builds the images of the real boards, and shows what can be known of them without one.
-pub(crate) fn boards() -> Result<(), String> {
-    let table = Path::new(TABLE)
-        .canonicalize()
-        .map_err(|error| format!("{TABLE}: {error}"))?;
-    for (board, feature, core, handler) in REAL_BOARDS {
-        let flags = format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]");
-        let mut arguments = vec!["build", "--release", "--locked", "--target-dir", "../target/nucleo"];
-        arguments.extend(["--features", feature, "--config", &flags]);
-        run_in(
-            "firmware/nucleo",
-            "cargo",
-            &arguments,
-            &[
-                ("HYSTERON_TABLE", Some(&table.display().to_string())),
-                ("RUSTFLAGS", None),
-                ("CARGO_TARGET_DIR", None),
-            ],
-        )?;
-        let built = PathBuf::from("firmware/target/nucleo")
-            .join(CHIP)
-            .join("release/nucleo");
-        let image = Path::new(IMAGES).join(board);
-        std::fs::create_dir_all(IMAGES).map_err(|error| format!("{IMAGES}: {error}"))?;
-        std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
-        crate::firmware_image::check(board, &image, &[handler], &crate::firmware_image::REAL)?;
-    }
-    Ok(())
 }
 
 /// Writes the tables in `firmware/tables` anew: the built-in stages' inverses of every family, by the tool's own commands.

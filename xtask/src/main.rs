@@ -3,6 +3,7 @@
 
 mod firmware;
 mod firmware_bench;
+mod firmware_boards;
 mod firmware_image;
 
 use std::path::PathBuf;
@@ -79,7 +80,7 @@ fn firmware(what: Option<&str>, table: Option<&str>) -> Result<(), String> {
             .and_then(|()| install_compiler())
             .and_then(|()| firmware_bench::bench()),
         Some("compare") => install_emulator().and_then(|()| firmware::compare()),
-        Some("boards") => install_compiler().and_then(|()| firmware::boards()),
+        Some("boards") => install_compiler().and_then(|()| firmware_boards::boards()),
         Some("run") => install_emulator().and_then(|()| firmware::show()),
         other => Err(format!(
             "firmware: {other:?} is none of run, build, bench, compare, boards, tables"
@@ -115,6 +116,9 @@ fn test() -> Result<(), String> {
     firmware::compare()?;
     firmware::build(None)?;
     firmware_bench::bench()?;
+    firmware_boards::boards()?;
+    // No member of the workspace: its tests run on the host all the same.
+    cargo(&["test", "--package", "hysteron-firmware", "--locked"])?;
     count_tests(&["test", "--workspace", "--locked", "--no-fail-fast"])
 }
 

@@ -2,19 +2,21 @@
 //!
 //! Nothing here was measured on a board: `docs/boards/` says how to.
 
+use hysteron_firmware::ad5683r::WORD_BITS;
+use hysteron_firmware::chips::{self, Chip};
+
 /// One board's figures, each with its source.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Budget {
     /// The board.
     pub board: &'static str,
-    /// Processor clock, hertz, as `firmware/nucleo/src/board.rs` sets it.
+    /// Processor clock, hertz.
     pub clock_hz: f64,
-    /// Clock of the ADC, hertz: 64 MHz / 2, and halved inside of the chip from revision V on (RM0433, "ADC clocks"); 170 MHz / 4.
+    /// Clock of the ADC, hertz.
     pub adc_hz: f64,
     /// Cycles of the ADC's clock in which it samples.
     pub sampling_cycles: f64,
-    /// Cycles from the end of sampling to the code: `N / 2 + 1/2` for 16 bits of the STM32H7 (DS12110, ADC characteristics), 12.5 for
-    /// 12 bits of the STM32G4 (DS12288, ADC characteristics).
+    /// Cycles from the end of sampling to the code.
     pub conversion_cycles: f64,
     /// Clock of the DAC's bus, hertz.
     pub bus_hz: f64,
@@ -29,36 +31,30 @@ const CYCLES_AN_INSTRUCTION: f64 = 2.0;
 const INTERRUPT_CYCLES: f64 = 56.0;
 /// Instructions of the driver around the bus, three bytes with their flags: counted in the disassembly, doubled.
 const DRIVER_INSTRUCTIONS: f64 = 150.0;
-/// Bits of a word of the AD5683R.
-const BUS_BITS: f64 = 24.0;
+/// Bits of a word on the bus.
+const BUS_BITS: f64 = WORD_BITS as f64;
 /// Settling of the AD5683R from a quarter to three quarters of its range, typical (data sheet, AC characteristics).
 pub const SETTLING_S: f64 = 5e-6;
 /// Period of the loop.
 const PERIOD_S: f64 = 20e-6;
 
 /// The boards of `firmware/nucleo`.
-pub const BOARDS: [Budget; 2] = [
-    Budget {
-        board: "nucleo-h743zi",
-        clock_hz: 400e6,
-        adc_hz: 16e6,
-        sampling_cycles: 8.5,
-        conversion_cycles: 8.5,
-        bus_hz: 25e6,
-        tick_instructions: 500.0,
-    },
-    Budget {
-        board: "nucleo-g474re",
-        clock_hz: 170e6,
-        adc_hz: 42.5e6,
-        sampling_cycles: 12.5,
-        conversion_cycles: 12.5,
-        bus_hz: 21.25e6,
-        tick_instructions: 500.0,
-    },
-];
+pub const BOARDS: [Budget; 2] = [Budget::of(&chips::H743, 500.0), Budget::of(&chips::G474, 500.0)];
 
 impl Budget {
+    /// By the figures that the board's registers are set to.
+    const fn of(chip: &Chip, tick_instructions: f64) -> Self {
+        Self {
+            board: chip.board,
+            clock_hz: chip.processor_hz() as f64,
+            adc_hz: chip.adc_hz() as f64,
+            sampling_cycles: 0.5 * chip.sampling_half_cycles as f64,
+            conversion_cycles: 0.5 * chip.conversion_half_cycles as f64,
+            bus_hz: chip.bus_hz() as f64,
+            tick_instructions,
+        }
+    }
+
     /// Processor cycles of the interrupt, without the bus.
     pub fn cycles(&self) -> f64 {
         INTERRUPT_CYCLES + CYCLES_AN_INSTRUCTION * (self.tick_instructions + DRIVER_INSTRUCTIONS)

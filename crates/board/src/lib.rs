@@ -5,6 +5,7 @@ pub mod budget;
 mod emulator;
 pub mod host;
 pub mod rig;
+pub mod telemetry;
 
 pub use hysteron_firmware::trajectory::Shape;
 pub use rig::{Bench, Recording, Rig, drive_here};
@@ -75,6 +76,56 @@ pub enum BoardError {
         stage_hz: f64,
         /// The table's.
         table_hz: f64,
+    },
+    /// A source of telemetry that cannot be read.
+    #[error(
+        "{from}: {source}; give a file or device that is there, or HOST:PORT of a server of the board's RTT channel 1"
+    )]
+    Source {
+        /// What was asked for.
+        from: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A source that says nothing.
+    #[error(
+        "{from}: nothing came for 5 s; is the board running, and is this its RTT channel 1 (the log is channel 0)?"
+    )]
+    Silent {
+        /// What was asked for.
+        from: String,
+    },
+    /// A stream without a board's samples.
+    #[error("no sample in {bytes} bytes; this is not the telemetry (RTT channel 1) of this version's firmware")]
+    NoSamples {
+        /// Bytes of no packet.
+        bytes: u64,
+    },
+    /// Samples of nobody knows what.
+    #[error(
+        "{samples} samples came and no description of the board, which it sends every 8192 samples; record for longer"
+    )]
+    NoAbout {
+        /// Samples that came.
+        samples: u64,
+    },
+    /// Another board or table than the stream began with.
+    #[error("board or table changed within the stream; record each by itself")]
+    OtherBoard,
+    /// A description that passes its checksum and makes no sense.
+    #[error("the board's {0} make no sense; build and flash its image anew")]
+    Senseless(&'static str),
+    /// More gaps than samples are worth.
+    #[error(
+        "of {} ticks {lost} are lost, in more than a thousand places; the connection is too slow or disturbed: a faster \
+         probe, a shorter cable, no other traffic",
+        samples + lost
+    )]
+    Shreds {
+        /// Samples that came.
+        samples: u64,
+        /// Samples that did not.
+        lost: u64,
     },
     /// The simulated stage.
     #[error(transparent)]

@@ -6,6 +6,7 @@ use hysteron_board::{Bench, Machine, Request, Rig, Session, Shape, drive_here};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::monitor::Fault;
 use hysteron_firmware::table;
+use hysteron_firmware::trajectory::{CHUNK_POINTS, TABLE_POINTS};
 use hysteron_firmware::tuning::Change;
 use hysteron_firmware::wire::{ACCEPTED, Frame, Hello, Input, Mode, Order, REFUSED, Setup};
 use hysteron_plant::{Stage, preset};
@@ -159,19 +160,80 @@ fn val_references_at_run_time() {
         feedforward: true,
         feedback: false,
     };
-    let script = [(0, Order::Start), (2000, Order::Stop), (5000, Order::Start)];
-    let changes = [(1000, triangle), (4000, outside), (4100, triangle), (4200, parts)];
-    let frames = run(9000, &script, &changes);
-    assert_eq!(
-        answers(&frames),
-        [(1013, REFUSED), (4013, REFUSED), (4113, ACCEPTED), (4202, ACCEPTED)]
-    );
-    let later = frames[5500..].iter().filter(|frame| frame.mode() == Mode::Running);
-    let references: Vec<f32> = later.map(|frame| frame.reference_um).collect();
+    let table = Change::Trajectory {
+        shape: Shape::Table,
+        // 100 Hz at 50 kHz, to a part in 10^9.
+        phase_step: 8_589_935,
+        low_um: 0.5,
+        high_um: 1.5,
+    };
+    let steps = Change::Trajectory {
+        shape: Shape::Steps,
+        phase_step: 8_589_935,
+        low_um: 0.5,
+        high_um: 1.5,
+    };
+    let chunk = |chunk: usize| Change::Chunk {
+        chunk: chunk as u8,
+        shares: std::array::from_fn(|i| share((CHUNK_POINTS * chunk + i) as f64).round() as u16),
+    };
+    let chunks = TABLE_POINTS / CHUNK_POINTS;
+    let script = [
+        (0, Order::Start),
+        (2000, Order::Stop),
+        (5000, Order::Start),
+        (9000, Order::Stop),
+        (13_000, Order::Start),
+        (16_000, Order::Stop),
+        (19_000, Order::Start),
+    ];
+    let mut changes = vec![(1000, triangle), (4000, outside), (4100, triangle), (4200, parts)];
+    // While it runs, and one chunk too many.
+    changes.extend([(6000, chunk(0)), (11_000, chunk(chunks))]);
+    changes.extend((0..chunks).map(|k| (11_100 + 18 * k, chunk(k))));
+    changes.extend([(12_000, table), (18_000, steps)]);
+    let frames = run(22_000, &script, &changes);
+    let mut wanted = vec![(1013, REFUSED), (4013, REFUSED), (4113, ACCEPTED), (4202, ACCEPTED)];
+    wanted.extend([(6017, REFUSED), (11_017, REFUSED)]);
+    wanted.extend((0..chunks as u32).map(|k| (11_117 + 18 * k, ACCEPTED)));
+    wanted.extend([(12_013, ACCEPTED), (18_013, ACCEPTED)]);
+    assert_eq!(answers(&frames), wanted);
+    let running = |from: usize, to: usize| -> Vec<f32> {
+        let running = frames[from..to].iter().filter(|frame| frame.mode() == Mode::Running);
+        running.map(|frame| frame.reference_um).collect()
+    };
+    let references = running(5500, 9000);
     assert!(references.len() > 3000, "{}", references.len());
     let (low, high) = references
         .iter()
         .fold((f32::MAX, f32::MIN), |(low, high), &r| (low.min(r), high.max(r)));
     // A tick of 200 Hz moves a triangle of 1 um by 8 nm.
     assert!((low - 0.5).abs() < 0.009 && (high - 1.5).abs() < 0.009, "{low} {high}");
+    // The table from its first point on, which the ramp has reached: straight lines between points that are rounded to a code.
+    let references = running(13_000, 16_000);
+    assert!(references.len() > 1900, "{}", references.len());
+    for (k, &found) in references[1..].iter().enumerate() {
+        let place = TABLE_POINTS as f64 * (k as f64 * 8_589_935.0 / 2_f64.powi(32)).fract();
+        let exact = share(place.floor()) + (share(place.floor() + 1.0) - share(place.floor())) * place.fract();
+        let exact_um = 0.5 + exact / 65_535.0;
+        assert!(
+            (f64::from(found) - exact_um).abs() < 0.5 / 65_535.0 + 1e-6,
+            "{k}: {found} {exact_um}"
+        );
+    }
+    // Every level is held; between them the stage is not made to ring, which the monitor would see.
+    let references = running(19_000, 22_000);
+    let held = references.windows(2).filter(|pair| pair[0] == pair[1]);
+    let mut levels: Vec<f32> = held.map(|pair| pair[0]).collect();
+    assert!(levels.len() > references.len() / 3, "{}", levels.len());
+    levels.sort_by(f32::total_cmp);
+    levels.dedup();
+    assert_eq!(levels, [0.5, 0.75, 1.0, 1.25, 1.5]);
+    assert!(frames.iter().all(|frame| frame.fault().is_none()));
+}
+
+/// A table's points: parabolas up and down, one period.
+fn share(i: f64) -> f64 {
+    let half = TABLE_POINTS as f64 / 2.0;
+    65_535.0 * (1.0 - (i / half - 1.0).abs()).powi(2)
 }

@@ -2,7 +2,7 @@
 
 use crate::monitor::{Fault, Monitor, MonitorState, Tick};
 use crate::parameters::Parameters;
-use crate::trajectory::Trajectory;
+use crate::trajectory::{Trajectory, Uploaded};
 use crate::tuning::{Change, Mailbox};
 use crate::wire::{ACCEPTED, REFUSED};
 use crate::wire::{Frame, Input, Mode, Order, Setup, flags};
@@ -30,6 +30,7 @@ pub struct Controller<I: AtRest<f32>> {
     first_um: f32,
     setup: Setup,
     mailbox: Mailbox,
+    uploaded: Uploaded,
     feedback_weight: f32,
     mode: Mode,
     fault: Option<Fault>,
@@ -46,7 +47,8 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
             limiter: parameters.limiter,
         };
         let trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
-        let first_um = trajectory.first_um();
+        let uploaded = Uploaded::default();
+        let first_um = trajectory.first_um(&uploaded);
         let plays = parameters.inverse.at_rest(first_um, first_um);
         let frequency_hz = setup.frequency_hz(parameters.sample_rate_hz);
         Self {
@@ -59,6 +61,7 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
             trajectory,
             setup: *setup,
             mailbox: Mailbox::default(),
+            uploaded,
             feedback_weight: feedback_weight(frequency_hz, parameters.feedback_up_to_hz),
             mode: Mode::Off,
             fault: None,
@@ -164,6 +167,11 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
                 };
                 self.set_up(&setup)
             }
+            // The reference may begin elsewhere then.
+            Some(Change::Chunk { chunk, shares }) if off => {
+                let setup = self.setup;
+                self.uploaded.put(chunk, shares) && self.set_up(&setup)
+            }
             _ => false,
         };
         if accepted { ACCEPTED } else { REFUSED }
@@ -184,7 +192,7 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
         self.feedback_weight = feedback_weight(frequency_hz, self.parameters.feedback_up_to_hz);
         self.monitor = Monitor::new(&self.parameters.scales, setup.half_period());
         self.trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
-        self.first_um = self.trajectory.first_um();
+        self.first_um = self.trajectory.first_um(&self.uploaded);
         true
     }
 
@@ -210,7 +218,7 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
 
     #[inline(always)]
     fn run(&mut self, code: u16, measured_um: f32) -> (f32, bool) {
-        let reference_um = self.trajectory.next_um();
+        let reference_um = self.trajectory.next_um(&self.uploaded);
         self.command_v = self.law.step(&mut self.state, reference_um, measured_um);
         let limited = self.state.limiter.limited();
         let tick = Tick {

@@ -5,10 +5,14 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+pub mod ad5683r;
+pub mod chips;
 pub mod controller;
+pub mod kept;
 pub mod monitor;
 pub mod parameters;
 pub mod table;
+pub mod telemetry;
 pub mod trajectory;
 pub mod tuning;
 pub mod wire;

@@ -13,28 +13,87 @@ pub enum Shape {
     ComplexHarmonic = 1,
     /// Straight lines to the highest point and back.
     Triangle = 2,
+    /// A staircase of quarters to the highest point and back, eight steps a period: half of each is held, then half a cosine leads to
+    /// the next. A jump would make the stage ring, which [`crate::monitor::Fault::Oscillation`] is for.
+    Steps = 3,
+    /// What the host has uploaded, with straight lines between its points.
+    Table = 4,
 }
 
 impl Shape {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Sine, Self::ComplexHarmonic, Self::Triangle];
+    pub const ALL: [Self; 5] = [
+        Self::Sine,
+        Self::ComplexHarmonic,
+        Self::Triangle,
+        Self::Steps,
+        Self::Table,
+    ];
 
     /// The shape of a number; `None` where there is none.
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|shape| *shape as u8 == code)
     }
 
-    /// Highest harmonic that matters: of a triangle the fifth has 4 % of the first.
+    /// Highest harmonic that matters: of a triangle the fifth has 4 % of the first; of a staircase it is the steps themselves. A table
+    /// may have more, but what swings faster than its sixteenth counts as the loop's.
     pub fn highest_harmonic(self) -> u32 {
         match self {
             Self::Sine => 1,
             Self::ComplexHarmonic | Self::Triangle => 3,
+            Self::Steps => 8,
+            Self::Table => 16,
         }
     }
 }
 
 /// Largest value of `0.25 sin x + 0.3 sin 3x`: where `0.25 cos x + 0.9 cos 3x = 0`, `cos^2 x = 2.45 / 3.6`.
 pub const COMPLEX_HARMONIC_PEAK: f32 = 0.433_315_53;
+
+/// Points of an uploaded table: one period.
+pub const TABLE_POINTS: usize = 256;
+/// Points that are uploaded at once.
+pub const CHUNK_POINTS: usize = 8;
+
+/// What the host has uploaded: shares of the way from the lowest position to the highest, in 1/65535. At first all are the lowest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Uploaded {
+    shares: [u16; TABLE_POINTS],
+}
+
+impl Default for Uploaded {
+    fn default() -> Self {
+        Self {
+            shares: [0; TABLE_POINTS],
+        }
+    }
+}
+
+impl Uploaded {
+    /// Puts a chunk in its place, counted in chunks; `false` where there is none.
+    pub fn put(&mut self, chunk: u8, shares: [u16; CHUNK_POINTS]) -> bool {
+        let (places, _) = self.shares.as_chunks_mut();
+        match places.get_mut(usize::from(chunk)) {
+            Some(place) => {
+                *place = shares;
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// From -1 at the lowest position to 1 at the highest; the last point leads to the first.
+    #[inline(always)]
+    fn at(&self, phase: u32) -> f32 {
+        const SHIFT: u32 = 32 - TABLE_POINTS.ilog2();
+        let place = (phase >> SHIFT) as usize;
+        // 24 bits are exact in f32.
+        let share = (phase & ((1 << SHIFT) - 1)) as f32 * (1.0 / (1_u32 << SHIFT) as f32);
+        let point = |i: usize| f32::from(self.shares[i % TABLE_POINTS]);
+        let (from, to) = (point(place), point(place + 1));
+        (from + (to - from) * share) * (2.0 / 65_535.0) - 1.0
+    }
+}
 
 /// A reference between two positions.
 ///
@@ -79,16 +138,17 @@ impl Trajectory {
     }
 
     /// Where it begins, micrometres.
-    pub fn first_um(&self) -> f32 {
+    pub fn first_um(&self, uploaded: &Uploaded) -> f32 {
         match self.shape {
-            Shape::Sine | Shape::Triangle => self.middle_um - self.amplitude_um,
+            Shape::Sine | Shape::Triangle | Shape::Steps => self.middle_um - self.amplitude_um,
             Shape::ComplexHarmonic => self.middle_um,
+            Shape::Table => self.middle_um + self.amplitude_um * uploaded.at(0),
         }
     }
 
     /// The reference of this tick, micrometres.
     #[inline(always)]
-    pub fn next_um(&mut self) -> f32 {
+    pub fn next_um(&mut self, uploaded: &Uploaded) -> f32 {
         let phase = self.phase;
         self.phase = phase.wrapping_add(self.step);
         let share = match self.shape {
@@ -100,6 +160,14 @@ impl Trajectory {
             }
             // Up in the first half, down in the second: the magnitude of a signed phase.
             Shape::Triangle => phase.cast_signed().unsigned_abs() as f32 * (1.0 / QUARTER as f32) - 1.0,
+            Shape::Steps => {
+                let level = |eighth: u32| if eighth < 5 { eighth } else { 8 - eighth } as f32 * 0.5;
+                let (from, to) = (level(phase >> 29), level(phase.wrapping_add(1 << 29) >> 29));
+                // Within the eighth: its second half is half a turn of the cosine.
+                let rise = (phase << 3).saturating_sub(1 << 31);
+                from + (to - from) * (0.5 - 0.5 * cosine(rise)) - 1.0
+            }
+            Shape::Table => uploaded.at(phase),
         };
         self.middle_um + self.amplitude_um * share
     }
@@ -108,6 +176,11 @@ impl Trajectory {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// 0 at both ends of the period, the highest code in its middle.
+    fn parabola(i: usize) -> u16 {
+        (4 * 65_535 * i * (TABLE_POINTS - i) / (TABLE_POINTS * TABLE_POINTS)) as u16
+    }
 
     #[test]
     fn val_shapes_against_the_library() {
@@ -120,14 +193,33 @@ mod tests {
                     1.0 + (0.25 * x.sin() + 0.3 * (3.0 * x).sin()) / f64::from(COMPLEX_HARMONIC_PEAK)
                 }
                 Shape::Triangle => 2.0 * (1.0 - (2.0 * turn - 1.0).abs()),
+                Shape::Steps => {
+                    let level = |eighth: f64| 0.5 * (4.0 - (eighth - 4.0).abs());
+                    let (from, to) = (level((8.0 * turn).floor()), level(((8.0 * turn).floor() + 1.0) % 8.0));
+                    let rise = (2.0 * (8.0 * turn).fract() - 1.0).max(0.0);
+                    from + (to - from) * 0.5 * (1.0 - (core::f64::consts::PI * rise).cos())
+                }
+                // A parabola's points, and straight lines between them.
+                Shape::Table => {
+                    let point = |i: f64| 2.0 * parabola((i as usize) % TABLE_POINTS) as f64 / 65_535.0;
+                    let place = TABLE_POINTS as f64 * turn;
+                    let (from, to) = (point(place.floor()), point(place.floor() + 1.0));
+                    from + (to - from) * place.fract()
+                }
             }
         };
+        let mut uploaded = Uploaded::default();
+        for chunk in 0..=255_u8 {
+            let first = CHUNK_POINTS * usize::from(chunk);
+            let shares = core::array::from_fn(|i| parabola((first + i) % TABLE_POINTS));
+            assert_eq!(uploaded.put(chunk, shares), first < TABLE_POINTS, "{chunk}");
+        }
         for shape in Shape::ALL {
             let mut trajectory = Trajectory::new(shape, 0.0, 2.0, step);
-            assert!((f64::from(trajectory.first_um()) - exact(shape, 0.0)).abs() < 1e-7);
+            assert!((f64::from(trajectory.first_um(&uploaded)) - exact(shape, 0.0)).abs() < 1e-7);
             for k in 0..100_000_u32 {
                 let turn = f64::from(k.wrapping_mul(step)) / 2_f64.powi(32);
-                let found = f64::from(trajectory.next_um());
+                let found = f64::from(trajectory.next_um(&uploaded));
                 // The table's 4.7e-6, for the complex harmonic 0.55 / 0.43 of it, and three roundings of numbers up to 2.
                 assert!(
                     (found - exact(shape, turn)).abs() < 6.1e-6 + 4e-7,

@@ -1,6 +1,6 @@
 //! Changes at run time: what a host sends byte by byte, one a tick, and the last of whose ticks acknowledges it.
 
-use crate::trajectory::Shape;
+use crate::trajectory::{CHUNK_POINTS, Shape};
 use crate::wire::Order;
 
 /// A change of what the controller does.
@@ -31,10 +31,17 @@ pub enum Change {
         /// The PI controller.
         feedback: bool,
     },
+    /// Points of [`Shape::Table`]; at the safe level only. A table is uploaded in chunks, each with its answer, and then selected.
+    Chunk {
+        /// Which chunk, from 0 on.
+        chunk: u8,
+        /// Its points, from 0 at the lowest position to 65535 at the highest.
+        shares: [u16; CHUNK_POINTS],
+    },
 }
 
 /// Longest change.
-const MOST_BYTES: usize = 13;
+const MOST_BYTES: usize = 17;
 
 /// The bytes of a change that have come.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -72,6 +79,12 @@ impl Mailbox {
                 feedforward: b[0] != 0,
                 feedback: b[1] != 0,
             }),
+            (3, 17) => Some(Change::Chunk {
+                chunk: b[0],
+                shares: core::array::from_fn(|i| {
+                    u16::from_le_bytes(core::array::from_fn(|k| b.get(1 + 2 * i + k).copied().unwrap_or(0)))
+                }),
+            }),
             _ => None,
         }
     }
@@ -99,12 +112,19 @@ impl Change {
                 bytes[0] = shape as u8;
                 bytes[1..5].copy_from_slice(&phase_step.to_le_bytes());
                 bytes[5..9].copy_from_slice(&low_um.to_le_bytes());
-                bytes[9..].copy_from_slice(&high_um.to_le_bytes());
+                bytes[9..13].copy_from_slice(&high_um.to_le_bytes());
                 (1, 13)
             }
             Self::Parts { feedforward, feedback } => {
                 bytes[..2].copy_from_slice(&[u8::from(feedforward), u8::from(feedback)]);
                 (2, 2)
+            }
+            Self::Chunk { chunk, shares } => {
+                bytes[0] = chunk;
+                for (place, share) in bytes[1..].chunks_exact_mut(2).zip(shares) {
+                    place.copy_from_slice(&share.to_le_bytes());
+                }
+                (3, 17)
             }
         };
         let sent = bytes.into_iter().take(length).map(Order::Byte);
@@ -132,6 +152,10 @@ mod tests {
             Change::Parts {
                 feedforward: true,
                 feedback: false,
+            },
+            Change::Chunk {
+                chunk: 31,
+                shares: [0, 1, 2, 3, 0x1234, 5, 6, 65_535],
             },
         ];
         for change in changes {

@@ -1,45 +1,66 @@
 //! The control application on ST's boards nucleo-h743zi (feature `h743zi`) and nucleo-g474re (`g474re`).
 //!
-//! TIM6 triggers the ADC 50 000 times a second; the loop runs in the interrupt of the end of conversion and writes a 16-bit DAC by
-//! SPI. The user's button starts and stops it; `docs/boards/` says how to wire and check it. It builds; it has not run on a board.
+//! TIM6 triggers the ADC 50 000 times a second; the loop runs in the interrupt of the end of conversion, in the memory that is fastest
+//! for it, and writes a 16-bit DAC by SPI. The user's button starts and stops it; RTT carries the log (channel 0) and every tick
+//! (channel 1). `docs/boards/` says how to wire and check it. It builds; it has not run on a board.
 #![no_std]
 #![no_main]
 
 mod ad5683r;
 mod board;
 mod converter;
-mod frames;
+mod critical;
+mod fast;
+mod samples;
 
 use ad5683r::Ad5683r;
+use board::{CHIP, Parts};
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 use cortex_m::peripheral::DWT;
 use cortex_m_rt::entry;
-use defmt_rtt as _;
 use embassy_stm32::gpio::Output;
 use embassy_stm32::interrupt;
 use embassy_stm32::mode::Blocking;
+use embassy_stm32::pac::iwdg::vals::Key;
 use embassy_stm32::spi::{Spi, mode::Master};
-use frames::Frames;
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::controller::Controller;
+use hysteron_firmware::monitor::Fault;
+use hysteron_firmware::telemetry::{About, SAMPLES_AN_ABOUT, Sample};
 use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::wire::{Frame, Input, Order, Setup};
-use hysteron_firmware::{Board, table, tick};
+use hysteron_firmware::{Board, kept, table, tick};
+use rtt_target::{ChannelMode, UpChannel, rtt_init};
+use samples::Samples;
 
 /// Reference of the button's runs: a sine of 10 Hz inside the table's range.
 const REFERENCE_HZ: f32 = 10.0;
 /// Share of the table's range left free at either end, as `hysteron board run` does.
 const INSET: f32 = 0.02;
 
-/// Between the interrupt and the log.
-static FRAMES: Frames = Frames::new();
+/// Between the interrupt and main.
+static SAMPLES: Samples = Samples::new();
+
+/// The code that the DAC holds, see [`kept`]; a reset leaves it alone.
+// SAFETY: cortex-m-rt's section for what it does not set to zero; any value is one.
+#[unsafe(link_section = ".uninit.KEPT")]
+static KEPT: Shared<AtomicU32> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
+
+fn kept_word() -> &'static AtomicU32 {
+    // SAFETY: every word is an AtomicU32; what power-on leaves in it does not unpack, or main does not ask for it.
+    unsafe { (*KEPT.0.get()).assume_init_ref() }
+}
+
+type Dac = Ad5683r<Spi<'static, Blocking, Master>, Output<'static>>;
 
 /// Converters, and what leaves the interrupt.
 struct Converters {
-    dac: Ad5683r<Spi<'static, Blocking, Master>, Output<'static>>,
+    dac: Dac,
     fault: Output<'static>,
+    /// The sensor's code of this tick.
+    adc: u16,
     late: bool,
 }
 
@@ -52,10 +73,8 @@ impl Board for Converters {
             CLEAR => Order::Clear,
             _ => Order::None,
         };
-        Input {
-            adc: converter::code(),
-            order,
-        }
+        self.adc = converter::code();
+        Input { adc: self.adc, order }
     }
 
     #[inline(always)]
@@ -67,12 +86,16 @@ impl Board for Converters {
     fn write(&mut self, code: DacCode, frame: &Frame) {
         // The bus has no way to fail that the driver could see; the next tick writes again.
         let _ = self.dac.set(code);
+        kept_word().store(kept::pack(code.0), Ordering::Relaxed);
         if frame.fault().is_some() {
             self.fault.set_high();
         } else {
             self.fault.set_low();
         }
-        FRAMES.push(*frame);
+        SAMPLES.push(Sample {
+            frame: *frame,
+            adc: self.adc,
+        });
     }
 }
 
@@ -84,7 +107,7 @@ struct Loop {
 
 /// Written by `main` before the timer starts, the interrupt's alone after that.
 struct Shared<T>(UnsafeCell<MaybeUninit<T>>);
-// SAFETY: main and the interrupt never use it at the same time, as said above; there is one core.
+// SAFETY: main and the interrupt never use it at the same time, as said above, or it is an atomic; there is one core.
 unsafe impl<T> Sync for Shared<T> {}
 static LOOP: Shared<Loop> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 static RUNNING: AtomicBool = AtomicBool::new(false);
@@ -100,9 +123,22 @@ static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 /// Longest interrupt, processor cycles.
 static LONGEST: AtomicU32 = AtomicU32::new(0);
 
+/// Size of the telemetry's buffer: 2900 samples, 58 ms.
+const TELEMETRY_BYTES: usize = 65_536;
+
 #[entry]
 fn main() -> ! {
-    let board = board::start();
+    let channels = rtt_init! {
+        up: {
+            0: { size: 1024, mode: ChannelMode::NoBlockTrim, name: "defmt" }
+            1: { size: TELEMETRY_BYTES, mode: ChannelMode::NoBlockSkip, name: "telemetry" }
+        }
+    };
+    rtt_target::set_defmt_channel(channels.up.0);
+    let mut board = match board::start() {
+        Ok(board) => board,
+        Err(register) => defmt::panic!("{=str} is not what the figures say", register),
+    };
     let mut core = unsafe {
         // SAFETY: nothing else has taken them: embassy uses none of DCB and DWT without a time driver.
         cortex_m::Peripherals::steal()
@@ -110,12 +146,65 @@ fn main() -> ! {
     core.DCB.enable_trace();
     core.DWT.enable_cycle_counter();
     #[cfg(feature = "h743zi")]
-    core.SCB.enable_icache();
+    cache_instructions(&mut core);
     let Ok(parameters) = table::parameters() else {
         defmt::panic!("the table is refused");
     };
+    let Some(clock) = CHIP.sample_clock(table::SAMPLE_RATE_HZ) else {
+        defmt::panic!("TIM6 cannot make {=f32} Hz", table::SAMPLE_RATE_HZ);
+    };
+    settle(&mut board, parameters.dac.code(parameters.safe_v));
+    let mut controller = Controller::new(parameters, &setup());
+    if board.reset.watchdog {
+        controller.trip(Fault::Watchdog);
+    }
+    let control = Loop {
+        converters: Converters {
+            dac: board.dac,
+            fault: board.fault,
+            adc: 0,
+            late: false,
+        },
+        controller,
+    };
+    // SAFETY: the timer does not run yet.
+    unsafe { (*LOOP.0.get()).write(control) };
+    RUNNING.store(true, Ordering::Release);
+    defmt::info!("table {=[u8]:02x}", table::HASH);
+    board.watchdog.unleash();
+    converter::start(&board.timer, clock);
+
+    let mut telemetry = Telemetry::new(channels.up.1);
+    let mut log = Log::default();
+    let mut button = Button::default();
+    loop {
+        while let Some(sample) = SAMPLES.pop() {
+            telemetry.send(&sample);
+            log.see(&sample.frame);
+        }
+        // Both boards' user button is high while pressed.
+        button.look(board.button.is_high(), log.fault);
+    }
+}
+
+/// Instruction cache, for main; the interrupt's code lies where there is no need for one. As cortex-m does it, without masking.
+#[cfg(feature = "h743zi")]
+fn cache_instructions(core: &mut cortex_m::Peripherals) {
+    /// IC of the CCR (ARM DDI 0403, B3.2.8).
+    const ENABLE: u32 = 1 << 17;
+    core.CBP.iciallu();
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
+    // SAFETY: nothing of it has been cached before.
+    unsafe { core.SCB.ccr.modify(|word| word | ENABLE) };
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
+}
+
+/// What the button's runs do.
+fn setup() -> Setup {
     let inset_um = INSET * (table::INPUT_MAX_UM - table::INPUT_MIN_UM);
-    let setup = Setup {
+    Setup {
         ticks: u32::MAX,
         shape: Shape::Sine,
         phase_step: (REFERENCE_HZ / table::SAMPLE_RATE_HZ * 4_294_967_296.0) as u32,
@@ -124,68 +213,126 @@ fn main() -> ! {
         feedforward: true,
         feedback: true,
         clocked: true,
-    };
-    let control = Loop {
-        converters: Converters {
-            dac: board.dac,
-            fault: board.fault,
-            late: false,
-        },
-        controller: Controller::new(parameters, &setup),
-    };
-    // SAFETY: the timer does not run yet.
-    unsafe { (*LOOP.0.get()).write(control) };
-    RUNNING.store(true, Ordering::Release);
-    defmt::info!("table {=[u8]:02x}", table::HASH);
-    converter::start(board.timer);
+    }
+}
 
-    let (mut pressed, mut running, mut seen, mut fault) = (false, false, 0_u32, None);
+/// Brings the output to its safe level from where a reset has left it, as slowly as the table's ramp; at once after power was off.
+fn settle(board: &mut Parts, safe: DacCode) {
+    let found = kept::unpack(kept_word().load(Ordering::Relaxed)).filter(|_| !board.reset.power);
+    let mut code = found.unwrap_or(safe.0);
+    let (most, sample_cycles) = (
+        kept::ramp_codes(),
+        (CHIP.processor_hz() as f32 / table::SAMPLE_RATE_HZ) as u32,
+    );
     loop {
-        while let Some(frame) = FRAMES.pop() {
-            seen = seen.wrapping_add(1);
-            if frame.fault() != fault {
-                fault = frame.fault();
-                defmt::warn!(
-                    "fault {=u8} at tick {=u32}",
-                    fault.map_or(0, |fault| fault as u8),
-                    frame.number
-                );
-            }
-            if seen % 50_000 == 0 {
-                defmt::info!(
-                    "tick {=u32}: reference {=f32} um, command {=f32} V, {=u32} frames lost, {=u32} overruns, longest {=u32} cycles",
-                    frame.number,
-                    frame.reference_um,
-                    frame.command_v,
-                    FRAMES.lost(),
-                    OVERRUNS.load(Ordering::Relaxed),
-                    LONGEST.load(Ordering::Relaxed)
-                );
-            }
+        let begun = DWT::cycle_count();
+        // As in the interrupt.
+        let _ = board.dac.set(DacCode(code));
+        kept_word().store(kept::pack(code), Ordering::Relaxed);
+        if code == safe.0 {
+            return;
         }
-        // Both boards' user button is high while pressed.
-        let now = board.button.is_high();
-        if now && !pressed {
-            running = !running && fault.is_none();
-            ORDER.store(
-                if fault.is_some() {
-                    CLEAR
-                } else if running {
-                    START
-                } else {
-                    STOP
-                },
-                Ordering::Relaxed,
+        code = kept::toward(code, safe.0, most);
+        while DWT::cycle_count().wrapping_sub(begun) < sample_cycles {}
+    }
+}
+
+/// Every tick, to channel 1.
+struct Telemetry {
+    channel: UpChannel,
+    about: About,
+    sent: u32,
+    /// Nothing is sent until the buffer is empty: what gets through is in one piece of 58 ms, not in shreds.
+    waiting: bool,
+}
+
+impl Telemetry {
+    fn new(channel: UpChannel) -> Self {
+        Self {
+            channel,
+            about: About::of(CHIP.board),
+            sent: 0,
+            waiting: false,
+        }
+    }
+
+    fn send(&mut self, sample: &Sample) {
+        if self.waiting && !self.channel.is_empty() {
+            return;
+        }
+        self.waiting = false;
+        if self.sent.is_multiple_of(SAMPLES_AN_ABOUT) {
+            self.write(&self.about.to_packet());
+        }
+        self.write(&sample.to_packet());
+        self.sent = self.sent.wrapping_add(1);
+    }
+
+    /// A packet as a whole, or none of it and no other until there is room.
+    fn write(&mut self, packet: &[u8]) {
+        self.waiting |= self.channel.write(packet) < packet.len();
+    }
+}
+
+/// Faults as they come, figures once a second.
+#[derive(Default)]
+struct Log {
+    seen: u32,
+    fault: Option<Fault>,
+}
+
+impl Log {
+    fn see(&mut self, frame: &Frame) {
+        self.seen = self.seen.wrapping_add(1);
+        if frame.fault() != self.fault {
+            self.fault = frame.fault();
+            defmt::warn!(
+                "fault {=u8} at tick {=u32}",
+                self.fault.map_or(0, |fault| fault as u8),
+                frame.number
             );
         }
-        pressed = now;
+        if self.seen.is_multiple_of(50_000) {
+            defmt::info!(
+                "tick {=u32}: reference {=f32} um, command {=f32} V, {=u32} frames lost, {=u32} overruns, longest {=u32} cycles",
+                frame.number,
+                frame.reference_um,
+                frame.command_v,
+                SAMPLES.lost(),
+                OVERRUNS.load(Ordering::Relaxed),
+                LONGEST.load(Ordering::Relaxed)
+            );
+        }
+    }
+}
+
+/// Starts and stops, and clears a fault.
+#[derive(Default)]
+struct Button {
+    pressed: bool,
+    running: bool,
+}
+
+impl Button {
+    fn look(&mut self, pressed: bool, fault: Option<Fault>) {
+        if pressed && !self.pressed {
+            self.running = !self.running && fault.is_none();
+            let order = match (fault, self.running) {
+                (Some(_), _) => CLEAR,
+                (None, true) => START,
+                (None, false) => STOP,
+            };
+            ORDER.store(order, Ordering::Relaxed);
+        }
+        self.pressed = pressed;
     }
 }
 
 /// The end of a conversion.
 ///
 /// Deadline: the next one, 20 us. It is the only interrupt. Shared: [`LOOP`], see there; [`ORDER`] from main, frames and counters to
-/// it. On overrun it counts, and the controller trips after three in a row; the output holds meanwhile.
+/// it. On overrun it counts, and the controller trips after three in a row; the output holds meanwhile. Where it does not come for
+/// [`hysteron_firmware::chips::WATCHDOG_US`], the watchdog resets the chip, and main begins with the way down.
 #[cfg_attr(feature = "h743zi", interrupt)]
 #[cfg(feature = "h743zi")]
 fn ADC() {
@@ -214,9 +361,11 @@ fn sample() {
         OVERRUNS.fetch_add(1, Ordering::Relaxed);
     }
     LONGEST.fetch_max(DWT::cycle_count().wrapping_sub(entered), Ordering::Relaxed);
+    // Fed here and nowhere else: it is the loop that must go on, not main.
+    board::WATCHDOG.kr().write(|w| w.set_key(Key::RESET));
 }
 
-/// Outside of the interrupt: the loop goes on above this and ramps the output down.
+/// Outside of the interrupt: the loop goes on above this and ramps the output down; before it runs, the DAC holds.
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
     loop {

@@ -1,30 +1,16 @@
 //! `hysteron board run`.
 
+use crate::commands::board::{Piece, fault_line, hex, record, write};
 use crate::commands::simulate::StageName;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, ValueEnum};
 use hysteron_board::{Machine, Outcome, Recording, Request, Shape};
-use hysteron_data::{Dataset, Known, Overwrite, Record, Role, write_dataset};
+use hysteron_data::{Dataset, Known};
 use hysteron_plant::Stage;
-use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Duration;
-
-#[derive(Args)]
-#[command(after_help = "Example:\n  \
-    hysteron board run --emulator mps2-an386 --stage paper-rate --hz 100 -o board")]
-pub(crate) struct BoardArgs {
-    #[command(subcommand)]
-    pub command: BoardCommand,
-}
-
-#[derive(Subcommand)]
-pub(crate) enum BoardCommand {
-    /// Run the image in QEMU against the simulated stage and record it as a dataset
-    Run(RunArgs),
-}
 
 #[derive(Args)]
 #[command(after_help = "Example:\n  \
@@ -84,6 +70,8 @@ pub(crate) enum ShapeName {
     ComplexHarmonic,
     /// Straight lines
     Triangle,
+    /// A staircase of quarters
+    Steps,
 }
 
 impl ShapeName {
@@ -92,6 +80,7 @@ impl ShapeName {
             Self::Sine => Shape::Sine,
             Self::ComplexHarmonic => Shape::ComplexHarmonic,
             Self::Triangle => Shape::Triangle,
+            Self::Steps => Shape::Steps,
         }
     }
 
@@ -100,6 +89,7 @@ impl ShapeName {
             Self::Sine => "sine",
             Self::ComplexHarmonic => "complex harmonic",
             Self::Triangle => "triangle",
+            Self::Steps => "steps",
         }
     }
 }
@@ -123,13 +113,7 @@ impl EmulatorName {
     }
 }
 
-pub(crate) fn run(args: &BoardArgs) -> Result<Done, CliError> {
-    match &args.command {
-        BoardCommand::Run(args) => run_emulator(args),
-    }
-}
-
-fn run_emulator(args: &RunArgs) -> Result<Done, CliError> {
+pub(crate) fn run(args: &RunArgs) -> Result<Done, CliError> {
     let machine = args.emulator.machine();
     let request = Request {
         shape: args.shape.shape(),
@@ -150,23 +134,10 @@ fn run_emulator(args: &RunArgs) -> Result<Done, CliError> {
         progress::advance(&bar, share);
     })?;
     bar.finish_and_clear();
-    let overwrite = if args.overwrite {
-        Overwrite::Allow
-    } else {
-        Overwrite::Refuse
-    };
     let text = report(args, &outcome, &recording);
-    write_dataset(&dataset(args, &outcome, recording), &args.output, overwrite)?;
+    write(&dataset(args, &outcome, recording), &args.output, args.overwrite)?;
     output::print(&text)?;
     Ok(Done::Answered)
-}
-
-fn hex(hash: &[u8; 32]) -> String {
-    hash.iter().fold(String::new(), |mut text, byte| {
-        // Writing to a String does not fail.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }
 
 fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
@@ -186,9 +157,8 @@ fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
             voltage_min_v: Some(config.amplifier.min_v),
             voltage_max_v: Some(config.amplifier.max_v),
         },
-        records: vec![Record {
+        records: vec![record(Piece {
             file: "run.csv".to_owned(),
-            role: Role::Validate,
             excitation: format!(
                 "reference {} {} Hz, {} to {} um",
                 args.shape.words(),
@@ -198,18 +168,8 @@ fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
             ),
             start_s: 0.0,
             period_s: config.sample_period_s,
-            reference_um: Some(
-                recording
-                    .frames
-                    .iter()
-                    .map(|frame| f64::from(frame.reference_um))
-                    .collect(),
-            ),
-            voltage_v: recording.voltage_v,
-            position_um: recording.position_um,
-            temperature_c: None,
-            voltage2_v: None,
-        }],
+            recording,
+        })],
         notices: Vec::new(),
     }
 }
@@ -221,13 +181,7 @@ fn report(args: &RunArgs, outcome: &Outcome, recording: &Recording) -> String {
     let timing = &outcome.summary;
     let ticks = recording.frames.len();
     let rms_um = recording.rms_um();
-    let fault = recording
-        .frames
-        .iter()
-        .find_map(|frame| Some((frame.number, frame.fault()?)));
-    let fault = fault.map_or_else(String::new, |(tick, fault)| {
-        format!("fault at tick {tick}: {fault:?}\n")
-    });
+    let fault = fault_line([recording]);
     let instructions = |counts: u64| counts * INSTRUCTIONS_A_COUNT;
     format!(
         "{ticks} ticks, {} overruns, {} edges lost, latency {} to {} instructions, tick {} to {}, mean {:.0} (to {INSTRUCTIONS_A_COUNT})\n\

@@ -1,16 +1,16 @@
-//! Frames from the interrupt to main: a ring whose size is a constant, so that no division by it can fail.
+//! Samples from the interrupt to main: a ring whose size is a constant, so that no division by it can fail.
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicU32, Ordering};
-use hysteron_firmware::wire::Frame;
+use hysteron_firmware::telemetry::Sample;
 
-/// A power of two: 1.3 ms at 50 kHz.
-const PLACES: usize = 64;
+/// A power of two: 5 ms at 50 kHz.
+const PLACES: usize = 256;
 
-/// One writer, one reader; the oldest stay, a frame that finds it full is counted.
-pub struct Frames {
-    places: [UnsafeCell<MaybeUninit<Frame>>; PLACES],
+/// One writer, one reader; the oldest stay, a sample that finds it full is counted.
+pub struct Samples {
+    places: [UnsafeCell<MaybeUninit<Sample>>; PLACES],
     written: AtomicU32,
     read: AtomicU32,
     lost: AtomicU32,
@@ -18,9 +18,9 @@ pub struct Frames {
 
 // SAFETY: `push` is called by the interrupt alone and `pop` by main alone; a place belongs to the writer until `written` passes it and
 // to the reader until `read` does.
-unsafe impl Sync for Frames {}
+unsafe impl Sync for Samples {}
 
-impl Frames {
+impl Samples {
     /// None.
     pub const fn new() -> Self {
         Self {
@@ -33,30 +33,30 @@ impl Frames {
 
     /// By the interrupt.
     #[inline(always)]
-    pub fn push(&self, frame: Frame) {
+    pub fn push(&self, sample: Sample) {
         let written = self.written.load(Ordering::Relaxed);
         if written.wrapping_sub(self.read.load(Ordering::Acquire)) >= PLACES as u32 {
             self.lost.fetch_add(1, Ordering::Relaxed);
             return;
         }
         // SAFETY: the place is the writer's.
-        unsafe { (*self.places[written as usize % PLACES].get()).write(frame) };
+        unsafe { (*self.places[written as usize % PLACES].get()).write(sample) };
         self.written.store(written.wrapping_add(1), Ordering::Release);
     }
 
     /// By main.
-    pub fn pop(&self) -> Option<Frame> {
+    pub fn pop(&self) -> Option<Sample> {
         let read = self.read.load(Ordering::Relaxed);
         if read == self.written.load(Ordering::Acquire) {
             return None;
         }
         // SAFETY: the place is the reader's, and has been written.
-        let frame = unsafe { (*self.places[read as usize % PLACES].get()).assume_init() };
+        let sample = unsafe { (*self.places[read as usize % PLACES].get()).assume_init() };
         self.read.store(read.wrapping_add(1), Ordering::Release);
-        Some(frame)
+        Some(sample)
     }
 
-    /// Frames that found it full.
+    /// Samples that found it full.
     pub fn lost(&self) -> u32 {
         self.lost.load(Ordering::Relaxed)
     }

@@ -1,0 +1,180 @@
+//! Packets of a board, found in what a connection makes of them.
+
+use hysteron_board::BoardError;
+use hysteron_board::telemetry::{Capture, Collector, capture};
+use hysteron_firmware::table;
+use hysteron_firmware::telemetry::{ABOUT_BYTES, About, Found, SAMPLE_BYTES, Sample, checksum, find};
+use hysteron_firmware::wire::{Frame, Mode, flags};
+use proptest::prelude::*;
+use std::io::Write;
+
+fn sample(number: u32) -> Sample {
+    Sample {
+        frame: Frame {
+            number,
+            reference_um: number as f32 * 1e-3,
+            command_v: 3.0,
+            dac: (number as u16).wrapping_mul(257),
+            flags: flags(false, Mode::Running, None),
+        },
+        adc: !(number as u16),
+    }
+}
+
+fn packets(numbers: impl IntoIterator<Item = u32>) -> Vec<u8> {
+    numbers
+        .into_iter()
+        .flat_map(|number| sample(number).to_packet())
+        .collect()
+}
+
+fn about() -> Vec<u8> {
+    About::of("nucleo-h743zi").to_packet().to_vec()
+}
+
+fn collect(stream: &[u8], chunk: usize) -> Result<Capture, BoardError> {
+    let mut collector = Collector::default();
+    for bytes in stream.chunks(chunk) {
+        collector.push(bytes)?;
+    }
+    collector.finish()
+}
+
+fn numbers(capture: &Capture) -> Vec<Vec<u32>> {
+    let of = |frames: &[Frame]| frames.iter().map(|frame| frame.number).collect();
+    capture.pieces.iter().map(|piece| of(&piece.recording.frames)).collect()
+}
+
+/// The check value of the catalogue of parametrised CRC algorithms for CRC-16/IBM-3740.
+#[test]
+fn val_checksum() {
+    assert_eq!(checksum(b"123456789"), 0x29b1);
+    assert_eq!(checksum(b""), 0xffff);
+}
+
+#[test]
+fn val_packets_come_back() {
+    let packet = sample(7).to_packet();
+    assert_eq!(find(&packet), Found::Sample(sample(7)));
+    let described = About::of("nucleo-g474re");
+    assert_eq!(find(&described.to_packet()), Found::About(described));
+    assert_eq!(described.board(), "nucleo-g474re");
+    assert_eq!((packet.len(), described.to_packet().len()), (SAMPLE_BYTES, ABOUT_BYTES));
+    for length in 0..packet.len() {
+        assert_eq!(find(&packet[..length]), Found::Incomplete, "{length}");
+    }
+    // Any one bit: the mark and the kind decide what is looked for, the checksum the rest.
+    for bit in 0..8 * packet.len() {
+        let mut wrong = packet;
+        wrong[bit / 8] ^= 1 << (bit % 8);
+        assert!(!matches!(find(&wrong), Found::Sample(_) | Found::About(_)), "{bit}");
+    }
+}
+
+/// Codes are what the table says of them.
+#[test]
+fn val_codes_become_volts_and_micrometres() {
+    let stream = [packets(0..3), about(), packets(3..10)].concat();
+    let capture = collect(&stream, 5).unwrap();
+    assert_eq!(numbers(&capture), [(0..10).collect::<Vec<_>>()]);
+    let recording = &capture.pieces[0].recording;
+    let linear =
+        |code: u16, min: f32, top: f32| f64::from(min) + (f64::from(top) - f64::from(min)) * f64::from(code) / 65_535.0;
+    for (k, frame) in recording.frames.iter().enumerate() {
+        let um = linear(recording.adc[k], table::ADC_MIN_UM, table::ADC_TOP_UM);
+        let v = linear(frame.dac, table::DAC_MIN_V, table::DAC_TOP_V);
+        assert!((recording.position_um[k] - um).abs() < 1e-9 && (recording.voltage_v[k] - v).abs() < 1e-9);
+    }
+    assert_eq!(capture.about.hello.hash, table::HASH);
+}
+
+#[test]
+fn val_what_is_lost_is_counted_and_parts_the_recording() {
+    let stream = [
+        about(),
+        packets(100..105),
+        // Cut in the middle.
+        packets([105])[..9].to_vec(),
+        packets(108..111),
+        // One alone.
+        packets([200]),
+        packets(300..302),
+        b"garbage \xa5S\xa5A \xa5".to_vec(),
+        packets(302..304),
+        // The board began anew.
+        packets(0..2),
+    ]
+    .concat();
+    for chunk in [1, 7, 22, 64, 100_000] {
+        let capture = collect(&stream, chunk).unwrap();
+        let whole: [&[u32]; 4] = [
+            &[100, 101, 102, 103, 104],
+            &[108, 109, 110],
+            &[300, 301, 302, 303],
+            &[0, 1],
+        ];
+        assert_eq!(numbers(&capture), whole);
+        let counts = capture.counts;
+        assert_eq!((counts.samples, counts.alone, counts.restarts), (15, 1, 1));
+        // 105 to 107, 111 to 199, 201 to 299.
+        assert_eq!(counts.lost, 3 + 89 + 99);
+        assert_eq!(counts.foreign_bytes, 9 + 14);
+        let starts: Vec<u64> = capture.pieces.iter().map(|piece| piece.start_tick).collect();
+        assert_eq!(starts, [0, 8, 200, 204]);
+    }
+}
+
+#[test]
+fn refuse_streams_that_are_no_recording() {
+    let said = |stream: &[u8]| collect(stream, 4096).err().unwrap().to_string();
+    assert!(said(b"").starts_with("no sample in 0 bytes"));
+    assert!(said(&[0x55; 1000]).starts_with("no sample in 1000 bytes"));
+    assert!(said(&packets(0..10)).starts_with("10 samples came and no description of the board"));
+    let other = About::of("nucleo-g474re").to_packet();
+    let two = [&about()[..], &packets(0..9), &other].concat();
+    assert!(said(&two).starts_with("board or table changed"));
+    let shreds: Vec<u8> = (0..1200).flat_map(|k| packets([5 * k, 5 * k + 1])).collect();
+    assert!(said(&[about(), shreds].concat()).starts_with("of 5001 ticks 3000 are lost"));
+    let mut flat = About::of("nucleo-h743zi");
+    flat.dac_v = [1.0, f32::NAN];
+    let stream = [&flat.to_packet()[..], &packets(0..3)].concat();
+    assert!(said(&stream).starts_with("the board's converters' ranges make no sense"));
+}
+
+#[test]
+fn refuse_sources_that_are_none() {
+    let said = |from: &str, seconds: f64| capture(from, seconds, &mut |_| ()).err().unwrap().to_string();
+    assert!(said("/no/such/device", 1.0).starts_with("/no/such/device: "));
+    assert!(said("127.0.0.1:99999", 1.0).starts_with("127.0.0.1:99999: "));
+    assert!(said("/dev/null", 1.0).starts_with("no sample in 0 bytes"));
+    assert!(said("/dev/null", f64::NAN).starts_with("seconds = NaN must lie in"));
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    file.write_all(&vec![0; 5 << 20]).unwrap();
+    // It does not read on for ever.
+    assert!(said(&file.path().display().to_string(), 1.0).starts_with("no sample in "));
+}
+
+proptest! {
+    /// Whatever comes: no panic, and every byte is a packet's or foreign.
+    #[test]
+    fn prop_any_bytes(pieces in prop::collection::vec(
+        prop_oneof![
+            prop::collection::vec(any::<u8>(), 0..40),
+            (0_u32..50).prop_map(|number| packets([number])),
+            Just(about()),
+            (0_u32..50, 0_usize..22).prop_map(|(number, cut)| packets([number])[..cut].to_vec()),
+        ], 0..40), chunk in 1_usize..200) {
+        let stream = pieces.concat();
+        match collect(&stream, chunk) {
+            Ok(capture) => {
+                let packets = capture.counts.samples as usize * SAMPLE_BYTES;
+                let rest = stream.len() - packets - capture.counts.foreign_bytes as usize;
+                prop_assert_eq!(rest % ABOUT_BYTES, 0);
+                for piece in numbers(&capture) {
+                    prop_assert!(piece.windows(2).all(|pair| pair[1] == pair[0].wrapping_add(1)));
+                }
+            }
+            Err(error) => prop_assert!(!error.to_string().is_empty()),
+        }
+    }
+}

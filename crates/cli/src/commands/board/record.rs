@@ -1,0 +1,171 @@
+//! `hysteron board record`.
+
+use crate::commands::board::{Piece, fault_line, hex, record, write};
+use crate::error::CliError;
+use crate::exit::Done;
+use crate::{output, progress};
+use clap::Args;
+use hysteron_board::budget::BOARDS;
+use hysteron_board::telemetry::{Capture, capture};
+use hysteron_data::{DataError, Dataset, Known};
+use serde::Serialize;
+use std::path::PathBuf;
+
+#[derive(Args)]
+#[command(after_help = "Example, with OpenOCD at the board's ST-LINK:\n  \
+    openocd -f board/st_nucleo_h743zi.cfg -c init -c 'rtt setup 0x20000000 0x20000 \"SEGGER RTT\"' \
+    -c 'rtt start' -c 'rtt server start 9090 1'\n  \
+    hysteron board record --from localhost:9090 --seconds 2 -o recorded\n  \
+    hysteron compare recorded model.toml")]
+pub(crate) struct RecordArgs {
+    /// Where the board's telemetry comes from: HOST:PORT of a server of its RTT channel 1, or a device or captured file
+    #[arg(long, value_name = "HOST:PORT|PATH")]
+    pub from: String,
+    /// Length of the recording, seconds of the board's time
+    #[arg(long, default_value_t = 10.0, allow_negative_numbers = true)]
+    pub seconds: f64,
+    /// Folder of the new dataset
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: PathBuf,
+    /// Replace a dataset that is there already
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Print the answer as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What was recorded.
+#[derive(Serialize)]
+struct Answer {
+    board: String,
+    table_sha256: String,
+    seconds: f64,
+    samples: u64,
+    lost: u64,
+    /// Recordings without a gap.
+    pieces: usize,
+    /// Samples between two gaps, which are left out.
+    alone: u64,
+    /// Bytes that belong to no packet.
+    foreign_bytes: u64,
+    /// Times that the board began anew.
+    restarts: u64,
+    /// Computed of the board; none where it is not known.
+    known_delay_s: Option<f64>,
+    /// Number of the first fault.
+    fault: Option<u8>,
+}
+
+pub(crate) fn run(args: &RecordArgs) -> Result<Done, CliError> {
+    let manifest = args.output.join("dataset.toml");
+    // Before anything is waited for, and again when it is written.
+    if !args.overwrite && manifest.exists() {
+        let file = manifest.display().to_string();
+        return Err(DataError::Exists { file }.into());
+    }
+    let bar = progress::bar("recording");
+    let captured = capture(&args.from, args.seconds, &mut |share| progress::advance(&bar, share));
+    bar.finish_and_clear();
+    let captured = captured?;
+    let answer = answer(&captured);
+    let fault = fault_line(captured.pieces.iter().map(|piece| &piece.recording));
+    write(&dataset(captured, &answer), &args.output, args.overwrite)?;
+    if args.json {
+        output::print_json(&answer)?;
+    } else {
+        output::print(&text(args, &answer, &fault))?;
+    }
+    Ok(Done::Answered)
+}
+
+fn answer(captured: &Capture) -> Answer {
+    let about = &captured.about;
+    let counts = captured.counts;
+    let mut frames = captured.pieces.iter().flat_map(|piece| &piece.recording.frames);
+    let budget = BOARDS.iter().find(|budget| budget.board == about.board());
+    Answer {
+        board: about.board().to_owned(),
+        table_sha256: hex(&about.hello.hash),
+        seconds: (counts.samples + counts.lost) as f64 / f64::from(about.hello.sample_rate_hz),
+        samples: counts.samples,
+        lost: counts.lost,
+        pieces: captured.pieces.len(),
+        alone: counts.alone,
+        foreign_bytes: counts.foreign_bytes,
+        restarts: counts.restarts,
+        known_delay_s: budget.map(|budget| budget.known_delay_s()),
+        fault: frames.find_map(|frame| frame.fault()).map(|fault| fault as u8),
+    }
+}
+
+fn dataset(captured: Capture, answer: &Answer) -> Dataset {
+    let period_s = 1.0 / f64::from(captured.about.hello.sample_rate_hz);
+    let pieces = captured.pieces.into_iter().enumerate().map(|(i, piece)| {
+        let references = piece.recording.frames.iter().map(|frame| frame.reference_um);
+        let [low, high] = references.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], um| {
+            [low.min(um), high.max(um)]
+        });
+        record(Piece {
+            file: format!("run-{:03}.csv", i + 1),
+            excitation: format!("reference of the board, {low} to {high} um"),
+            start_s: piece.start_tick as f64 * period_s,
+            period_s,
+            recording: piece.recording,
+        })
+    });
+    Dataset {
+        name: format!("{}-recording", name(&answer.board)),
+        description: format!(
+            "recorded from {}: {} samples, {} lost, table {}",
+            name(&answer.board),
+            answer.samples,
+            answer.lost,
+            answer.table_sha256
+        ),
+        known: Known {
+            delay_s: answer.known_delay_s,
+            ..Known::default()
+        },
+        records: pieces.collect(),
+        notices: Vec::new(),
+    }
+}
+
+fn name(board: &str) -> &str {
+    if board.is_empty() { "board" } else { board }
+}
+
+fn text(args: &RecordArgs, answer: &Answer, fault: &str) -> String {
+    let total = answer.samples + answer.lost;
+    let mut text = format!(
+        "{}: {} samples in {:.3} s, {} lost ({:.3} %), {} without a gap\n",
+        name(&answer.board),
+        answer.samples,
+        answer.seconds,
+        answer.lost,
+        100.0 * answer.lost as f64 / total.max(1) as f64,
+        match answer.pieces {
+            1 => "1 record".to_owned(),
+            pieces => format!("{pieces} records"),
+        }
+    );
+    for (count, what) in [
+        (answer.alone, "samples between two gaps left out"),
+        (answer.foreign_bytes, "bytes that belong to no packet"),
+        (answer.restarts, "restarts of the board"),
+    ] {
+        if count > 0 {
+            text += &format!("{count} {what}\n");
+        }
+    }
+    if answer.seconds < args.seconds {
+        text += &format!("the stream ended before {} s\n", args.seconds);
+    }
+    text += fault;
+    text += &match answer.known_delay_s {
+        Some(delay_s) => format!("known delay {:.1} us, computed\n", 1e6 * delay_s),
+        None => "no known delay of this board: measure it, and write it to dataset.toml, [known] delay_s\n".to_owned(),
+    };
+    text + &format!("table {}\nwritten to {}\n", answer.table_sha256, args.output.display())
+}

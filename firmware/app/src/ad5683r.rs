@@ -1,0 +1,24 @@
+//! Analog Devices AD5683R, a 16-bit DAC on SPI (data sheet rev. D): what goes over the bus.
+
+use hysteron_core::codes::DacCode;
+
+/// Bits of a word, "Serial Interface".
+pub const WORD_BITS: u32 = 24;
+/// Fastest bus: a period of SCLK of 20 ns at least (timing characteristics, 2.7 V and above).
+pub const MOST_HZ: u32 = 50_000_000;
+/// SYNC high between two words, at least: 20 ns (timing characteristics, t8).
+pub const SYNC_HIGH_NS: u32 = 20;
+/// SCLK rests low: data change at the rising edge and are taken at the falling one (its timing diagram), which is mode 1.
+pub const CLOCK_POLARITY: bool = false;
+/// The second edge takes the data.
+pub const CLOCK_PHASE: bool = true;
+
+/// Command 3: write the input register and the output at once.
+const WRITE_AND_UPDATE: u8 = 0b0011;
+
+/// The 24 bits of a code: command, code, four that do not matter ("Input Shift Register").
+#[inline(always)]
+pub const fn word(code: DacCode) -> [u8; 3] {
+    let [high, low] = code.0.to_be_bytes();
+    [WRITE_AND_UPDATE << 4 | high >> 4, high << 4 | low >> 4, low << 4]
+}

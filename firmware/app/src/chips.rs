@@ -1,0 +1,208 @@
+//! What the real boards' registers are set to, as constants and the reference manuals' formulas: `firmware/nucleo` writes them, the
+//! host tests them. RM0433 is the STM32H743's manual, RM0440 the STM32G474's.
+
+/// Clock tree, sample clock, converter and bus of one board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Chip {
+    /// The board.
+    pub board: &'static str,
+    /// The PLL's source: the ST-LINK's 8 MHz, or the internal 16 MHz.
+    pub oscillator_hz: u32,
+    /// M: divides the source.
+    pub pll_m: u32,
+    /// N: multiplies it.
+    pub pll_n: u32,
+    /// P or R: divides the VCO for the processor.
+    pub pll_system: u32,
+    /// Q: divides the VCO for the bus of the DAC; 0 where that runs on the APB's clock.
+    pub pll_q: u32,
+    /// Divides the processor's clock for the AHB.
+    pub ahb_divider: u32,
+    /// Divides the AHB's clock for the APBs.
+    pub apb_divider: u32,
+    /// Clock that the ADC is given, hertz.
+    pub adc_kernel_hz: u32,
+    /// Divides it, PRESC of ADC_CCR.
+    pub adc_prescaler: u32,
+    /// Divides it once more inside of the chip.
+    pub adc_fixed_divider: u32,
+    /// The sensor's channel.
+    pub adc_channel: u8,
+    /// Half cycles of the ADC's clock in which it samples.
+    pub sampling_half_cycles: u32,
+    /// Half cycles from the end of sampling to the code.
+    pub conversion_half_cycles: u32,
+    /// SMP of that channel.
+    pub smp: u8,
+    /// Bits of a code; shifted to the upper ones of 16.
+    pub adc_bits: u32,
+    /// Divides the bus's clock: a power of two from 2 to 256.
+    pub spi_divider: u32,
+}
+
+/// STM32H743ZI. 400 MHz and not 480, which only revision V reaches (DS12110, general operating conditions).
+pub const H743: Chip = Chip {
+    board: "nucleo-h743zi",
+    oscillator_hz: 8_000_000,
+    pll_m: 2,
+    pll_n: 200,
+    pll_system: 2,
+    pll_q: 8,
+    ahb_divider: 2,
+    apb_divider: 2,
+    // per_ck: the 64 MHz oscillator (RM0433, "Peripheral clock distribution", ADC).
+    adc_kernel_hz: 64_000_000,
+    adc_prescaler: 2,
+    // From revision V on; revision Y has none, and converts twice as fast (RM0433, "ADC clocks").
+    adc_fixed_divider: 2,
+    // PA3, on the connector A0, is ADC12_INP15 (DS12110, pin table).
+    adc_channel: 15,
+    sampling_half_cycles: 17,
+    // N / 2 + 1/2 for 16 bits (DS12110, ADC characteristics).
+    conversion_half_cycles: 17,
+    smp: 0b010,
+    adc_bits: 16,
+    spi_divider: 4,
+};
+
+/// STM32G474RE at its highest clock.
+pub const G474: Chip = Chip {
+    board: "nucleo-g474re",
+    oscillator_hz: 16_000_000,
+    pll_m: 4,
+    pll_n: 85,
+    pll_system: 2,
+    pll_q: 0,
+    ahb_divider: 1,
+    apb_divider: 1,
+    adc_kernel_hz: 170_000_000,
+    adc_prescaler: 4,
+    adc_fixed_divider: 1,
+    // PA0, on the connector A0, is ADC12_IN1 (DS12288, pin table).
+    adc_channel: 1,
+    sampling_half_cycles: 25,
+    // 12 bits (DS12288, ADC characteristics).
+    conversion_half_cycles: 25,
+    smp: 0b010,
+    adc_bits: 12,
+    spi_divider: 8,
+};
+
+/// Both.
+pub const ALL: [Chip; 2] = [H743, G474];
+
+/// EXTSEL of the ADC: `adc_ext_trg13` is TIM6's TRGO on both chips (RM0433 and RM0440, "External triggers for regular channels").
+pub const TIM6_TRIGGER: u8 = 13;
+
+/// Reset after this long without a tick: twice what the monitor calls a hung interrupt, and long enough for the fastest LSI.
+pub const WATCHDOG_US: u32 = 2000;
+
+/// The low-speed oscillator's nominal clock, which the watchdog counts.
+pub const LSI_HZ: u32 = 32_000;
+
+impl Chip {
+    /// What the PLL's phase detector compares.
+    pub const fn pll_input_hz(&self) -> u32 {
+        self.oscillator_hz / self.pll_m
+    }
+
+    /// The PLL's oscillator.
+    pub const fn vco_hz(&self) -> u32 {
+        self.pll_input_hz() * self.pll_n
+    }
+
+    /// The processor.
+    pub const fn processor_hz(&self) -> u32 {
+        self.vco_hz() / self.pll_system
+    }
+
+    /// AHB, memories and DMA.
+    pub const fn ahb_hz(&self) -> u32 {
+        self.processor_hz() / self.ahb_divider
+    }
+
+    /// The APBs.
+    pub const fn apb_hz(&self) -> u32 {
+        self.ahb_hz() / self.apb_divider
+    }
+
+    /// TIM6: the APB's clock, doubled where that is a divided one (RM0433 and RM0440, "Clock source for timers", TIMPRE = 0).
+    pub const fn timer_hz(&self) -> u32 {
+        if self.apb_divider == 1 {
+            self.apb_hz()
+        } else {
+            2 * self.apb_hz()
+        }
+    }
+
+    /// PSC and ARR of TIM6: `rate = timer / ((PSC + 1) (ARR + 1))`, with the smallest PSC whose ARR fits 16 bits. `None` where no pair
+    /// gives the rate to a part in a million: the clock's error would be the trajectory's.
+    pub fn sample_clock(&self, sample_rate_hz: f32) -> Option<(u16, u16)> {
+        // A NaN fails this.
+        if !(sample_rate_hz >= 1.0 && sample_rate_hz <= 1e6) {
+            return None;
+        }
+        let counts = (self.timer_hz() as f32 / sample_rate_hz + 0.5) as u32;
+        let prescaler = counts.saturating_sub(1) / 65_536;
+        let reload = counts / (prescaler + 1);
+        let made_hz = self.timer_hz() as f32 / ((prescaler + 1) * reload) as f32;
+        let close = (made_hz - sample_rate_hz).abs() <= 1e-6 * sample_rate_hz;
+        match (u16::try_from(prescaler), u16::try_from(reload.saturating_sub(1))) {
+            (Ok(prescaler), Ok(reload)) if close => Some((prescaler, reload)),
+            _ => None,
+        }
+    }
+
+    /// The ADC's clock.
+    pub const fn adc_hz(&self) -> u32 {
+        self.adc_kernel_hz / self.adc_prescaler / self.adc_fixed_divider
+    }
+
+    /// PRESC of ADC_CCR: 0, 1, 2, 3 for 1, 2, 4, 6 (RM0433 and RM0440, "ADC common control register").
+    pub const fn adc_presc(&self) -> u8 {
+        match self.adc_prescaler {
+            1 => 0,
+            even => (even / 2) as u8,
+        }
+    }
+
+    /// Where SMP of the sensor's channel is: the register, and the place in it (RM0433 and RM0440, ADC_SMPR1 and ADC_SMPR2).
+    pub const fn smp_place(&self) -> (usize, usize) {
+        ((self.adc_channel / 10) as usize, (self.adc_channel % 10) as usize)
+    }
+
+    /// Shift that makes an ADC code one of 16 bits.
+    pub const fn to_16_bits(&self) -> u32 {
+        16 - self.adc_bits
+    }
+
+    /// What SPI1 divides.
+    pub const fn spi_kernel_hz(&self) -> u32 {
+        match self.pll_q {
+            0 => self.apb_hz(),
+            q => self.vco_hz() / q,
+        }
+    }
+
+    /// The bus of the DAC.
+    pub const fn bus_hz(&self) -> u32 {
+        self.spi_kernel_hz() / self.spi_divider
+    }
+
+    /// MBR of SPI_CFG1 (RM0433) or BR of SPI_CR1 (RM0440): 0 divides by 2, 7 by 256.
+    pub const fn spi_field(&self) -> u8 {
+        self.spi_divider.trailing_zeros() as u8 - 1
+    }
+}
+
+/// PR and RL of the independent watchdog: `t = 4 2^PR (RL + 1) / LSI` (RM0433 and RM0440, "IWDG").
+pub const fn watchdog(timeout_us: u32) -> (u8, u16) {
+    let mut field = 0;
+    loop {
+        let counts = (timeout_us as u64 * LSI_HZ as u64 / 1_000_000) >> (2 + field);
+        if counts <= 4096 || field == 6 {
+            return (field, (if counts == 0 { 0 } else { counts - 1 }) as u16 & 0xfff);
+        }
+        field += 1;
+    }
+}

@@ -1,0 +1,182 @@
+//! What a real board sends of every tick, over whatever carries bytes: packets that are found again after a gap.
+//!
+//! A packet is [`MARK`], its kind, its contents, and a checksum of kind and contents. One that does not fit where it goes is left out
+//! as a whole: the numbers of the frames say how many are missing.
+
+use crate::table;
+use crate::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello};
+
+/// First byte of a packet.
+pub const MARK: u8 = 0xa5;
+/// Kind of an [`About`].
+const ABOUT: u8 = b'A';
+/// Kind of a [`Sample`].
+const SAMPLE: u8 = b'S';
+/// Around the contents: mark, kind, checksum.
+const AROUND: usize = 4;
+/// Letters of a board's name.
+const NAME_BYTES: usize = 16;
+/// Length of an [`About`]'s packet.
+pub const ABOUT_BYTES: usize = AROUND + HELLO_BYTES + 16 + NAME_BYTES;
+/// Length of a [`Sample`]'s packet: 1.1 MB a second at 50 kHz.
+pub const SAMPLE_BYTES: usize = AROUND + FRAME_BYTES + 2;
+/// Samples from one [`About`] to the next: whoever comes late waits 0.16 s.
+pub const SAMPLES_AN_ABOUT: u32 = 8192;
+
+/// A tick: the frame, and the sensor's code that it answers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// What the board did.
+    pub frame: Frame,
+    /// The sensor's code.
+    pub adc: u16,
+}
+
+/// Which board with which table sends, and what its codes mean.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct About {
+    /// The table.
+    pub hello: Hello,
+    /// Micrometres of the lowest and the highest ADC code.
+    pub adc_um: [f32; 2],
+    /// Volts of the lowest and the highest DAC code.
+    pub dac_v: [f32; 2],
+    /// The board, filled up with zeros.
+    pub name: [u8; NAME_BYTES],
+}
+
+/// What is at the beginning of some bytes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Found {
+    /// A sample of [`SAMPLE_BYTES`].
+    Sample(Sample),
+    /// A description of [`ABOUT_BYTES`].
+    About(About),
+    /// Perhaps a packet, once more bytes have come.
+    Incomplete,
+    /// No packet: look one byte further.
+    Nothing,
+}
+
+impl About {
+    /// Of the table that is compiled in.
+    pub fn of(board: &str) -> Self {
+        let mut name = [0; NAME_BYTES];
+        name.iter_mut()
+            .zip(board.bytes())
+            .for_each(|(place, byte)| *place = byte);
+        Self {
+            hello: Hello {
+                hash: table::HASH,
+                sample_rate_hz: table::SAMPLE_RATE_HZ,
+                input_min_um: table::INPUT_MIN_UM,
+                input_max_um: table::INPUT_MAX_UM,
+            },
+            adc_um: [table::ADC_MIN_UM, table::ADC_TOP_UM],
+            dac_v: [table::DAC_MIN_V, table::DAC_TOP_V],
+            name,
+        }
+    }
+
+    /// The board's name; empty where it is no text.
+    pub fn board(&self) -> &str {
+        let length = self.name.iter().position(|&byte| byte == 0).unwrap_or(NAME_BYTES);
+        let letters = self.name.get(..length).unwrap_or(&[]);
+        core::str::from_utf8(letters).unwrap_or("")
+    }
+
+    /// Its packet.
+    pub fn to_packet(&self) -> [u8; ABOUT_BYTES] {
+        let mut packet = [0; ABOUT_BYTES];
+        packet[1] = ABOUT;
+        packet[2..54].copy_from_slice(&self.hello.to_bytes());
+        let numbers = [self.adc_um[0], self.adc_um[1], self.dac_v[0], self.dac_v[1]];
+        for (place, number) in packet[54..70].chunks_exact_mut(4).zip(numbers) {
+            place.copy_from_slice(&number.to_le_bytes());
+        }
+        packet[70..86].copy_from_slice(&self.name);
+        close(packet)
+    }
+
+    fn from_packet(packet: &[u8; ABOUT_BYTES]) -> Option<Self> {
+        let number = |i: usize| f32::from_le_bytes(core::array::from_fn(|k| packet[54 + 4 * i + k]));
+        Some(Self {
+            hello: Hello::from_bytes(&core::array::from_fn(|i| packet[2 + i]))?,
+            adc_um: [number(0), number(1)],
+            dac_v: [number(2), number(3)],
+            name: core::array::from_fn(|i| packet[70 + i]),
+        })
+    }
+}
+
+impl Sample {
+    /// Its packet.
+    pub fn to_packet(&self) -> [u8; SAMPLE_BYTES] {
+        let mut packet = [0; SAMPLE_BYTES];
+        packet[1] = SAMPLE;
+        packet[2..18].copy_from_slice(&self.frame.to_bytes());
+        packet[18..20].copy_from_slice(&self.adc.to_le_bytes());
+        close(packet)
+    }
+
+    fn from_packet(packet: &[u8; SAMPLE_BYTES]) -> Self {
+        Self {
+            frame: Frame::from_bytes(&core::array::from_fn(|i| packet[2 + i])),
+            adc: u16::from_le_bytes([packet[18], packet[19]]),
+        }
+    }
+}
+
+/// Looks for a packet at the beginning of some bytes.
+pub fn find(bytes: &[u8]) -> Found {
+    match (bytes.first(), bytes.get(1)) {
+        (None, _) | (Some(&MARK), None) => Found::Incomplete,
+        (Some(&MARK), Some(&SAMPLE)) => match bytes.first_chunk() {
+            None => Found::Incomplete,
+            Some(packet) if whole(packet) => Found::Sample(Sample::from_packet(packet)),
+            Some(_) => Found::Nothing,
+        },
+        (Some(&MARK), Some(&ABOUT)) => match bytes.first_chunk() {
+            None => Found::Incomplete,
+            Some(packet) if whole(packet) => About::from_packet(packet).map_or(Found::Nothing, Found::About),
+            Some(_) => Found::Nothing,
+        },
+        _ => Found::Nothing,
+    }
+}
+
+fn close<const L: usize>(mut packet: [u8; L]) -> [u8; L] {
+    packet[0] = MARK;
+    let sum = checksum(&packet[1..L - 2]).to_le_bytes();
+    packet[L - 2..].copy_from_slice(&sum);
+    packet
+}
+
+fn whole<const L: usize>(packet: &[u8; L]) -> bool {
+    checksum(&packet[1..L - 2]).to_le_bytes() == packet[L - 2..]
+}
+
+/// What four bits of the checksum's shift register become: multiples of x^16 + x^12 + x^5 + 1.
+const NIBBLES: [u16; 16] = {
+    let mut table = [0; 16];
+    let mut i = 0;
+    while i < 16 {
+        let mut sum = (i as u16) << 12;
+        let mut bit = 0;
+        while bit < 4 {
+            sum = if sum & 0x8000 == 0 { sum << 1 } else { sum << 1 ^ 0x1021 };
+            bit += 1;
+        }
+        table[i] = sum;
+        i += 1;
+    }
+    table
+};
+
+/// CRC-16 of ITU-T V.41's polynomial, from 0xffff on (the catalogue's CRC-16/IBM-3740).
+pub fn checksum(bytes: &[u8]) -> u16 {
+    let nibble = |sum: u16, four: u8| sum << 4 ^ NIBBLES[usize::from((sum >> 12) as u8 ^ four) & 15];
+    bytes
+        .iter()
+        .fold(0xffff, |sum, &byte| nibble(nibble(sum, byte >> 4), byte & 15))
+}
