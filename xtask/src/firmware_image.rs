@@ -24,6 +24,13 @@ pub(crate) const EMULATED: Limits = Limits {
     stack: 1200,
 };
 
+/// The emulator's images with a complete law; 54 kB of flash with every effect in it.
+pub(crate) const COMPLETE: Limits = Limits {
+    flash: 60_000,
+    memory: 2_900,
+    stack: 3_000,
+};
+
 /// The images of real boards.
 pub(crate) const REAL: Limits = Limits {
     flash: 48_000,

@@ -6,8 +6,10 @@ use hysteron_core::control_law::{ControlLaw, ControlState};
 use hysteron_core::corners::CornerMrpi;
 use hysteron_core::envelope::Envelope;
 use hysteron_core::error::ParamError;
+use hysteron_core::limiter::Limiter;
 use hysteron_core::model::{AtRest, Hysteresis};
 use hysteron_core::mpi::MpiCoefficients;
+use hysteron_core::pi_controller::PiController;
 use hysteron_core::thresholds::Thresholds;
 use hysteron_firmware::table;
 
@@ -53,8 +55,17 @@ impl<I: Hysteresis<f32>> RustTick<I> {
         let parameters = table::parameters()?;
         let law = ControlLaw {
             feedforward: Some(inverse),
-            feedback: Some(parameters.feedback),
-            limiter: parameters.limiter,
+            feedback: Some(PiController::new(
+                table::PROPORTIONAL_V_PER_UM,
+                table::INTEGRAL_V_PER_UM_S,
+                table::SAMPLE_RATE_HZ,
+            )?),
+            limiter: Limiter::new(
+                table::OUTPUT_MIN_V,
+                table::OUTPUT_MAX_V,
+                table::SLEW_V_PER_S,
+                table::SAMPLE_RATE_HZ,
+            )?,
         };
         let state = law.start(plays, parameters.safe_v);
         Ok(Self {
