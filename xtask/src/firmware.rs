@@ -116,10 +116,12 @@ pub(crate) fn refuses_panics() -> Result<(), String> {
     }
 }
 
-/// The arguments of cargo that build a package of the firmware's workspace for a core.
-fn words(package: &str, core: &str) -> Vec<String> {
+/// The arguments of cargo that build a program of the firmware's workspace for a core.
+fn words(program: &str, core: &str) -> Vec<String> {
+    let package = if program == "blocks" { "bench" } else { program };
     let flags = format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]");
-    let mut words = vec!["build", "--release", "--locked", "--package", package, "--target", CHIP];
+    let mut words = vec!["build", "--release", "--locked", "--package", package, "--bin", program];
+    words.extend(["--target", CHIP]);
     words.extend(["--config", &flags]);
     if core == "cortex-m7" {
         words.extend(["--features", "max-instruction"]);
@@ -127,15 +129,15 @@ fn words(package: &str, core: &str) -> Vec<String> {
     words.into_iter().map(str::to_owned).collect()
 }
 
-/// Builds a package of the firmware's workspace for a core, with a table in it; returns its image.
-pub(crate) fn build_image(package: &str, core: &str, table: &Path) -> Result<PathBuf, String> {
+/// Builds a program of the firmware's workspace for a core, with a table in it; returns its image.
+pub(crate) fn build_image(program: &str, core: &str, table: &Path) -> Result<PathBuf, String> {
     let table = table.canonicalize().map_err(|error| {
         format!(
             "{}: {error}; give a table that `hysteron export` wrote",
             table.display()
         )
     })?;
-    let words = words(package, core);
+    let words = words(program, core);
     let arguments: Vec<&str> = words.iter().map(String::as_str).collect();
     // RUSTFLAGS would replace the flags above.
     run_in(
@@ -152,7 +154,7 @@ pub(crate) fn build_image(package: &str, core: &str, table: &Path) -> Result<Pat
     let built = PathBuf::from("firmware/target")
         .join(CHIP)
         .join("release")
-        .join(package);
+        .join(program);
     let size = std::fs::metadata(&built).map_or(0, |found| found.len());
     if size < SMALLEST_BYTES {
         return Err(format!(

@@ -16,23 +16,6 @@ use hysteron_firmware::table;
 /// Plays of the larger bank.
 pub const MANY: usize = 100;
 
-/// FNV-1a of codes.
-pub struct Code(pub u32);
-
-impl Default for Code {
-    fn default() -> Self {
-        Self(0x811c_9dc5)
-    }
-}
-
-impl Code {
-    pub fn add(&mut self, code: u16) {
-        for byte in code.to_le_bytes() {
-            self.0 = (self.0 ^ u32::from(byte)).wrapping_mul(0x0100_0193);
-        }
-    }
-}
-
 /// The core's law between codes.
 #[derive(Clone, Copy)]
 pub struct RustTick<I: Hysteresis<f32>> {
