@@ -15,6 +15,9 @@ pub(crate) const TABLE: &str = "firmware/tables/paper-rate-mrpi.toml";
 /// The built-in stages that there are tables for.
 const STAGES: [&str; 2] = ["paper-rate", "paper-delay"];
 
+/// The stages that there are tables of complete laws for, with the tables' names.
+const COMPLETE: [(&str, &str); 2] = [("8k", "tracking-8k"), ("739", "tracking-739")];
+
 /// Where the processor enters the emulator's images by itself while the loop runs; the second comes on top of the first.
 const EMULATED_ENTRIES: [&str; 2] = ["mps2::sample_clock", "NonMaskableInt"];
 
@@ -32,23 +35,39 @@ fn build_into(table: &Path, folder: &Path) -> Result<(), String> {
         let built = build_image("mps2", core, table)?;
         let image = folder.join(board);
         std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
-        crate::firmware_image::check(board, &image, &EMULATED_ENTRIES, &crate::firmware_image::EMULATED)?;
+        crate::firmware_image::check(board, &image, &EMULATED_ENTRIES, limits(table))?;
     }
     Ok(())
+}
+
+/// What an image with a table may take.
+fn limits(table: &Path) -> &'static crate::firmware_image::Limits {
+    let complete = std::fs::read_to_string(table).is_ok_and(|text| text.contains("\n[controller]\n"));
+    if complete {
+        &crate::firmware_image::COMPLETE
+    } else {
+        &crate::firmware_image::EMULATED
+    }
 }
 
 /// Builds an image a table, and holds the emulator beside the host over controllers and references.
 pub(crate) fn compare() -> Result<(), String> {
     let folder = Path::new(IMAGES).join("tables");
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    for stage in STAGES {
-        for family in ["linear", "mpi", "wrpi", "mrpi", "play-polynomial"] {
-            let name = format!("{stage}-{family}");
-            let built = build_image("mps2", BOARDS[0].1, Path::new(&format!("firmware/tables/{name}.toml")))?;
-            let image = folder.join(name);
-            std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
-        }
+    let paper = STAGES.iter().flat_map(|stage| {
+        ["linear", "mpi", "wrpi", "mrpi", "play-polynomial"].map(|family| format!("{stage}-{family}"))
+    });
+    for name in paper {
+        build_named(&folder, BOARDS[0], &name, &name)?;
     }
+    let limits = &crate::firmware_image::COMPLETE;
+    for (_, name) in COMPLETE {
+        let image = build_named(&folder, BOARDS[0], name, name)?;
+        crate::firmware_image::check(name, &image, &EMULATED_ENTRIES, limits)?;
+    }
+    // For the tests, which hold the other core to the same bits.
+    let image = build_named(&folder, BOARDS[1], COMPLETE[0].1, "tracking-8k-m7")?;
+    crate::firmware_image::check("tracking-8k-m7", &image, &EMULATED_ENTRIES, limits)?;
     run(
         "cargo",
         &[
@@ -60,6 +79,14 @@ pub(crate) fn compare() -> Result<(), String> {
             "emulator_and_host",
         ],
     )
+}
+
+/// Builds the application with a table of `firmware/tables`, and puts the image in a folder.
+fn build_named(folder: &Path, (_, core): (&str, &str), table: &str, name: &str) -> Result<PathBuf, String> {
+    let built = build_image("mps2", core, Path::new(&format!("firmware/tables/{table}.toml")))?;
+    let image = folder.join(name);
+    std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
+    Ok(image)
 }
 
 /// Whether an image with a reachable panic is refused by the linker, for that reason: it must be.
@@ -89,10 +116,12 @@ pub(crate) fn refuses_panics() -> Result<(), String> {
     }
 }
 
-/// The arguments of cargo that build a package of the firmware's workspace for a core.
-fn words(package: &str, core: &str) -> Vec<String> {
+/// The arguments of cargo that build a program of the firmware's workspace for a core.
+fn words(program: &str, core: &str) -> Vec<String> {
+    let package = if program == "blocks" { "bench" } else { program };
     let flags = format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]");
-    let mut words = vec!["build", "--release", "--locked", "--package", package, "--target", CHIP];
+    let mut words = vec!["build", "--release", "--locked", "--package", package, "--bin", program];
+    words.extend(["--target", CHIP]);
     words.extend(["--config", &flags]);
     if core == "cortex-m7" {
         words.extend(["--features", "max-instruction"]);
@@ -100,15 +129,15 @@ fn words(package: &str, core: &str) -> Vec<String> {
     words.into_iter().map(str::to_owned).collect()
 }
 
-/// Builds a package of the firmware's workspace for a core, with a table in it; returns its image.
-pub(crate) fn build_image(package: &str, core: &str, table: &Path) -> Result<PathBuf, String> {
+/// Builds a program of the firmware's workspace for a core, with a table in it; returns its image.
+pub(crate) fn build_image(program: &str, core: &str, table: &Path) -> Result<PathBuf, String> {
     let table = table.canonicalize().map_err(|error| {
         format!(
             "{}: {error}; give a table that `hysteron export` wrote",
             table.display()
         )
     })?;
-    let words = words(package, core);
+    let words = words(program, core);
     let arguments: Vec<&str> = words.iter().map(String::as_str).collect();
     // RUSTFLAGS would replace the flags above.
     run_in(
@@ -125,7 +154,7 @@ pub(crate) fn build_image(package: &str, core: &str, table: &Path) -> Result<Pat
     let built = PathBuf::from("firmware/target")
         .join(CHIP)
         .join("release")
-        .join(package);
+        .join(program);
     let size = std::fs::metadata(&built).map_or(0, |found| found.len());
     if size < SMALLEST_BYTES {
         return Err(format!(
@@ -136,7 +165,8 @@ pub(crate) fn build_image(package: &str, core: &str, table: &Path) -> Result<Pat
     Ok(built)
 }
 
-/// Writes the tables in `firmware/tables` anew: the built-in stages' inverses of every family, by the tool's own commands.
+/// Writes the tables in `firmware/tables` anew, by the tool's own commands: the paper's stages' inverses of every family, and of stages
+/// to be tracked with the complete law, from a campaign on them.
 pub(crate) fn tables() -> Result<(), String> {
     // As the tests build it: optimised well enough, and built already.
     run("cargo", &["build", "--locked", "--package", "hysteron-cli"])?;
@@ -175,6 +205,14 @@ pub(crate) fn tables() -> Result<(), String> {
                 )?;
             }
         }
+    }
+    for (stage, name) in COMPLETE {
+        let data = work.join(name).display().to_string();
+        let controller = work.join(format!("{name}.toml")).display().to_string();
+        run(hysteron, &["campaign", "--stage", stage, "--overwrite", "-o", &data])?;
+        run(hysteron, &["design", &data, "-o", &controller])?;
+        let table = format!("firmware/tables/{name}.toml");
+        run(hysteron, &["export", &controller, "--stage", stage, "-o", &table])?;
     }
     Ok(())
 }

@@ -1,8 +1,10 @@
 //! A table as the application takes it, in this process: what the image of that table does, without the image.
 
 use hysteron_core::codes::Converter;
+use hysteron_core::error::ParamError;
 use hysteron_core::limiter::Limiter;
 use hysteron_core::pi_controller::PiController;
+use hysteron_firmware::law::{Complete, Paper};
 use hysteron_firmware::monitor::Scales;
 use hysteron_firmware::parameters::Parameters;
 use hysteron_firmware::wire::Hello;
@@ -11,12 +13,26 @@ use hysteron_table::{Inverse, Table, TableError, hash};
 /// Plays that there is room for; a table may have fewer.
 pub const PLAYS: usize = 10;
 
-/// What `firmware/app` makes of the constants of a table.
+/// What `firmware/app` makes of the constants of a table with a complete law.
+///
+/// # Errors
+/// As [`Table::check`]; a table without one.
+pub fn complete(table: &Table) -> Result<Parameters<Complete>, TableError> {
+    match table.law_numbers()? {
+        Some(numbers) => with_law(table, Complete::new(numbers.law()?)),
+        None => Err(TableError::Field {
+            field: "controller".to_owned(),
+            value: "none".to_owned(),
+            reason: "the table has the paper's law".to_owned(),
+        }),
+    }
+}
+
+/// What `firmware/app` makes of the constants of a table with the paper's law.
 ///
 /// # Errors
 /// As [`Table::check`]; a table of more than [`PLAYS`] plays.
-pub fn parameters(table: &Table) -> Result<Parameters<Inverse<PLAYS>>, TableError> {
-    let sweep = table.sweep()?;
+pub fn parameters(table: &Table) -> Result<Parameters<Paper<Inverse<PLAYS>>>, TableError> {
     if table.thresholds_um.len() > PLAYS {
         return Err(TableError::Field {
             field: "thresholds_um".to_owned(),
@@ -25,18 +41,33 @@ pub fn parameters(table: &Table) -> Result<Parameters<Inverse<PLAYS>>, TableErro
         });
     }
     let rate_hz = table.sample_rate_hz as f32;
+    let feedback = PiController::new(
+        table.proportional_v_per_um as f32,
+        table.integral_v_per_um_s as f32,
+        rate_hz,
+    )?;
+    let law = Paper::new(table.inverse(false)?.1, feedback, limiter(table, table.slew_v_per_s)?);
+    with_law(table, law)
+}
+
+fn limiter(table: &Table, slew_v_per_s: f64) -> Result<Limiter<f32>, ParamError> {
     let (output_min_v, output_max_v) = (table.output_min_v as f32, table.output_max_v as f32);
-    let limiter = |slew_v_per_s: f64| Limiter::new(output_min_v, output_max_v, slew_v_per_s as f32, rate_hz);
+    Limiter::new(
+        output_min_v,
+        output_max_v,
+        slew_v_per_s as f32,
+        table.sample_rate_hz as f32,
+    )
+}
+
+fn with_law<L>(table: &Table, law: L) -> Result<Parameters<L>, TableError> {
+    let sweep = table.sweep()?;
+    let rate_hz = table.sample_rate_hz as f32;
     let (adc_min_um, adc_top_um) = (table.adc_min_um as f32, table.adc_top_um as f32);
     Ok(Parameters {
-        inverse: table.inverse(false)?.1,
-        feedback: PiController::new(
-            table.proportional_v_per_um as f32,
-            table.integral_v_per_um_s as f32,
-            rate_hz,
-        )?,
-        limiter: limiter(table.slew_v_per_s)?,
-        ramp: limiter(table.ramp_v_per_s)?,
+        law,
+        ramp: limiter(table, table.ramp_v_per_s)?,
+        rise_um: table.ramp_v_per_s as f32 / rate_hz / sweep.slopes_v_per_um[1] as f32,
         scales: Scales {
             range_um: table.input_max_um as f32 - table.input_min_um as f32,
             um_per_code: (adc_top_um - adc_min_um) / 65_535.0,

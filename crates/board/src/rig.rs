@@ -1,7 +1,7 @@
 //! What stands at the converters: the simulated stage, or whatever a test puts there.
 
-use hysteron_core::model::AtRest;
 use hysteron_firmware::controller::Controller;
+use hysteron_firmware::law::Law;
 use hysteron_firmware::wire::{Frame, Input, Mode, Order};
 use hysteron_plant::Stage;
 
@@ -95,7 +95,7 @@ impl Bench for Rig {
 }
 
 /// The same application against the same bench, in this process. A tick that is held up makes the next one late, as on the board.
-pub fn drive_here<I: AtRest<f32> + Copy>(controller: &mut Controller<I>, ticks: u32, bench: &mut dyn Bench) {
+pub fn drive_here<L: Law>(controller: &mut Controller<L>, ticks: u32, bench: &mut dyn Bench) {
     let mut late = false;
     for number in 0..ticks {
         let input = bench.input(number);

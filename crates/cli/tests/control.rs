@@ -2,6 +2,9 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up its files fails")]
 
 use assert_cmd::Command;
+use hysteron_core::law_numbers::LawNumbers;
+use hysteron_table::Table;
+use hysteron_tracking::design::Controller;
 
 /// Runs the binary; it must end with 2 and say all of the words.
 fn refused(args: &[&str], words: &[&str]) {
@@ -174,6 +177,31 @@ fn refuse_models_whose_inverse_would_explode() {
     check(inverse, &[], &["the model runs from position to voltage", "forward"]);
 }
 
+/// The controller's table has every number of its law: all but heat, which boards have no thermometer for, and the slew, which boards
+/// limit.
+fn exported(controller: &str, effect: &str) {
+    let table = format!("{controller}.table");
+    let output = Command::new(env!("CARGO_BIN_EXE_hysteron"))
+        .args(["export", controller, "-o", &table])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{effect}: {said}");
+    assert_eq!(said.contains("no thermometer"), effect == "thermal-drift", "{said}");
+    let found = Table::parse(&std::fs::read_to_string(&table).unwrap()).unwrap();
+    let designed = Controller::read(controller.as_ref()).unwrap().numbers().unwrap();
+    let wanted = LawNumbers {
+        heat: None,
+        slew_v_per_s: found.slew_v_per_s,
+        ..designed
+    };
+    assert_eq!(found.law_numbers().unwrap(), Some(wanted), "{effect}");
+    refused(
+        &["export", controller, "-o", &table, "--integral", "100"],
+        &["--integral: the controller has its own latency, modes and feedback"],
+    );
+}
+
 /// Each effect of a model brings its compensator or is named as left out; and a controller file that was changed by hand is refused
 /// as a model is.
 #[test]
@@ -240,6 +268,7 @@ fn val_design_from_a_model_names_every_effect() {
         assert_eq!(found["by"].as_str().unwrap_or(""), by, "{effect}");
         // The table that inverts three plays: 0.3 % of the range is a third of a volt.
         assert!(answer["inverse_misfit_percent"].as_f64().unwrap() < 0.3, "{answer}");
+        exported(out, effect);
     }
     std::fs::write(path, model(RISING, "resonance", &mode(800.0, 0.02))).unwrap();
     let designed = Command::new(env!("CARGO_BIN_EXE_hysteron"))

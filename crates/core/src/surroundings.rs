@@ -8,8 +8,9 @@ use crate::effects::lag::{Lag, LagState};
 use crate::effects::sensor::SensorCurve;
 use crate::effects::thermal::{Heat, HeatState};
 use crate::error::{ParamError, in_range};
+use crate::limiter::Limiter;
 use crate::real::Real;
-use crate::tracking_law::{TrackingLaw, TrackingState};
+use crate::tracking_law::{self, TrackingLaw, TrackingState};
 
 /// Harmonics of the mains that are taken out.
 pub const HARMONICS: usize = 5;
@@ -116,6 +117,24 @@ pub struct ChainLaw<T, const TAPS: usize, const PLAYS: usize, const FAST: usize,
     pub surroundings: Surroundings<T>,
 }
 
+/// The law with the sizes of a designed controller.
+pub type CompleteLaw<T> = ChainLaw<
+    T,
+    { tracking_law::TAPS },
+    { tracking_law::PLAYS },
+    { tracking_law::CREEP_FAST },
+    { tracking_law::CREEP_SLOW },
+>;
+
+/// State of [`CompleteLaw`].
+pub type CompleteState<T> = ChainState<
+    T,
+    { tracking_law::TAPS },
+    { tracking_law::PLAYS },
+    { tracking_law::CREEP_FAST },
+    { tracking_law::CREEP_SLOW },
+>;
+
 /// State of [`ChainLaw`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChainState<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
@@ -142,16 +161,19 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         self.tracking.feedforward.preview.ahead()
     }
 
-    /// The state of a stage that was cycled and rests at 0 V and 0 um, at `temperature_c`, the other axis at 0 V.
+    /// The state of a stage that was cycled and rests at 0 V, where that is, at `temperature_c`, the other axis at 0 V.
     pub fn rest(&self, temperature_c: T) -> ChainState<T, TAPS, PLAYS, FAST, SLOW> {
         ChainState {
             tracking: self.tracking.rest(),
-            ring: [T::ZERO; TAPS],
+            ring: [self.surroundings.rest; TAPS],
             newest: 0,
             coupling: self.surroundings.coupling.map(|part| part.rest_at(T::ZERO)),
             hum: self.surroundings.hum.map(|part| part.start()),
             heat: self.surroundings.heat.map(|part| part.settled_at(temperature_c)),
-            sensor_lag: self.surroundings.sensor_lag.map(|part| part.rest_at(T::ZERO)),
+            sensor_lag: self
+                .surroundings
+                .sensor_lag
+                .map(|part| part.rest_at(self.surroundings.rest)),
         }
     }
 
@@ -160,6 +182,17 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     /// Finite and within the limits for every input.
     #[inline(always)]
     pub fn step(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, input: LoopInput<T>) -> T {
+        self.step_through(state, input, &self.tracking.limiter)
+    }
+
+    /// As [`Self::step`], through another limiter: a slower one on the way from rest to a reference.
+    #[inline(always)]
+    pub fn step_through(
+        &self,
+        state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>,
+        input: LoopInput<T>,
+        limiter: &Limiter<T>,
+    ) -> T {
         let around = &self.surroundings;
         let mut target = input.reference_ahead - around.rest;
         if let (Some(part), Some(memory)) = (&around.coupling, &mut state.coupling) {
@@ -172,7 +205,8 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
             target = part.undo(memory, target, input.temperature_c);
         }
         let command = self.tracking.feedforward.step(&mut state.tracking.feedforward, target);
-        let due = self.due(state, input.reference_ahead);
+        self.take_in(state, input.reference_ahead);
+        let due = self.due(state);
         let expected = match (&around.sensor_lag, &mut state.sensor_lag) {
             (Some(part), Some(memory)) => part.step(memory, due),
             _ => due,
@@ -185,17 +219,21 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         if let (Some(part), Some(memory)) = (&around.hum, &mut state.hum) {
             part.learn(memory, error);
         }
-        self.tracking.close(&mut state.tracking, command, error)
+        self.tracking.close(&mut state.tracking, command, error, limiter)
     }
 
-    /// Takes in a reference and gives the one that is due now.
     #[inline(always)]
-    fn due(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, reference_ahead: T) -> T {
+    fn take_in(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, reference_ahead: T) {
         let last = state.ring.get(state.newest).copied().unwrap_or(T::ZERO);
         state.newest = if state.newest + 1 < TAPS { state.newest + 1 } else { 0 };
         if let Some(cell) = state.ring.get_mut(state.newest) {
             *cell = admit(reference_ahead, last);
         }
+    }
+
+    /// The reference that is due now: of the last [`Self::step`], what the position is compared with.
+    #[inline(always)]
+    pub fn due(&self, state: &ChainState<T, TAPS, PLAYS, FAST, SLOW>) -> T {
         let ahead = self.ahead();
         let index = if ahead <= state.newest {
             state.newest - ahead
@@ -215,6 +253,14 @@ impl<T: Copy, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         T: Real,
     {
         self.tracking.limiter().limited()
+    }
+
+    /// What the feedback has integrated, volts.
+    pub fn integral(&self) -> T
+    where
+        T: Real,
+    {
+        self.tracking.integral()
     }
 }
 

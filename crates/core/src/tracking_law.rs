@@ -11,6 +11,17 @@ use crate::play_polynomial::PlayPolynomial;
 use crate::preview::{Preview, PreviewState};
 use crate::real::Real;
 
+/// Coefficients of the preview filter of a designed controller: 0.64 ms at 50 kHz.
+pub const TAPS: usize = 32;
+/// Plays of its direct inverse: 18 graded ones with cubics reached half the error of 10 even ones on simulated stages.
+pub const PLAYS: usize = 18;
+/// Its elements of creep that run at every sample.
+pub const CREEP_FAST: usize = 5;
+/// Its elements of creep that run once in [`CREEP_DIVIDER`] samples.
+pub const CREEP_SLOW: usize = 5;
+/// Samples a step of the slow elements: 1 ms at 50 kHz.
+pub const CREEP_DIVIDER: u32 = 50;
+
 /// The stage's chain backwards: structure and latency ([`Preview`] and one second-order section for what lies between two
 /// modes), creep, hysteresis (direct inverse), amplifier's lag.
 ///
@@ -161,20 +172,24 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     pub fn step(&self, state: &mut TrackingState<T, TAPS, PLAYS, FAST, SLOW>, reference_ahead: T, measured: T) -> T {
         let command = self.feedforward.step(&mut state.feedforward, reference_ahead);
         let error = self.feedforward.due(&state.feedforward) - measured;
-        self.close(state, command, error)
+        self.close(state, command, error, &self.limiter)
     }
 
-    /// The feedforward's command with feedback on an error, through the limiter.
+    /// The feedforward's command with feedback on an error, through a limiter: its own, or a slower one on the way from rest.
     #[inline(always)]
-    pub(crate) fn close(&self, state: &mut TrackingState<T, TAPS, PLAYS, FAST, SLOW>, command: T, error: T) -> T {
+    pub(crate) fn close(
+        &self,
+        state: &mut TrackingState<T, TAPS, PLAYS, FAST, SLOW>,
+        command: T,
+        error: T,
+        limiter: &Limiter<T>,
+    ) -> T {
+        let room = limiter.room(&state.limiter);
         let correction = match &self.feedback {
-            Some(feedback) => {
-                let (lowest, highest) = self.limiter.room(&state.limiter);
-                feedback.step(&mut state.feedback, error, lowest - command, highest - command)
-            }
+            Some(feedback) => feedback.step(&mut state.feedback, error, room.0 - command, room.1 - command),
             None => T::ZERO,
         };
-        self.limiter.step(&mut state.limiter, command + correction)
+        limiter.step_within(&mut state.limiter, room, command + correction)
     }
 }
 
@@ -184,5 +199,13 @@ impl<T: Copy, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     /// The limiter, which knows whether the last command met a limit.
     pub fn limiter(&self) -> &LimiterState<T> {
         &self.limiter
+    }
+
+    /// What the feedback has integrated, volts.
+    pub fn integral(&self) -> T
+    where
+        T: Real,
+    {
+        self.feedback.integral.integral()
     }
 }

@@ -27,6 +27,8 @@ impl Table {
     ///   [`MOST_PLAYS`]; lists of different lengths.
     /// - What the core's constructors refuse in `f32`.
     /// - An inverse that does not rise, or falls, with its input all over its range, both ways, at rest.
+    /// - With a `[controller]`: another family, gains outside of it, a safe level other than 0 V, references outside what its inverse
+    ///   was identified on.
     /// - An output at rest outside what the amplifier may be given, or a command range outside the DAC's.
     pub fn check(&self) -> Result<(), TableError> {
         self.sweep().map(|_| ())
@@ -93,7 +95,18 @@ impl Table {
         }
         Converter::new(self.dac_min_v as f32, self.dac_top_v as f32)?;
         Converter::new(self.adc_min_um as f32, self.adc_top_um as f32)?;
-        self.check_plays()
+        let Some(part) = &self.controller else {
+            return self.check_plays();
+        };
+        self.check_controller(part)?;
+        // The inverse counts from the stage's rest.
+        let from_rest = Self {
+            input_min_um: self.input_min_um - part.rest_um,
+            input_max_um: self.input_max_um - part.rest_um,
+            controller: None,
+            ..self.clone()
+        };
+        from_rest.check_plays()
     }
 
     fn finite(&self) -> Result<(), TableError> {
@@ -262,7 +275,7 @@ impl Table {
     }
 }
 
-fn refuse(field: &str, value: impl ToString, reason: impl Into<String>) -> TableError {
+pub(crate) fn refuse(field: &str, value: impl ToString, reason: impl Into<String>) -> TableError {
     TableError::Field {
         field: field.to_owned(),
         value: value.to_string(),

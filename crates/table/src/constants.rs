@@ -1,6 +1,8 @@
 //! A table as Rust constants in `f32`.
 
 use crate::{CORNERS_ABOVE, Family, Table, TableError, hash};
+#[cfg(doc)]
+use hysteron_core::law_numbers::LawNumbers;
 use std::fmt::Write;
 
 /// What builds the inverse of each family from the constants.
@@ -63,9 +65,31 @@ pub fn bank() -> Result<hysteron_core::bank::PlayBank<f32, PLAYS>, hysteron_core
 }
 ";
 
+/// The paper's law around the inverse.
+const PAPER: &str = "
+pub type Law = crate::law::Paper<Inverse>;
+pub fn law() -> Result<Law, hysteron_core::error::ParamError> {
+    let feedback = hysteron_core::pi_controller::PiController::new(
+        PROPORTIONAL_V_PER_UM, INTEGRAL_V_PER_UM_S, SAMPLE_RATE_HZ)?;
+    let limiter = hysteron_core::limiter::Limiter::new(OUTPUT_MIN_V, OUTPUT_MAX_V, SLEW_V_PER_S, SAMPLE_RATE_HZ)?;
+    Ok(Law::new(inverse()?, feedback, limiter))
+}
+";
+/// The complete law, which has an inverse of its own; its numbers follow.
+const COMPLETE: &str = "
+pub type Law = crate::law::Complete;
+pub fn law() -> Result<Law, hysteron_core::error::ParamError> {
+    Ok(Law::new(NUMBERS.law()?))
+}
+#[allow(unused_imports, reason = \"a law without feedback or hum has no numbers of them\")]
+use hysteron_core::law_numbers::{CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers};
+";
+
 impl Table {
     /// The constants that the firmware includes: one `pub const` a field, the functions that build the inverse from them, and the
     /// hash of `text`, the table's file.
+    ///
+    /// Those of a complete law are in `f64`, as [`LawNumbers`] has them, from which the core makes its `f32`.
     ///
     /// Values are written by their shortest decimal that gives the same `f32`.
     ///
@@ -127,6 +151,11 @@ impl Table {
             let _ = writeln!(source, "pub const {name}: [f32; PLAYS] = [{}];", values.join(", "));
         }
         let _ = writeln!(source, "pub const HASH: [u8; 32] = {:?};", hash(text));
+        if let Some(numbers) = self.law_numbers()? {
+            // Numbers as the core's own types print them: the shortest decimals that give the same f64.
+            let _ = writeln!(source, "{COMPLETE}pub const NUMBERS: LawNumbers = {numbers:?};");
+            return Ok(source);
+        }
         source += BANK;
         source += match self.family {
             Family::PlayPolynomial => "",
@@ -139,6 +168,7 @@ impl Table {
             Family::Mrpi => MRPI,
             Family::PlayPolynomial => PLAY_POLYNOMIAL,
         };
+        source += PAPER;
         Ok(source)
     }
 }

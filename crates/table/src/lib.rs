@@ -5,10 +5,12 @@
 
 mod check;
 mod constants;
+mod controller;
 pub mod gains;
 mod inverse;
 
 pub use check::Sweep;
+pub use controller::{Controller, Feedback, Hum};
 pub use inverse::Inverse;
 
 use serde::{Deserialize, Serialize};
@@ -25,7 +27,7 @@ pub const MOST_PLAYS: usize = 100;
 /// each play above 10 against 540 on a Cortex-M4F.
 pub const CORNERS_ABOVE: usize = 34;
 
-/// A compensator for one axis: a direct inverse (eq. 13), the PI gains (eq. 14), limits and converters.
+/// A compensator for one axis: a direct inverse (eq. 13), the PI gains (eq. 14) or a complete law around it, limits and converters.
 ///
 /// # Units
 /// In the names. Converter limits are given where they act: volts at the actuator, micrometres at the platform.
@@ -101,6 +103,9 @@ pub struct Table {
     /// Weights of the plays' cubes; play-polynomial only.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub weights_cubic_v_per_um3: Vec<f64>,
+    /// The complete law around the inverse; without it the table is an inverse with PI.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub controller: Option<Controller>,
 }
 
 /// The families of the core, by their names in files.

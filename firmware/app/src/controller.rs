@@ -1,5 +1,6 @@
 //! One tick: watch, then the control law or the ramp to or from the safe level.
 
+use crate::law::{Law, Start, Step};
 use crate::monitor::{Fault, Monitor, MonitorState, Tick};
 use crate::parameters::Parameters;
 use crate::trajectory::{Trajectory, Uploaded};
@@ -7,21 +8,18 @@ use crate::tuning::{Change, Mailbox};
 use crate::wire::{ACCEPTED, REFUSED};
 use crate::wire::{Frame, Input, Mode, Order, Setup, flags};
 use hysteron_core::codes::AdcCode;
-use hysteron_core::control_law::{ControlLaw, ControlState};
 use hysteron_core::limiter::LimiterState;
-use hysteron_core::model::AtRest;
 use hysteron_core::pi_controller::PiController;
 
 /// Control law, trajectory, monitor, and what the controller is at.
 ///
-/// It begins at the safe level. [`Order::Start`] ramps the command to what the inverse asks for at the trajectory's first value, then
+/// It begins at the safe level. [`Order::Start`] ramps the command to what the law asks for at the trajectory's first value, then
 /// the loop runs. [`Order::Stop`] and every fault ramp it to the safe level. A fault is latched until [`Order::Clear`], and nothing
 /// but a new [`Order::Start`] lets it rise again.
 #[derive(Debug, Clone)]
-pub struct Controller<I: AtRest<f32>> {
-    parameters: Parameters<I>,
-    law: ControlLaw<f32, I>,
-    state: ControlState<f32, I::State>,
+pub struct Controller<L: Law> {
+    parameters: Parameters<L>,
+    state: L::State,
     ramp: LimiterState<f32>,
     monitor: Monitor,
     seen: MonitorState,
@@ -38,22 +36,25 @@ pub struct Controller<I: AtRest<f32>> {
     number: u32,
 }
 
-impl<I: AtRest<f32> + Copy> Controller<I> {
+impl<L: Law> Controller<L> {
     /// The controller at its safe level.
-    pub fn new(parameters: Parameters<I>, setup: &Setup) -> Self {
-        let law = ControlLaw {
-            feedforward: setup.feedforward.then_some(parameters.inverse),
-            feedback: setup.feedback.then_some(parameters.feedback),
-            limiter: parameters.limiter,
-        };
+    pub fn new(mut parameters: Parameters<L>, setup: &Setup) -> Self {
         let trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
         let uploaded = Uploaded::default();
         let first_um = trajectory.first_um(&uploaded);
-        let plays = parameters.inverse.at_rest(first_um, first_um);
         let frequency_hz = setup.frequency_hz(parameters.sample_rate_hz);
+        let feedback_weight = feedback_weight(frequency_hz, parameters.feedback_up_to_hz);
+        let law = &mut parameters.law;
+        law.set_parts(setup.feedforward, setup.feedback, feedback_weight);
+        let state = law.start(&Start {
+            measured_um: first_um,
+            first_um,
+            command_v: parameters.safe_v,
+            feedback_weight,
+            rise_um: parameters.rise_um,
+        });
         Self {
-            law,
-            state: law.start(plays, parameters.safe_v),
+            state,
             ramp: parameters.ramp.start_at(parameters.safe_v),
             monitor: Monitor::new(&parameters.scales, setup.half_period()),
             seen: MonitorState::default(),
@@ -62,7 +63,7 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
             setup: *setup,
             mailbox: Mailbox::default(),
             uploaded,
-            feedback_weight: feedback_weight(frequency_hz, parameters.feedback_up_to_hz),
+            feedback_weight,
             mode: Mode::Off,
             fault: None,
             command_v: parameters.safe_v,
@@ -76,7 +77,7 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
     /// `late` says that the tick before ended after the edge of this one.
     ///
     /// # Cost
-    /// That of [`ControlLaw::step`] with the table's inverse, two conversions, a look-up, and about 60 instructions of watching.
+    /// That of the law, two conversions, a look-up, and about 60 instructions of watching.
     #[inline(always)]
     pub fn step(&mut self, input: Input, late: bool) -> Frame {
         let measured_um = self.parameters.adc.volts(AdcCode(input.adc));
@@ -90,7 +91,7 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
         }
         let (reference_um, limited) = match self.mode {
             Mode::Running => self.run(input.adc, measured_um),
-            Mode::Rising => self.rise(),
+            Mode::Rising => self.rise(measured_um),
             Mode::Falling | Mode::Off => self.fall(),
         };
         let frame = Frame {
@@ -139,8 +140,7 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
                 let rate_hz = self.parameters.sample_rate_hz;
                 let gains = PiController::new(proportional_v_per_um, integral_v_per_um_s, rate_hz);
                 gains.is_ok_and(|gains| {
-                    self.parameters.feedback = gains;
-                    self.law.feedback = self.law.feedback.map(|_| gains);
+                    self.parameters.law.set_gains(gains);
                     true
                 })
             }
@@ -187,21 +187,23 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
         }
         let frequency_hz = setup.frequency_hz(self.parameters.sample_rate_hz);
         self.setup = *setup;
-        self.law.feedforward = setup.feedforward.then_some(self.parameters.inverse);
-        self.law.feedback = setup.feedback.then_some(self.parameters.feedback);
         self.feedback_weight = feedback_weight(frequency_hz, self.parameters.feedback_up_to_hz);
+        let law = &mut self.parameters.law;
+        law.set_parts(setup.feedforward, setup.feedback, self.feedback_weight);
         self.monitor = Monitor::new(&self.parameters.scales, setup.half_period());
         self.trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
         self.first_um = self.trajectory.first_um(&self.uploaded);
         true
     }
 
-    /// The plays where the stage's are: at rest at the safe level after coming down to it, wherever the sensor sees that.
     fn start(&mut self, measured_um: f32) {
-        let plays = self.parameters.inverse.at_rest(measured_um, self.first_um);
-        self.state = self.law.start(plays, self.command_v);
-        self.state.set_feedback_weight(self.feedback_weight);
-        self.ramp = self.parameters.ramp.start_at(self.command_v);
+        self.state = self.parameters.law.start(&Start {
+            measured_um,
+            first_um: self.first_um,
+            command_v: self.command_v,
+            feedback_weight: self.feedback_weight,
+            rise_um: self.parameters.rise_um,
+        });
         self.seen = MonitorState::default();
         let setup = &self.setup;
         self.trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
@@ -218,19 +220,21 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
 
     #[inline(always)]
     fn run(&mut self, code: u16, measured_um: f32) -> (f32, bool) {
-        let reference_um = self.trajectory.next_um(&self.uploaded);
-        self.command_v = self.law.step(&mut self.state, reference_um, measured_um);
-        let limited = self.state.limiter.limited();
+        let trajectory_um = self.trajectory.next_um(&self.uploaded);
+        let Step {
+            reference_um,
+            command_v,
+            limited,
+            feedback_v,
+        } = self.parameters.law.run(&mut self.state, trajectory_um, measured_um);
+        self.command_v = command_v;
         let tick = Tick {
             code,
             reference_um,
             measured_um,
-            command_v: self.command_v,
+            command_v,
             limited,
-            feedback_v: match (&self.law.feedforward, &self.law.feedback) {
-                (Some(_), Some(_)) => self.state.feedback.integral(),
-                _ => 0.0,
-            },
+            feedback_v,
         };
         if let Some(fault) = self.monitor.tracking(&mut self.seen, &tick) {
             self.trip(fault);
@@ -238,22 +242,14 @@ impl<I: AtRest<f32> + Copy> Controller<I> {
         (reference_um, limited)
     }
 
-    /// Towards the inverse's command at the trajectory's first value; feedback alone starts from where it is.
-    fn rise(&mut self) -> (f32, bool) {
-        let first_um = self.first_um;
-        let wanted_v = match &self.law.feedforward {
-            Some(inverse) => inverse.step(&mut self.state.feedforward, first_um),
-            None => self.command_v,
-        };
-        let before_v = self.command_v;
-        self.command_v = self.parameters.ramp.step(&mut self.ramp, wanted_v);
-        let limited = self.ramp.limited();
-        // Where the stage rests above the trajectory, the inverse asks for less than the amplifier has: as near as it goes is there.
-        if !limited || self.command_v == before_v {
-            self.state.limiter = self.law.limiter.start_at(self.command_v);
+    fn rise(&mut self, measured_um: f32) -> (f32, bool) {
+        let law = &self.parameters.law;
+        let (step, there) = law.rise(&mut self.state, &self.parameters.ramp, measured_um);
+        self.command_v = step.command_v;
+        if there {
             self.mode = Mode::Running;
         }
-        (first_um, limited)
+        (step.reference_um, step.limited)
     }
 
     fn fall(&mut self) -> (f32, bool) {

@@ -9,6 +9,7 @@ pub mod ad5683r;
 pub mod chips;
 pub mod controller;
 pub mod kept;
+pub mod law;
 pub mod monitor;
 pub mod parameters;
 pub mod table;
@@ -19,7 +20,7 @@ pub mod wire;
 
 use controller::Controller;
 use hysteron_core::codes::DacCode;
-use hysteron_core::model::AtRest;
+use law::Law;
 use wire::{Frame, Input};
 
 /// What the application needs of a board.
@@ -34,7 +35,7 @@ pub trait Board {
 
 /// The body of the converter's interrupt: convert, one call of the core, convert.
 #[inline(always)]
-pub fn tick<B: Board, I: AtRest<f32> + Copy>(board: &mut B, controller: &mut Controller<I>) {
+pub fn tick<B: Board, L: Law>(board: &mut B, controller: &mut Controller<L>) {
     let input = board.read();
     let frame = controller.step(input, board.late());
     board.write(DacCode(frame.dac), &frame);

@@ -3,21 +3,19 @@
 use crate::monitor::Scales;
 use hysteron_core::codes::Converter;
 use hysteron_core::limiter::Limiter;
-use hysteron_core::pi_controller::PiController;
 
-/// Inverse, feedback, limits and converters of one axis.
+/// Law, limits and converters of one axis.
 ///
 /// On the chip these are the constants of the table that was compiled in, [`crate::table::parameters`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Parameters<I> {
-    /// The direct inverse.
-    pub inverse: I,
-    /// PI gains.
-    pub feedback: PiController<f32>,
-    /// Range and slew of the command.
-    pub limiter: Limiter<f32>,
+pub struct Parameters<L> {
+    /// The control law, with range and slew of the command.
+    pub law: L,
     /// Range of the command, and the slew of its way from and to the safe level.
     pub ramp: Limiter<f32>,
+    /// Largest step of a reference on its way from rest to a trajectory: the ramp's change of the command where the inverse is steepest,
+    /// micrometres.
+    pub rise_um: f32,
     /// What the monitor's limits are made of.
     pub scales: Scales,
     /// Codes of the command, volts at the actuator.

@@ -9,7 +9,6 @@ use crate::parameters::Parameters;
 use hysteron_core::codes::Converter;
 use hysteron_core::error::ParamError;
 use hysteron_core::limiter::Limiter;
-use hysteron_core::pi_controller::PiController;
 
 include!(concat!(env!("OUT_DIR"), "/table.rs"));
 
@@ -17,12 +16,11 @@ include!(concat!(env!("OUT_DIR"), "/table.rs"));
 ///
 /// # Errors
 /// What the core refuses; the build has run the same constructors on the same numbers, so it refuses nothing here.
-pub fn parameters() -> Result<Parameters<Inverse>, ParamError> {
+pub fn parameters() -> Result<Parameters<Law>, ParamError> {
     Ok(Parameters {
-        inverse: inverse()?,
-        feedback: PiController::new(PROPORTIONAL_V_PER_UM, INTEGRAL_V_PER_UM_S, SAMPLE_RATE_HZ)?,
-        limiter: Limiter::new(OUTPUT_MIN_V, OUTPUT_MAX_V, SLEW_V_PER_S, SAMPLE_RATE_HZ)?,
+        law: law()?,
         ramp: Limiter::new(OUTPUT_MIN_V, OUTPUT_MAX_V, RAMP_V_PER_S, SAMPLE_RATE_HZ)?,
+        rise_um: RAMP_V_PER_S / SAMPLE_RATE_HZ / SLOPES_V_PER_UM[1],
         scales: Scales {
             range_um: INPUT_MAX_UM - INPUT_MIN_UM,
             um_per_code: (ADC_TOP_UM - ADC_MIN_UM) / 65_535.0,

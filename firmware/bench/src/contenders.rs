@@ -6,30 +6,15 @@ use hysteron_core::control_law::{ControlLaw, ControlState};
 use hysteron_core::corners::CornerMrpi;
 use hysteron_core::envelope::Envelope;
 use hysteron_core::error::ParamError;
+use hysteron_core::limiter::Limiter;
 use hysteron_core::model::{AtRest, Hysteresis};
 use hysteron_core::mpi::MpiCoefficients;
+use hysteron_core::pi_controller::PiController;
 use hysteron_core::thresholds::Thresholds;
 use hysteron_firmware::table;
 
 /// Plays of the larger bank.
 pub const MANY: usize = 100;
-
-/// FNV-1a of codes.
-pub struct Code(pub u32);
-
-impl Default for Code {
-    fn default() -> Self {
-        Self(0x811c_9dc5)
-    }
-}
-
-impl Code {
-    pub fn add(&mut self, code: u16) {
-        for byte in code.to_le_bytes() {
-            self.0 = (self.0 ^ u32::from(byte)).wrapping_mul(0x0100_0193);
-        }
-    }
-}
 
 /// The core's law between codes.
 #[derive(Clone, Copy)]
@@ -53,8 +38,17 @@ impl<I: Hysteresis<f32>> RustTick<I> {
         let parameters = table::parameters()?;
         let law = ControlLaw {
             feedforward: Some(inverse),
-            feedback: Some(parameters.feedback),
-            limiter: parameters.limiter,
+            feedback: Some(PiController::new(
+                table::PROPORTIONAL_V_PER_UM,
+                table::INTEGRAL_V_PER_UM_S,
+                table::SAMPLE_RATE_HZ,
+            )?),
+            limiter: Limiter::new(
+                table::OUTPUT_MIN_V,
+                table::OUTPUT_MAX_V,
+                table::SLEW_V_PER_S,
+                table::SAMPLE_RATE_HZ,
+            )?,
         };
         let state = law.start(plays, parameters.safe_v);
         Ok(Self {

@@ -52,7 +52,7 @@ impl Board for Emulated {
 /// What the interrupt owns once the timer runs.
 struct Loop {
     board: Emulated,
-    controller: Controller<table::Inverse>,
+    controller: Controller<table::Law>,
     setup: Setup,
     /// Ticks done.
     done: u32,

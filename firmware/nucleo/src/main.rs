@@ -102,7 +102,7 @@ impl Board for Converters {
 /// What the interrupt owns once the timer runs.
 struct Loop {
     converters: Converters,
-    controller: Controller<table::Inverse>,
+    controller: Controller<table::Law>,
 }
 
 /// Written by `main` before the timer starts, the interrupt's alone after that.

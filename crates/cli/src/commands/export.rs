@@ -1,5 +1,7 @@
 //! `hysteron export`.
 
+mod controller;
+
 use crate::commands::simulate::StageName;
 use crate::error::CliError;
 use crate::exit::Done;
@@ -9,6 +11,7 @@ use hysteron_identify::{Direction, Model};
 use hysteron_plant::{Amplifier, Converter, Sensor, StageConfig};
 use hysteron_table::gains::{Design, LoopData, design};
 use hysteron_table::{FORMAT, Family, Table, TableError};
+use hysteron_tracking::design::Controller;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -16,18 +19,20 @@ use std::path::PathBuf;
 #[command(
     after_help = "Examples:\n  hysteron fit stage --model mrpi --direction inverse -o inverse.toml\n  \
     hysteron export inverse.toml -o firmware/tables/mine.toml --mode 8000 --damping 0.02 --latency-us 30\n  \
-    hysteron export inverse.toml -o firmware/tables/paper-rate-mrpi.toml --stage paper-rate\n\n\
-    The integral gain is designed for a phase margin of 60 degrees at the latency and a gain margin of 2 at the first mode,\n\
+    hysteron export inverse.toml -o firmware/tables/paper-rate-mrpi.toml --stage paper-rate\n  \
+    hysteron export controller.toml -o firmware/tables/tracking-8k.toml --stage 8k\n\n\
+    A controller of `hysteron design` becomes a table with its complete law: preview, creep, lead, modes, mains, sensor, feedback.\n\
+    Of a model the integral gain is designed for a phase margin of 60 degrees at the latency and a gain margin of 2 at the first mode,\n\
     and is 0 where neither is given. Converters and amplifier are by default those of the paper's bench."
 )]
 pub(crate) struct ExportArgs {
-    /// A direct inverse (`hysteron fit --direction inverse`), without effects
+    /// A direct inverse (`hysteron fit --direction inverse`) without effects, or a controller (`hysteron design`)
     #[arg(value_name = "MODEL")]
     pub model: PathBuf,
     /// A built-in stage: converters, amplifier, latency and first mode are its own
     #[arg(long, value_enum, conflicts_with_all = ["mode", "damping", "latency_us", "amplifier", "dac", "adc", "rate"])]
     pub stage: Option<StageName>,
-    /// Rate of the control loop, hertz
+    /// Rate of the control loop, hertz; a controller has its own
     #[arg(long, value_name = "HZ", default_value_t = 50e3)]
     pub rate: f64,
     /// Lowest reference, micrometres; by default the lowest position the model was fitted on
@@ -60,9 +65,10 @@ pub(crate) struct ExportArgs {
     /// Integral gain, volts per micrometre and second; by default the designed one
     #[arg(long)]
     pub integral: Option<f64>,
-    /// Feedback is whole up to this frequency of the reference and none from twice it, hertz
-    #[arg(long, default_value_t = 400.0)]
-    pub feedback_up_to: f64,
+    /// Feedback is whole up to this frequency of the reference and none from twice it, hertz; by default 400, and of a controller where its
+    /// feedback helps up to
+    #[arg(long, value_name = "HZ")]
+    pub feedback_up_to: Option<f64>,
     /// The table
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
@@ -77,22 +83,26 @@ fn range(text: &str) -> Result<[f64; 2], String> {
 }
 
 pub(crate) fn run(args: &ExportArgs) -> Result<Done, CliError> {
-    let model = Model::read(&args.model)?;
     let refused = |source| CliError::Table {
         path: args.model.clone(),
         source,
     };
-    let (table, designed) = table(&model, args, &refused)?;
+    let (table, said) = if Controller::is_one(&args.model) {
+        let designed = Controller::read(&args.model)?;
+        let table = controller::table(&designed, args)?;
+        let said = controller::said(&table, &designed);
+        (table, said)
+    } else {
+        let (table, designed) = table(&Model::read(&args.model)?, args, &refused)?;
+        let said = said(&table, designed.as_ref(), args);
+        (table, said)
+    };
     let text = table.to_toml().map_err(refused)?;
     std::fs::write(&args.output, &text).map_err(|source| CliError::Write {
         path: args.output.clone(),
         source,
     })?;
-    output::print(&format!(
-        "{}written to {}\n",
-        said(&table, designed.as_ref(), args),
-        args.output.display()
-    ))?;
+    output::print(&format!("{said}written to {}\n", args.output.display()))?;
     Ok(Done::Answered)
 }
 
@@ -173,6 +183,11 @@ fn top([low, full_scale]: [f64; 2]) -> f64 {
 /// The latency beside the half sample of hold, seconds, and the first mode's frequency, hertz, and damping, where it is known.
 type KnownLoop = (f64, Option<[f64; 2]>);
 
+/// The whole range in 1 ms: with 200 V, five times the slope of a 26 V sine at 500 Hz (pi x 500 Hz x 26 V).
+const SLEW_RANGES_PER_S: f64 = 1e3;
+/// The whole range in 20 ms: many periods of every mode above 200 Hz, which it then does not excite.
+const RAMP_RANGES_PER_S: f64 = 50.0;
+
 /// What the loop's gain depends on, where it is known.
 fn loop_data(stage: Option<&StageConfig>, args: &ExportArgs) -> Result<Option<KnownLoop>, CliError> {
     if let Some(stage) = stage {
@@ -220,7 +235,9 @@ fn table(
         return refuse("runs forward; the board needs a direct inverse: fit with --direction inverse");
     }
     if !model.effects.is_empty() {
-        return refuse("has effects, which the board does not compensate yet; export a model without");
+        return refuse(
+            "has effects, which a table of an inverse alone cannot hold; design a controller from a forward model and export that",
+        );
     }
     let stage = args.stage.map(StageName::config);
     let ends = Ends::of(stage.as_ref(), args);
@@ -236,13 +253,11 @@ fn table(
         output_min_v,
         output_max_v,
         safe_v: 0.0_f64.clamp(output_min_v, output_max_v.max(output_min_v)),
-        // The whole range in 1 ms: with 200 V, five times the slope of a 26 V sine at 500 Hz (pi x 500 Hz x 26 V).
-        slew_v_per_s: (output_max_v - output_min_v) * 1e3,
-        // The whole range in 20 ms: many periods of every mode above 200 Hz, which it then does not excite.
-        ramp_v_per_s: (output_max_v - output_min_v) * 50.0,
+        slew_v_per_s: (output_max_v - output_min_v) * SLEW_RANGES_PER_S,
+        ramp_v_per_s: (output_max_v - output_min_v) * RAMP_RANGES_PER_S,
         proportional_v_per_um: args.proportional,
         integral_v_per_um_s: args.integral.unwrap_or(0.0),
-        feedback_up_to_hz: args.feedback_up_to,
+        feedback_up_to_hz: args.feedback_up_to.unwrap_or(400.0),
         dac_min_v: ends.dac_v[0],
         dac_top_v,
         adc_min_um: ends.adc_um[0],
@@ -279,15 +294,36 @@ fn inverse(model: &Model) -> Table {
             .filter(|parameter| parameter.name.split('[').next() == Some(name) && parameter.name.contains('['));
         of_name.map(|parameter| parameter.value).collect()
     };
+    let family = match model.family {
+        hysteron_identify::Family::Pi => Family::Pi,
+        hysteron_identify::Family::Mpi => Family::Mpi,
+        hysteron_identify::Family::Wrpi => Family::Wrpi,
+        hysteron_identify::Family::Mrpi => Family::Mrpi,
+        hysteron_identify::Family::PlayPolynomial => Family::PlayPolynomial,
+    };
+    Table {
+        alpha_s: number("alpha"),
+        beta_s: number("beta"),
+        offset_v: number("offset"),
+        linear_v_per_um: number("linear"),
+        quadratic_v_per_um2: number("quadratic"),
+        cubic_v_per_um3: number("cubic"),
+        quartic_v_per_um4: number("power4"),
+        quintic_v_per_um5: number("power5"),
+        thresholds_um: model.thresholds.clone(),
+        weights_v_per_um: list("weight"),
+        rate_weights_v_s_per_um2: list("rate_weight"),
+        weights_quadratic_v_per_um2: list("weight_quadratic"),
+        weights_cubic_v_per_um3: list("weight_cubic"),
+        ..empty(family)
+    }
+}
+
+/// A table of zeros.
+fn empty(family: Family) -> Table {
     Table {
         format: String::new(),
-        family: match model.family {
-            hysteron_identify::Family::Pi => Family::Pi,
-            hysteron_identify::Family::Mpi => Family::Mpi,
-            hysteron_identify::Family::Wrpi => Family::Wrpi,
-            hysteron_identify::Family::Mrpi => Family::Mrpi,
-            hysteron_identify::Family::PlayPolynomial => Family::PlayPolynomial,
-        },
+        family,
         sample_rate_hz: 0.0,
         input_min_um: 0.0,
         input_max_um: 0.0,
@@ -303,18 +339,19 @@ fn inverse(model: &Model) -> Table {
         dac_top_v: 0.0,
         adc_min_um: 0.0,
         adc_top_um: 0.0,
-        alpha_s: number("alpha"),
-        beta_s: number("beta"),
-        offset_v: number("offset"),
-        linear_v_per_um: number("linear"),
-        quadratic_v_per_um2: number("quadratic"),
-        cubic_v_per_um3: number("cubic"),
-        quartic_v_per_um4: number("power4"),
-        quintic_v_per_um5: number("power5"),
-        thresholds_um: model.thresholds.clone(),
-        weights_v_per_um: list("weight"),
-        rate_weights_v_s_per_um2: list("rate_weight"),
-        weights_quadratic_v_per_um2: list("weight_quadratic"),
-        weights_cubic_v_per_um3: list("weight_cubic"),
+        alpha_s: 0.0,
+        beta_s: 0.0,
+        offset_v: 0.0,
+        linear_v_per_um: 0.0,
+        quadratic_v_per_um2: 0.0,
+        cubic_v_per_um3: 0.0,
+        quartic_v_per_um4: 0.0,
+        quintic_v_per_um5: 0.0,
+        thresholds_um: Vec::new(),
+        weights_v_per_um: Vec::new(),
+        rate_weights_v_s_per_um2: Vec::new(),
+        weights_quadratic_v_per_um2: Vec::new(),
+        weights_cubic_v_per_um3: Vec::new(),
+        controller: None,
     }
 }

@@ -56,6 +56,15 @@ pub(crate) enum StageName {
     PaperRate,
     /// The paper's stage, static hysteresis behind a delay and the sensor's filter
     PaperDelay,
+    /// A stage for tracking, 20 um at 200 V with creep, its first mode at 8 kHz
+    #[value(name = "8k")]
+    Tracking8k,
+    /// The same with modes at 2.5 and 7.75 kHz
+    #[value(name = "2.5k")]
+    Tracking2k5,
+    /// The same with modes at 739 Hz and 2.29 kHz
+    #[value(name = "739")]
+    Tracking739,
 }
 
 impl StageName {
@@ -63,6 +72,9 @@ impl StageName {
         match self {
             Self::PaperRate => "paper-rate",
             Self::PaperDelay => "paper-delay",
+            Self::Tracking8k => "8k",
+            Self::Tracking2k5 => "2.5k",
+            Self::Tracking739 => "739",
         }
     }
 
@@ -70,6 +82,9 @@ impl StageName {
         match self {
             Self::PaperRate => preset::paper_rate(),
             Self::PaperDelay => preset::paper_delay(),
+            Self::Tracking8k => preset::tracking_8k(),
+            Self::Tracking2k5 => preset::tracking_2k5(),
+            Self::Tracking739 => preset::tracking_739(),
         }
     }
 }

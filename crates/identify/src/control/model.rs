@@ -1,22 +1,14 @@
 //! The identified chain as a controller needs it.
 
 use super::linear_part::LinearPart;
-use hysteron_core::bank::PlayBank;
 use hysteron_core::effects::creep::CreepInverse;
 use hysteron_core::error::ParamError;
-use hysteron_core::play_polynomial::{INPUT_DEGREE, PlayPolynomial, PolynomialCoefficients};
+use hysteron_core::law_numbers::{CreepNumbers, InverseNumbers};
+use hysteron_core::play_polynomial::PlayPolynomial;
 use hysteron_core::real::Real;
-use hysteron_core::thresholds::Thresholds;
 use serde::{Deserialize, Serialize};
 
-/// Plays of the direct inverse: 18 graded ones with cubics reached half the error of 10 even ones on simulated stages.
-pub const PLAYS: usize = 18;
-/// Elements of creep that run at every sample: 0.35 to 160 ms.
-pub const CREEP_FAST: usize = 5;
-/// Elements of creep that run once in [`CREEP_DIVIDER`] samples: 0.75 to 350 s.
-pub const CREEP_SLOW: usize = 5;
-/// Samples a step of the slow elements: 1 ms at 50 kHz, 1/750 of the fastest of them.
-pub const CREEP_DIVIDER: u32 = 50;
+pub use hysteron_core::tracking_law::{CREEP_DIVIDER, CREEP_FAST, CREEP_SLOW, PLAYS};
 
 /// Elements of creep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -109,34 +101,44 @@ pub struct HumPart {
     pub amplitudes_um: Vec<f64>,
 }
 
-fn array<T: Real, const N: usize>(name: &'static str, values: &[f64]) -> Result<[T; N], ParamError> {
-    let exact: [f64; N] = values.try_into().map_err(|_| ParamError::OutOfRange {
+fn array<const N: usize>(name: &'static str, values: &[f64]) -> Result<[f64; N], ParamError> {
+    values.try_into().map_err(|_| ParamError::OutOfRange {
         name,
         index: None,
         value: values.len() as f64,
         min: N as f64,
         max: N as f64,
-    })?;
-    Ok(exact.map(T::from_f64))
+    })
 }
 
 impl CreepPart {
+    /// The fast and the slow elements as the core takes them.
+    ///
+    /// # Errors
+    /// Another number of elements than the core's block has.
+    pub fn numbers(&self) -> Result<(CreepNumbers<CREEP_FAST>, CreepNumbers<CREEP_SLOW>), ParamError> {
+        let (fast_c, slow_c) = self.shares.split_at(CREEP_FAST.min(self.shares.len()));
+        let (fast_s, slow_s) = self.tau_s.split_at(CREEP_FAST.min(self.tau_s.len()));
+        let fast = CreepNumbers {
+            shares: array("number of fast creep shares", fast_c)?,
+            tau_s: array("number of fast creep times", fast_s)?,
+        };
+        let slow = CreepNumbers {
+            shares: array("number of slow creep shares", slow_c)?,
+            tau_s: array("number of slow creep times", slow_s)?,
+        };
+        Ok((fast, slow))
+    }
+
     /// The core's inverse.
     ///
     /// # Errors
-    /// Another number of elements than the core's block has, shares or times that it refuses.
+    /// As [`Self::numbers`]; shares or times that the core refuses.
     pub fn to_core<T: Real>(&self, sample_rate_hz: f64) -> Result<CreepInverse<T, CREEP_FAST, CREEP_SLOW>, ParamError> {
-        let (fast_c, slow_c) = self.shares.split_at(CREEP_FAST.min(self.shares.len()));
-        let (fast_s, slow_s) = self.tau_s.split_at(CREEP_FAST.min(self.tau_s.len()));
+        let (fast, slow) = self.numbers()?;
         CreepInverse::new(
-            [
-                array("number of fast creep shares", fast_c)?,
-                array("number of fast creep times", fast_s)?,
-            ],
-            [
-                array("number of slow creep shares", slow_c)?,
-                array("number of slow creep times", slow_s)?,
-            ],
+            [fast.shares, fast.tau_s],
+            [slow.shares, slow.tau_s],
             sample_rate_hz,
             CREEP_DIVIDER,
         )
@@ -144,28 +146,29 @@ impl CreepPart {
 }
 
 impl InversePart {
+    /// The inverse as the core takes it.
+    ///
+    /// # Errors
+    /// Another number of plays than the core's table has.
+    pub fn numbers(&self) -> Result<InverseNumbers, ParamError> {
+        Ok(InverseNumbers {
+            min_um: self.input_min_um,
+            max_um: self.input_max_um,
+            thresholds_um: array("number of thresholds", &self.thresholds_um)?,
+            offset_v: self.offset_v,
+            input_function: array("number of powers", &self.input_function)?,
+            linear: array("number of linear coefficients", &self.linear)?,
+            quadratic: array("number of quadratic coefficients", &self.quadratic)?,
+            cubic: array("number of cubic coefficients", &self.cubic)?,
+        })
+    }
+
     /// The core's inverse, its input limited to what it was identified on.
     ///
     /// # Errors
-    /// Another number of plays than the core's table has, values that it refuses.
+    /// As [`Self::numbers`]; values that the core refuses.
     pub fn to_core<T: Real>(&self, sample_rate_hz: f64) -> Result<PlayPolynomial<T, PLAYS>, ParamError> {
-        let thresholds = Thresholds::new(array("number of thresholds", &self.thresholds_um)?)?;
-        let bank = PlayBank::new(
-            thresholds,
-            T::from_f64(self.input_min_um),
-            T::from_f64(self.input_max_um),
-            T::from_f64(sample_rate_hz),
-        )?;
-        PlayPolynomial::new(
-            bank,
-            PolynomialCoefficients {
-                offset: T::from_f64(self.offset_v),
-                input_function: array::<T, INPUT_DEGREE>("number of powers", &self.input_function)?,
-                linear: array("number of linear coefficients", &self.linear)?,
-                quadratic: array("number of quadratic coefficients", &self.quadratic)?,
-                cubic: array("number of cubic coefficients", &self.cubic)?,
-            },
-        )
+        self.numbers()?.inverse(sample_rate_hz)
     }
 
     /// Smallest incremental slope that the inverse has anywhere, volts per micrometre: below zero it is no inverse.

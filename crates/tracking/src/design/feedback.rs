@@ -2,10 +2,7 @@
 
 use super::preview::section;
 use hysteron_core::biquad::Biquad;
-use hysteron_core::error::ParamError;
-use hysteron_core::pi_controller::PiController;
-use hysteron_core::real::Real;
-use hysteron_core::tracking_law::Feedback;
+use hysteron_core::law_numbers::FeedbackNumbers;
 use hysteron_identify::control::{ControlModel, LinearPart};
 use rayon::prelude::*;
 use realfft::num_complex::Complex64;
@@ -54,21 +51,13 @@ pub struct FeedbackDesign {
 }
 
 impl FeedbackDesign {
-    /// The core's block.
-    ///
-    /// # Errors
-    /// Gains and sections that the core refuses.
-    pub fn to_core<T: Real>(&self, sample_rate_hz: f64) -> Result<Feedback<T>, ParamError> {
-        let biquad = |c: [f64; 5]| Biquad::new([c[0], c[1], c[2]], [c[3], c[4]]);
-        Ok(Feedback {
-            integral: PiController::new(
-                T::ZERO,
-                T::from_f64(self.integral_v_per_um_s),
-                T::from_f64(sample_rate_hz),
-            )?,
-            series: [biquad(self.series[0])?, biquad(self.series[1])?],
-            damping: biquad(self.damping)?,
-        })
+    /// The numbers that the core's block is made of.
+    pub fn numbers(&self) -> FeedbackNumbers {
+        FeedbackNumbers {
+            integral_v_per_um_s: self.integral_v_per_um_s,
+            series: self.series,
+            damping: self.damping,
+        }
     }
 }
 

@@ -8,22 +8,14 @@ pub mod refusal;
 use crate::error::TrackingError;
 use feedback::FeedbackDesign;
 use hysteron_core::biquad::Biquad;
-use hysteron_core::effects::coupling::Coupling;
-use hysteron_core::effects::hum_canceller::HumCanceller;
-use hysteron_core::effects::lag::{HeldLagInverse, Lag};
-use hysteron_core::effects::thermal::{Heat, Thermal};
-use hysteron_core::limiter::Limiter;
-use hysteron_core::preview::Preview;
+use hysteron_core::law_numbers::{HumNumbers, LawNumbers};
 use hysteron_core::real::Real;
-use hysteron_core::surroundings::{ChainLaw, HARMONICS, SensorInverse, Surroundings};
-use hysteron_core::tracking_law::{Feedforward, TrackingLaw};
+use hysteron_core::surroundings::HARMONICS;
 use hysteron_identify::control::ControlModel;
-use hysteron_identify::control::model::{CREEP_FAST, CREEP_SLOW, PLAYS};
 use preview::{AHEAD, PreviewQuality, TAPS, Undone};
 use serde::{Deserialize, Serialize};
 
-/// The law with the sizes of a designed controller.
-pub type CompleteLaw<T> = ChainLaw<T, TAPS, PLAYS, CREEP_FAST, CREEP_SLOW>;
+pub use hysteron_core::surroundings::CompleteLaw;
 
 /// When the reference is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -130,73 +122,53 @@ impl Controller {
     /// # Errors
     /// Values that the core refuses.
     pub fn law<T: Real>(&self) -> Result<CompleteLaw<T>, TrackingError> {
+        Ok(self.numbers()?.law()?)
+    }
+
+    /// All numbers of the law.
+    ///
+    /// # Errors
+    /// Lists of other lengths than the law's, modes that the core refuses.
+    pub fn numbers(&self) -> Result<LawNumbers, TrackingError> {
         let model = &self.model;
-        let rate_hz = 1.0 / model.sample_period_s;
-        let taps: [f64; TAPS] = self.preview.as_slice().try_into().map_err(|_| TrackingError::Design {
+        let sample_rate_hz = 1.0 / model.sample_period_s;
+        let preview: [f64; TAPS] = self.preview.as_slice().try_into().map_err(|_| TrackingError::Design {
             what: format!(
                 "the controller has {} preview coefficients, the law {TAPS}",
                 self.preview.len()
             ),
             advice: "design the controller again with this version",
         })?;
+        let ([b0, b1, b2], [a1, a2]) = second_mode(model)?.coefficients();
+        let (creep_fast, creep_slow) = model.creep.numbers()?;
         let (low_v, high_v) = (model.voltage_min_v, model.voltage_max_v);
-        let tracking = TrackingLaw {
-            feedforward: Feedforward {
-                preview: Preview::new(taps, self.samples_ahead)?,
-                second_mode: second_mode(model)?,
-                creep: model.creep.to_core(rate_hz)?,
-                hysteresis: model.inverse.to_core(rate_hz)?,
-                lead: HeldLagInverse::new(model.linear.lag_s, rate_hz)?,
-            },
-            feedback: self
-                .feedback
-                .as_ref()
-                .map(|design| design.to_core(rate_hz))
-                .transpose()?,
+        let around = &model.around;
+        Ok(LawNumbers {
+            sample_rate_hz,
+            samples_ahead: self.samples_ahead,
+            preview,
+            second_mode: [b0, b1, b2, a1, a2],
+            creep_fast,
+            creep_slow,
+            inverse: model.inverse.numbers()?,
+            lag_s: model.linear.lag_s,
+            feedback: self.feedback.as_ref().map(FeedbackDesign::numbers),
+            command_min_v: low_v,
+            command_max_v: high_v,
             // The whole range in one sample is no limit.
-            limiter: Limiter::new(
-                T::from_f64(low_v),
-                T::from_f64(high_v),
-                T::from_f64((high_v - low_v) * rate_hz),
-                T::from_f64(rate_hz),
-            )?,
-        };
-        Ok(ChainLaw {
-            tracking,
-            surroundings: self.surroundings(rate_hz)?,
-        })
-    }
-
-    fn surroundings<T: Real>(&self, rate_hz: f64) -> Result<Surroundings<T>, TrackingError> {
-        let around = &self.model.around;
-        let coupling = around.coupling.map(|[g, d, p, r]| Coupling::new(g, d, p, r, rate_hz));
-        let heat = around.heat.map(|[reference_c, tau_s, shift, gain]| {
-            let thermal = Thermal::new(
-                T::from_f64(shift),
-                T::from_f64(gain),
-                T::from_f64(reference_c),
-                tau_s,
-                rate_hz,
-            );
-            thermal.map(Heat::undoing)
-        });
-        let sensor = around.sensor.map(|[middle, c2, c3]| SensorInverse::new(middle, c2, c3));
-        let sensor_lag = (around.sensor_lag_s > 0.0).then(|| Lag::new(around.sensor_lag_s, rate_hz));
-        Ok(Surroundings {
-            rest: T::from_f64(around.rest_um),
-            coupling: coupling.transpose()?,
-            hum: self.hum_canceller(rate_hz)?,
-            heat: heat.transpose()?,
-            sensor: sensor.transpose()?,
-            sensor_lag: sensor_lag.transpose()?,
+            slew_v_per_s: (high_v - low_v) * sample_rate_hz,
+            rest_um: around.rest_um,
+            sensor_lag_s: around.sensor_lag_s,
+            coupling: around.coupling,
+            hum: self.hum_numbers(),
+            heat: around.heat,
+            sensor: around.sensor,
         })
     }
 
     /// Harmonics of less than a hundredth of the largest are left alone: learning them would only pass the sensor's noise on.
-    fn hum_canceller<T: Real>(&self, rate_hz: f64) -> Result<Option<HumCanceller<T, HARMONICS>>, TrackingError> {
-        let Some(hum) = &self.model.around.hum else {
-            return Ok(None);
-        };
+    fn hum_numbers(&self) -> Option<HumNumbers> {
+        let hum = self.model.around.hum.as_ref()?;
         let largest = hum.amplitudes_um.iter().fold(0.0, |most: f64, a| most.max(*a));
         let mut sensitivity = [[0.0; 2]; HARMONICS];
         for (k, (cell, amplitude)) in sensitivity.iter_mut().zip(&hum.amplitudes_um).enumerate() {
@@ -206,16 +178,13 @@ impl Controller {
                 *cell = [seen.re, seen.im];
             }
         }
-        // A record's hum and today's may differ: up to five times as much is learned.
-        let most_um = 5.0 * hum.amplitudes_um.iter().sum::<f64>();
-        Ok(Some(HumCanceller::new(
-            hum.frequency_hz,
+        Some(HumNumbers {
+            frequency_hz: hum.frequency_hz,
             sensitivity,
-            HUM_S,
-            self.samples_ahead,
-            most_um,
-            rate_hz,
-        )?))
+            learning_s: HUM_S,
+            // A record's hum and today's may differ: up to five times as much is learned.
+            largest_um: 5.0 * hum.amplitudes_um.iter().sum::<f64>(),
+        })
     }
 }
 
@@ -241,7 +210,7 @@ fn band_hz(model: &ControlModel) -> f64 {
 }
 
 /// The second mode and the antiresonance below it, undone; identity without.
-fn second_mode<T: Real>(model: &ControlModel) -> Result<Biquad<T>, TrackingError> {
+fn second_mode(model: &ControlModel) -> Result<Biquad<f64>, TrackingError> {
     match (model.linear.antiresonance(), model.linear.modes.get(1)) {
         (Some(antiresonance), Some(mode)) => Ok(Biquad::mode_swap(
             [mode.frequency_hz, mode.damping],
@@ -263,6 +232,12 @@ fn undone(model: &ControlModel, ahead: usize) -> Result<Undone<'_>, TrackingErro
 }
 
 impl Controller {
+    /// Whether a file means to be a controller.
+    pub fn is_one(path: &std::path::Path) -> bool {
+        let text = std::fs::read_to_string(path).unwrap_or_default();
+        toml::from_str::<toml::Table>(&text).is_ok_and(|table| table.contains_key("samples_ahead"))
+    }
+
     /// Reads a controller file.
     ///
     /// # Errors

@@ -6,8 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use realfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
-/// Coefficients of the filter: 0.64 ms at 50 kHz.
-pub const TAPS: usize = 32;
+pub use hysteron_core::tracking_law::TAPS;
 /// Samples that a previewed reference comes before it is due: half of the filter looks ahead, half back.
 pub const AHEAD: usize = 16;
 /// Frequencies of the least squares, evenly over half the sample rate: sixteen a coefficient.

@@ -1,0 +1,250 @@
+//! What turns reference and position into a command: the paper's law, or the complete one; the core's own, both of them.
+
+use hysteron_core::control_law::{ControlLaw, ControlState};
+use hysteron_core::limiter::Limiter;
+use hysteron_core::model::AtRest;
+use hysteron_core::pi_controller::PiController;
+use hysteron_core::surroundings::{CompleteLaw, CompleteState, LoopInput};
+use hysteron_core::tracking_law::Feedback;
+
+/// How a run begins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// The sensor's reading.
+    pub measured_um: f32,
+    /// First value of the trajectory.
+    pub first_um: f32,
+    /// The command so far.
+    pub command_v: f32,
+    /// Share of the feedback.
+    pub feedback_weight: f32,
+    /// Largest step of a reference on the way to the first value.
+    pub rise_um: f32,
+}
+
+/// What a tick of a law has done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// The reference that is due, which the position is to be compared with.
+    pub reference_um: f32,
+    /// The command.
+    pub command_v: f32,
+    /// Whether a limiter changed it.
+    pub limited: bool,
+    /// The integral beside a feedforward; 0 without one or the other.
+    pub feedback_v: f32,
+}
+
+/// A control law as the controller runs it.
+pub trait Law: Copy + core::fmt::Debug {
+    /// What it remembers.
+    type State: Clone + core::fmt::Debug;
+
+    /// Which of its parts run; `weight` is the share that the reference's frequency leaves to the feedback.
+    fn set_parts(&mut self, feedforward: bool, feedback: bool, weight: f32);
+
+    /// Other gains.
+    fn set_gains(&mut self, gains: PiController<f32>);
+
+    /// The state that a run begins with, at the safe level.
+    fn start(&self, start: &Start) -> Self::State;
+
+    /// A tick on the way to the trajectory's first value, through the ramp's limiter; whether it is there.
+    fn rise(&self, state: &mut Self::State, ramp: &Limiter<f32>, measured_um: f32) -> (Step, bool);
+
+    /// A tick along the trajectory, which the law takes in as many ticks before it is due as it was designed for.
+    fn run(&self, state: &mut Self::State, trajectory_um: f32, measured_um: f32) -> Step;
+}
+
+/// The paper's law, with what it is made of where parts of it are off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Paper<I> {
+    inverse: I,
+    feedback: PiController<f32>,
+    law: ControlLaw<f32, I>,
+}
+
+impl<I: AtRest<f32> + Copy> Paper<I> {
+    /// Feedforward and feedback.
+    pub fn new(inverse: I, feedback: PiController<f32>, limiter: Limiter<f32>) -> Self {
+        let law = ControlLaw {
+            feedforward: Some(inverse),
+            feedback: Some(feedback),
+            limiter,
+        };
+        Self { inverse, feedback, law }
+    }
+}
+
+/// State of [`Paper`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PaperState<S> {
+    control: ControlState<f32, S>,
+    first_um: f32,
+}
+
+impl<I: AtRest<f32> + Copy + core::fmt::Debug> Law for Paper<I>
+where
+    I::State: Clone + core::fmt::Debug,
+{
+    type State = PaperState<I::State>;
+
+    fn set_parts(&mut self, feedforward: bool, feedback: bool, _: f32) {
+        self.law.feedforward = feedforward.then_some(self.inverse);
+        self.law.feedback = feedback.then_some(self.feedback);
+    }
+
+    fn set_gains(&mut self, gains: PiController<f32>) {
+        self.feedback = gains;
+        self.law.feedback = self.law.feedback.map(|_| gains);
+    }
+
+    /// The plays where the stage's are: at rest at the safe level after coming down to it, wherever the sensor sees that.
+    fn start(&self, start: &Start) -> Self::State {
+        let plays = self.inverse.at_rest(start.measured_um, start.first_um);
+        let mut control = self.law.start(plays, start.command_v);
+        control.set_feedback_weight(start.feedback_weight);
+        PaperState {
+            control,
+            first_um: start.first_um,
+        }
+    }
+
+    /// Towards the inverse's command at the trajectory's first value; feedback alone starts from where it is.
+    fn rise(&self, state: &mut Self::State, ramp: &Limiter<f32>, _: f32) -> (Step, bool) {
+        let before_v = state.control.limiter.last();
+        let wanted_v = match &self.law.feedforward {
+            Some(inverse) => inverse.step(&mut state.control.feedforward, state.first_um),
+            None => before_v,
+        };
+        let command_v = ramp.step(&mut state.control.limiter, wanted_v);
+        let limited = state.control.limiter.limited();
+        let step = Step {
+            reference_um: state.first_um,
+            command_v,
+            limited,
+            feedback_v: 0.0,
+        };
+        // Where the stage rests above the trajectory, the inverse asks for less than the amplifier has: as near as it goes is there.
+        (step, !limited || command_v == before_v)
+    }
+
+    #[inline(always)]
+    fn run(&self, state: &mut Self::State, trajectory_um: f32, measured_um: f32) -> Step {
+        let control = &mut state.control;
+        Step {
+            command_v: self.law.step(control, trajectory_um, measured_um),
+            reference_um: trajectory_um,
+            limited: control.limiter.limited(),
+            feedback_v: match (&self.law.feedforward, &self.law.feedback) {
+                (Some(_), Some(_)) => control.feedback.integral(),
+                _ => 0.0,
+            },
+        }
+    }
+}
+
+/// The complete law, with the feedback that it has where that is off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Complete {
+    law: CompleteLaw<f32>,
+    feedback: Option<Feedback<f32>>,
+    /// What a run begins with: made before the clock runs, since making it takes as long as a tick may.
+    rest: CompleteState<f32>,
+}
+
+impl Complete {
+    /// Feedforward, and feedback where the law has it.
+    pub fn new(law: CompleteLaw<f32>) -> Self {
+        let feedback = law.tracking.feedback;
+        Self {
+            law,
+            feedback,
+            rest: law.rest(0.0),
+        }
+    }
+
+    /// Once in the image: rising, running and falling from the watchdog would each have some kilobytes of it.
+    #[inline(never)]
+    fn step(
+        &self,
+        chain: &mut CompleteState<f32>,
+        limiter: &Limiter<f32>,
+        reference_um: f32,
+        measured_um: f32,
+    ) -> Step {
+        let input = LoopInput {
+            reference_ahead: reference_um,
+            measured: measured_um,
+            ..LoopInput::default()
+        };
+        Step {
+            command_v: self.law.step_through(chain, input, limiter),
+            reference_um: self.law.due(chain),
+            limited: chain.limited(),
+            feedback_v: chain.integral(),
+        }
+    }
+}
+
+/// State of [`Complete`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Preparing {
+    chain: CompleteState<f32>,
+    first_um: f32,
+    rise_um: f32,
+    /// Where the reference is on its way.
+    reference_um: f32,
+    /// Ticks until the first value is due.
+    left: usize,
+}
+
+impl Law for Complete {
+    type State = Preparing;
+
+    /// The feedforward always runs: the feedback compares with what it has prepared. A gain between none and the one that the loop was
+    /// designed for is not used.
+    fn set_parts(&mut self, _: bool, feedback: bool, weight: f32) {
+        self.law.tracking.feedback = self.feedback.filter(|_| feedback && weight > 0.0);
+    }
+
+    fn set_gains(&mut self, gains: PiController<f32>) {
+        let with = |feedback: Feedback<f32>| Feedback {
+            integral: gains,
+            ..feedback
+        };
+        self.feedback = self.feedback.map(with);
+        self.law.tracking.feedback = self.law.tracking.feedback.map(with);
+    }
+
+    /// A stage that was cycled and rests at 0 V, the safe level of such a table.
+    fn start(&self, start: &Start) -> Preparing {
+        Preparing {
+            chain: self.rest,
+            first_um: start.first_um,
+            rise_um: start.rise_um,
+            reference_um: self.law.surroundings.rest,
+            left: self.law.ahead(),
+        }
+    }
+
+    /// The reference goes from the stage's rest to the trajectory's first value in a straight line, and the whole law with it.
+    fn rise(&self, state: &mut Preparing, ramp: &Limiter<f32>, measured_um: f32) -> (Step, bool) {
+        let left_um = state.first_um - state.reference_um;
+        if left_um > state.rise_um {
+            state.reference_um += state.rise_um;
+        } else if left_um < -state.rise_um {
+            state.reference_um -= state.rise_um;
+        } else {
+            state.reference_um = state.first_um;
+            state.left = state.left.saturating_sub(1);
+        }
+        let step = self.step(&mut state.chain, ramp, state.reference_um, measured_um);
+        (step, state.left == 0)
+    }
+
+    #[inline(always)]
+    fn run(&self, state: &mut Preparing, trajectory_um: f32, measured_um: f32) -> Step {
+        self.step(&mut state.chain, &self.law.tracking.limiter, trajectory_um, measured_um)
+    }
+}
