@@ -1,7 +1,7 @@
 //! What the ticks are counted over: references in the table's range, and a sensor that follows them late and with noise.
 
 use hysteron_firmware::table;
-use hysteron_firmware::trajectory::{Shape, Trajectory};
+use hysteron_firmware::trajectory::{Shape, Trajectory, Uploaded};
 
 /// Kinds of references.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -34,6 +34,7 @@ impl Kind {
 pub struct Signal {
     kind: Kind,
     sine: Trajectory,
+    uploaded: Uploaded,
     share: f32,
     number: u32,
     seed: u32,
@@ -58,6 +59,7 @@ impl Signal {
         Self {
             kind,
             sine: Trajectory::new(Shape::Sine, -0.5, 0.5, step),
+            uploaded: Uploaded::default(),
             share: 1.0,
             number: 0,
             seed: 1,
@@ -86,7 +88,7 @@ impl Signal {
                 if kind == Kind::Nested && self.number.is_multiple_of(500) {
                     self.share *= 0.95;
                 }
-                LOW_UM + RANGE_UM * (0.5 + self.share * self.sine.next_um())
+                LOW_UM + RANGE_UM * (0.5 + self.share * self.sine.next_um(&self.uploaded))
             }
         };
         self.number += 1;
