@@ -2,7 +2,6 @@
 //!
 //! Skipped, and said so, where there is no QEMU or no image, as `processor_in_loop.rs`.
 #![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
-#![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 
 use hysteron_board::host::{complete, hello};
 use hysteron_board::two_axes::{TwoAxisRig, TwoAxisSession, drive_both_here};
