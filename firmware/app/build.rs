@@ -1,6 +1,7 @@
 //! Checks the parameter table and turns it, and one period of a cosine, into constants.
 //!
-//! `HYSTERON_TABLE` names another table than `firmware/tables/paper-rate-mrpi.toml`, by a full path.
+//! `HYSTERON_TABLE` names another table than `firmware/tables/paper-rate-mrpi.toml`, by a full path; `HYSTERON_TABLE_Y` that of a second
+//! axis.
 
 use std::{env, fs, path::Path, process::exit};
 
@@ -8,21 +9,10 @@ use std::{env, fs, path::Path, process::exit};
 const COSINE_INTERVALS: usize = 1024;
 
 fn main() {
-    println!("cargo::rerun-if-env-changed=HYSTERON_TABLE");
-    let path = env::var("HYSTERON_TABLE").unwrap_or_else(|_| "../tables/paper-rate-mrpi.toml".to_owned());
-    println!("cargo::rerun-if-changed={path}");
-    let Ok(text) = fs::read_to_string(&path) else {
-        refuse(&format!(
-            "cannot read the table {path}; write one with `hysteron export`"
-        ));
-    };
-    let table = match hysteron_table::Table::parse(&text) {
-        Ok(table) => table,
-        Err(error) => refuse(&format!("{path}: {error}")),
-    };
-    let mut source = table
-        .constants(&text)
-        .unwrap_or_else(|error| refuse(&format!("{path}: {error}")));
+    let first = env::var("HYSTERON_TABLE").unwrap_or_else(|_| "../tables/paper-rate-mrpi.toml".to_owned());
+    let second = env::var("HYSTERON_TABLE_Y").unwrap_or_else(|_| first.clone());
+    let mut source = constants(&first);
+    write("table_y.rs", &constants(&second));
     let turn = |i: usize| 2.0 * std::f64::consts::PI * i as f64 / COSINE_INTERVALS as f64;
     let cosine: Vec<String> = (0..=COSINE_INTERVALS)
         .map(|i| format!("{:?}", turn(i).cos() as f32))
@@ -32,8 +22,27 @@ fn main() {
         COSINE_INTERVALS + 1,
         cosine.join(", ")
     );
+    write("table.rs", &source);
+    println!("cargo::rerun-if-env-changed=HYSTERON_TABLE");
+    println!("cargo::rerun-if-env-changed=HYSTERON_TABLE_Y");
+}
+
+/// A table, checked, as Rust source.
+fn constants(path: &str) -> String {
+    println!("cargo::rerun-if-changed={path}");
+    let Ok(text) = fs::read_to_string(path) else {
+        refuse(&format!(
+            "cannot read the table {path}; write one with `hysteron export`"
+        ));
+    };
+    let table = hysteron_table::Table::parse(&text);
+    let source = table.and_then(|table| table.constants(&text));
+    source.unwrap_or_else(|error| refuse(&format!("{path}: {error}")))
+}
+
+fn write(name: &str, source: &str) {
     let folder = env::var("OUT_DIR").unwrap_or_else(|_| refuse("cargo did not set OUT_DIR"));
-    if let Err(error) = fs::write(Path::new(&folder).join("table.rs"), source) {
+    if let Err(error) = fs::write(Path::new(&folder).join(name), source) {
         refuse(&format!("cannot write to {folder}: {error}"));
     }
 }

@@ -18,6 +18,9 @@ const STAGES: [&str; 2] = ["paper-rate", "paper-delay"];
 /// The stages that there are tables of complete laws for, with the tables' names.
 const COMPLETE: [(&str, &str); 2] = [("8k", "tracking-8k"), ("739", "tracking-739")];
 
+/// The tables of the axes of a stage with both: the complete laws, and what of the other's motion reaches each.
+const AXES: [(&str, &str); 2] = [("tracking-x", "0.01"), ("tracking-y", "-0.006")];
+
 /// Where the processor enters the emulator's images by itself while the loop runs; the second comes on top of the first.
 const EMULATED_ENTRIES: [&str; 2] = ["mps2::sample_clock", "NonMaskableInt"];
 
@@ -68,6 +71,9 @@ pub(crate) fn compare() -> Result<(), String> {
     // For the tests, which hold the other core to the same bits.
     let image = build_named(&folder, BOARDS[1], COMPLETE[0].1, "tracking-8k-m7")?;
     crate::firmware_image::check("tracking-8k-m7", &image, &EMULATED_ENTRIES, limits)?;
+    for (name, board) in [("tracking-xy", BOARDS[0]), ("tracking-xy-m7", BOARDS[1])] {
+        build_both(&folder.join(name), board)?;
+    }
     run(
         "cargo",
         &[
@@ -87,6 +93,15 @@ fn build_named(folder: &Path, (_, core): (&str, &str), table: &str, name: &str) 
     let image = folder.join(name);
     std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
     Ok(image)
+}
+
+/// Builds the image of both axes.
+fn build_both(image: &Path, (_, core): (&str, &str)) -> Result<(), String> {
+    let [x, y] = AXES.map(|(axis, _)| PathBuf::from(format!("firmware/tables/{axis}.toml")));
+    let built = build_with("xy", core, &x, Some(&y))?;
+    let copied = std::fs::copy(&built, image);
+    copied.map_err(|error| format!("{}: {error}", image.display()))?;
+    Ok(())
 }
 
 /// Whether an image with a reachable panic is refused by the linker, for that reason: it must be.
@@ -118,7 +133,11 @@ pub(crate) fn refuses_panics() -> Result<(), String> {
 
 /// The arguments of cargo that build a program of the firmware's workspace for a core.
 fn words(program: &str, core: &str) -> Vec<String> {
-    let package = if program == "blocks" { "bench" } else { program };
+    let package = match program {
+        "blocks" => "bench",
+        "xy" => "mps2",
+        other => other,
+    };
     let flags = format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]");
     let mut words = vec!["build", "--release", "--locked", "--package", package, "--bin", program];
     words.extend(["--target", CHIP]);
@@ -131,12 +150,23 @@ fn words(program: &str, core: &str) -> Vec<String> {
 
 /// Builds a program of the firmware's workspace for a core, with a table in it; returns its image.
 pub(crate) fn build_image(program: &str, core: &str, table: &Path) -> Result<PathBuf, String> {
-    let table = table.canonicalize().map_err(|error| {
+    build_with(program, core, table, None)
+}
+
+/// A table's full path, as the build script of the application takes it.
+fn full_path(table: &Path) -> Result<String, String> {
+    let path = table.canonicalize().map_err(|error| {
         format!(
             "{}: {error}; give a table that `hysteron export` wrote",
             table.display()
         )
     })?;
+    Ok(path.display().to_string())
+}
+
+fn build_with(program: &str, core: &str, table: &Path, of_y: Option<&Path>) -> Result<PathBuf, String> {
+    let table = full_path(table)?;
+    let of_y = of_y.map(full_path).transpose()?;
     let words = words(program, core);
     let arguments: Vec<&str> = words.iter().map(String::as_str).collect();
     // RUSTFLAGS would replace the flags above.
@@ -145,7 +175,8 @@ pub(crate) fn build_image(program: &str, core: &str, table: &Path) -> Result<Pat
         "cargo",
         &arguments,
         &[
-            ("HYSTERON_TABLE", Some(&table.display().to_string())),
+            ("HYSTERON_TABLE", Some(&table)),
+            ("HYSTERON_TABLE_Y", of_y.as_deref()),
             ("HYSTERON_CORE", Some(core)),
             ("RUSTFLAGS", None),
             ("CARGO_TARGET_DIR", None),
@@ -213,6 +244,14 @@ pub(crate) fn tables() -> Result<(), String> {
         run(hysteron, &["design", &data, "-o", &controller])?;
         let table = format!("firmware/tables/{name}.toml");
         run(hysteron, &["export", &controller, "--stage", stage, "-o", &table])?;
+    }
+    for ((stage, name), (axis, cross)) in COMPLETE.into_iter().zip(AXES) {
+        let controller = work.join(format!("{name}.toml")).display().to_string();
+        let table = format!("firmware/tables/{axis}.toml");
+        run(
+            hysteron,
+            &["export", &controller, "--stage", stage, "--cross", cross, "-o", &table],
+        )?;
     }
     Ok(())
 }

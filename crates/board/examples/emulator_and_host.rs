@@ -2,7 +2,7 @@
 //!
 //! `cargo xtask firmware compare` builds the images, one a table, and runs this. For each preset of the paper: the straight line
 //! alone (open loop), PI alone, and PI with the inverse of each family. For stages to be tracked with: the complete law, open and
-//! closed. Each cell is the rms of reference less sensor over the later
+//! closed, and both axes of a stage. Each cell is the rms of reference less sensor over the later
 //! half of 0.2 s, in percent of peak to peak. The image gets the codes that the stage gave the host; as long as it answers with the
 //! host's codes, they are those that the stage gives it. Its ticks do not wait for the sample clock; those of the tests do.
 #![expect(
@@ -12,15 +12,17 @@
 )]
 
 use hysteron_board::host::{complete, hello, parameters};
+use hysteron_board::two_axes::{TwoAxisRig, TwoAxisSession, drive_both_here};
 use hysteron_board::{Bench, Machine, Request, Rig, Session, Shape, drive_here};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::law::Law;
 use hysteron_firmware::parameters::Parameters;
+use hysteron_firmware::two_axes::TwoAxes;
 use hysteron_firmware::wire::{Frame, Input, Setup};
 use hysteron_plant::{Stage, StageConfig, preset};
 use hysteron_table::Table;
 use std::error::Error;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -108,7 +110,67 @@ fn table() -> Result<usize, Box<dyn Error>> {
         }
         println!("{}", image.timing(&config)?);
     }
+    Ok(different + two_axes()?)
+}
+
+/// Names of the tables of both axes, their stages, and what of the other's motion reaches each stage.
+const AXES: [(&str, &str, f64); 2] = [("tracking-x", "8k", 0.01), ("tracking-y", "739", -0.006)];
+
+/// A raster by both axes, tick by tick against the stage with both; how many frames differ.
+fn two_axes() -> Result<usize, Box<dyn Error>> {
+    let texts = AXES.map(|(table, _, _)| std::fs::read_to_string(root().join("tables").join(format!("{table}.toml"))));
+    let [x, y] = texts;
+    let texts = [x?, y?];
+    let tables = [Table::parse(&texts[0])?, Table::parse(&texts[1])?];
+    let stages = AXES.map(|(_, stage, _)| preset::named(stage));
+    let [Some(x), Some(y)] = &stages else {
+        return Err("no such stage".into());
+    };
+    let rig = TwoAxisRig::new([x, y], AXES.map(|axis| axis.2), SEED, SECONDS)?;
+    let image = root().join("target/images/tables/tracking-xy");
+    let mut session = TwoAxisSession::start(Machine::Mps2An386, &image, PATIENCE)?;
+    let setup = |axis: usize, shape, frequency_hz| {
+        let request = Request {
+            shape,
+            frequency_hz,
+            range_um: Some(COMPLETE_UM),
+            seconds: SECONDS,
+            feedforward: true,
+            feedback: true,
+        };
+        request.setup(&hello(&tables[axis], &texts[axis]))
+    };
+    let setups = [setup(0, Shape::Triangle, 100.0)?, setup(1, Shape::Sine, 10.0)?];
+    let (mut there, mut here) = (rig.clone(), rig);
+    session.run(&setups, &mut there)?;
+    let mut axes = TwoAxes::new(
+        Controller::new(complete(&tables[0])?, &setups[0]),
+        Controller::new(complete(&tables[1])?, &setups[1]),
+    );
+    drive_both_here(&mut axes, setups[0].ticks, &mut here);
+    let pairs = there.recordings.iter().zip(&here.recordings);
+    let different: usize = pairs
+        .map(|(board, host)| board.frames.len() - equal_frames(&board.frames, &host.frames))
+        .sum();
+    let [x_percent, y_percent] =
+        [0, 1].map(|axis| 100.0 * there.recordings[axis].rms_um() / (COMPLETE_UM[1] - COMPLETE_UM[0]));
+    println!(
+        "\nboth axes, closed: X a triangle of 100 Hz {x_percent:.3} %, Y a sine of 10 Hz {y_percent:.3} %; {} of {} frames equal",
+        2 * setups[0].ticks as usize - different,
+        2 * setups[0].ticks
+    );
     Ok(different)
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../firmware")
+}
+
+fn equal_frames(board: &[Frame], host: &[Frame]) -> usize {
+    let pairs = board.iter().zip(host);
+    pairs
+        .filter(|(board, host)| board.to_bytes() == host.to_bytes())
+        .count()
 }
 
 fn head(name: &str, references: &[Reference]) {
@@ -132,7 +194,7 @@ struct Image {
 
 impl Image {
     fn start(name: &str) -> Result<Self, Box<dyn Error>> {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../firmware");
+        let root = root();
         let text = std::fs::read_to_string(root.join("tables").join(format!("{name}.toml")))?;
         let image = root.join("target/images/tables").join(name);
         let session = Session::start(Machine::Mps2An386, &image, PATIENCE)?;
@@ -228,11 +290,7 @@ fn compare<L: Law>(
     };
     let (frames, _) = session.replay(&setup, &bench.inputs)?;
     let host = &bench.rig.recording.frames;
-    let equal = frames
-        .iter()
-        .zip(host)
-        .filter(|(board, host)| board.to_bytes() == host.to_bytes())
-        .count();
+    let equal = equal_frames(&frames, host);
     let mut recording = bench.rig.recording.clone();
     recording.frames = frames;
     let range_um = f64::from(setup.high_um - setup.low_um);

@@ -6,6 +6,7 @@ mod emulator;
 pub mod host;
 pub mod rig;
 pub mod telemetry;
+pub mod two_axes;
 
 pub use hysteron_firmware::trajectory::Shape;
 pub use rig::{Bench, Recording, Rig, drive_here};

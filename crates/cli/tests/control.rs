@@ -197,6 +197,10 @@ fn exported(controller: &str, effect: &str) {
     };
     assert_eq!(found.law_numbers().unwrap(), Some(wanted), "{effect}");
     refused(
+        &["export", controller, "-o", &table, "--cross", "0.9"],
+        &["controller.cross_um_per_um = 0.9: must lie in -0.5 to 0.5"],
+    );
+    refused(
         &["export", controller, "-o", &table, "--integral", "100"],
         &["--integral: the controller has its own latency, modes and feedback"],
     );

@@ -7,7 +7,7 @@ use crate::effects::creep::CreepInverse;
 use crate::effects::hum_canceller::HumCanceller;
 use crate::effects::lag::{HeldLagInverse, Lag};
 use crate::effects::thermal::{Heat, Thermal};
-use crate::error::ParamError;
+use crate::error::{ParamError, in_range};
 use crate::limiter::Limiter;
 use crate::pi_controller::PiController;
 use crate::play_polynomial::{INPUT_DEGREE, PlayPolynomial, PolynomialCoefficients};
@@ -16,6 +16,9 @@ use crate::real::Real;
 use crate::surroundings::{CompleteLaw, HARMONICS, SensorInverse, Surroundings};
 use crate::thresholds::Thresholds;
 use crate::tracking_law::{CREEP_DIVIDER, CREEP_FAST, CREEP_SLOW, Feedback, Feedforward, PLAYS, TAPS, TrackingLaw};
+
+/// Largest share of another axis' motion: stages couple by some percent, and what is moved by half of it is not one axis.
+pub const LARGEST_CROSS: f64 = 0.5;
 
 /// A complete law as plain numbers.
 ///
@@ -55,6 +58,8 @@ pub struct LawNumbers {
     pub sensor_lag_s: f64,
     /// The other axis: gain (um/V), lead (um s/V), weight (um/V) and threshold (V) of its play.
     pub coupling: Option<[f64; 4]>,
+    /// Share of the other axis' motion that reaches this one, for an axis beside another that is controlled.
+    pub cross_um_per_um: Option<f64>,
     /// The mains.
     pub hum: Option<HumNumbers>,
     /// Heat: reference (degC), time constant (s), shift (um/K), gain (1/K).
@@ -150,6 +155,8 @@ impl LawNumbers {
 
     fn surroundings<T: Real>(&self) -> Result<Surroundings<T>, ParamError> {
         let rate_hz = self.sample_rate_hz;
+        let cross = self.cross_um_per_um.unwrap_or(0.0);
+        in_range("cross_um_per_um", None, cross, -LARGEST_CROSS, LARGEST_CROSS)?;
         let coupling = self.coupling.map(|[g, d, p, r]| Coupling::new(g, d, p, r, rate_hz));
         let heat = self.heat.map(|[reference_c, tau_s, shift, gain]| {
             let thermal = Thermal::new(
@@ -176,6 +183,7 @@ impl LawNumbers {
         Ok(Surroundings {
             rest: T::from_f64(self.rest_um),
             coupling: coupling.transpose()?,
+            cross: self.cross_um_per_um.map(T::from_f64),
             hum: hum.transpose()?,
             heat: heat.transpose()?,
             sensor: sensor.transpose()?,

@@ -67,6 +67,8 @@ pub struct Surroundings<T> {
     pub rest: T,
     /// The other axis.
     pub coupling: Option<Coupling<T>>,
+    /// Share of the other axis' motion that reaches this one, where the other axis is controlled, too: its motion is its reference.
+    pub cross: Option<T>,
     /// The mains.
     pub hum: Option<HumCanceller<T, HARMONICS>>,
     /// Heat.
@@ -83,6 +85,7 @@ impl<T: Real> Surroundings<T> {
         Self {
             rest: T::ZERO,
             coupling: None,
+            cross: None,
             hum: None,
             heat: None,
             sensor: None,
@@ -100,6 +103,8 @@ pub struct LoopInput<T> {
     pub measured: T,
     /// Command of the other axis, as many samples ahead, volts.
     pub voltage2_ahead: T,
+    /// Reference of the other axis, less its rest, as many samples ahead, micrometres.
+    pub motion2_ahead: T,
     /// Temperature, degrees Celsius.
     pub temperature_c: T,
 }
@@ -197,6 +202,9 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         let mut target = input.reference_ahead - around.rest;
         if let (Some(part), Some(memory)) = (&around.coupling, &mut state.coupling) {
             target -= part.step(memory, input.voltage2_ahead);
+        }
+        if let Some(share) = around.cross {
+            target -= share * input.motion2_ahead;
         }
         if let (Some(part), Some(memory)) = (&around.hum, &state.hum) {
             target -= part.predict(memory);

@@ -75,6 +75,39 @@ pub fn law() -> Result<Law, hysteron_core::error::ParamError> {
     Ok(Law::new(inverse()?, feedback, limiter))
 }
 ";
+/// The table as the controller takes it.
+const PARAMETERS: &str = "
+pub fn parameters() -> Result<crate::parameters::Parameters<Law>, hysteron_core::error::ParamError> {
+    use hysteron_core::codes::Converter;
+    use hysteron_core::limiter::Limiter;
+    Ok(crate::parameters::Parameters {
+        law: law()?,
+        ramp: Limiter::new(OUTPUT_MIN_V, OUTPUT_MAX_V, RAMP_V_PER_S, SAMPLE_RATE_HZ)?,
+        rise_um: RAMP_V_PER_S / SAMPLE_RATE_HZ / SLOPES_V_PER_UM[1],
+        scales: crate::monitor::Scales {
+            range_um: INPUT_MAX_UM - INPUT_MIN_UM,
+            um_per_code: (ADC_TOP_UM - ADC_MIN_UM) / 65_535.0,
+            slopes_v_per_um: SLOPES_V_PER_UM,
+            span_v: SPAN_V,
+            change_v: SLEW_V_PER_S / SAMPLE_RATE_HZ,
+        },
+        dac: Converter::new(DAC_MIN_V, DAC_TOP_V)?,
+        adc: Converter::new(ADC_MIN_UM, ADC_TOP_UM)?,
+        range_um: [INPUT_MIN_UM, INPUT_MAX_UM],
+        sample_rate_hz: SAMPLE_RATE_HZ,
+        feedback_up_to_hz: FEEDBACK_UP_TO_HZ,
+        safe_v: SAFE_V,
+    })
+}
+pub fn hello() -> crate::wire::Hello {
+    crate::wire::Hello {
+        hash: HASH,
+        sample_rate_hz: SAMPLE_RATE_HZ,
+        input_min_um: INPUT_MIN_UM,
+        input_max_um: INPUT_MAX_UM,
+    }
+}
+";
 /// The complete law, which has an inverse of its own; its numbers follow.
 const COMPLETE: &str = "
 pub type Law = crate::law::Complete;
@@ -150,7 +183,7 @@ impl Table {
             let values: Vec<String> = values.iter().map(|&v| format!("{:?}", v as f32)).collect();
             let _ = writeln!(source, "pub const {name}: [f32; PLAYS] = [{}];", values.join(", "));
         }
-        let _ = writeln!(source, "pub const HASH: [u8; 32] = {:?};", hash(text));
+        let _ = writeln!(source, "pub const HASH: [u8; 32] = {:?};{PARAMETERS}", hash(text));
         if let Some(numbers) = self.law_numbers()? {
             // Numbers as the core's own types print them: the shortest decimals that give the same f64.
             let _ = writeln!(source, "{COMPLETE}pub const NUMBERS: LawNumbers = {numbers:?};");

@@ -7,7 +7,9 @@ use hysteron_core::effects::coupling::Coupling;
 use hysteron_core::effects::creep::CreepInverse;
 use hysteron_core::effects::lag::{HeldLagInverse, Lag};
 use hysteron_core::error::ParamError;
-use hysteron_core::law_numbers::{CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers};
+use hysteron_core::law_numbers::{
+    CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LARGEST_CROSS, LawNumbers,
+};
 use hysteron_core::preview::Preview;
 use hysteron_core::surroundings::{HARMONICS, SensorInverse};
 use hysteron_core::tracking_law::{CREEP_DIVIDER, CREEP_FAST, CREEP_SLOW, PLAYS, TAPS};
@@ -43,6 +45,9 @@ pub struct Controller {
     /// The other axis: gain (um/V), lead (um s/V), weight (um/V) and threshold (V) of its play.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coupling: Option<[f64; 4]>,
+    /// Share of the other axis' motion that reaches this one, where both are controlled.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cross_um_per_um: Option<f64>,
     /// The sensor's curve: middle (um), quadratic (1/um), cubic (1/um^2).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<[f64; 3]>,
@@ -117,6 +122,7 @@ impl Table {
                 creep_shares: [law.creep_fast.shares, law.creep_slow.shares].concat(),
                 creep_tau_s: [law.creep_fast.tau_s, law.creep_slow.tau_s].concat(),
                 coupling: law.coupling,
+                cross_um_per_um: law.cross_um_per_um,
                 sensor: law.sensor,
                 feedback: law.feedback.map(|feedback| Feedback {
                     integral_v_per_um_s: feedback.integral_v_per_um_s,
@@ -175,6 +181,7 @@ impl Table {
             rest_um: part.rest_um,
             sensor_lag_s: part.sensor_lag_s,
             coupling: part.coupling,
+            cross_um_per_um: part.cross_um_per_um,
             hum: part.hum.as_ref().map(|hum| HumNumbers {
                 frequency_hz: hum.frequency_hz,
                 sensitivity: hum.sensitivity,
@@ -280,6 +287,10 @@ impl Controller {
         if let Some([middle, c2, c3]) = self.sensor {
             named("controller.sensor", SensorInverse::<f32>::new(middle, c2, c3))?;
         }
+        if let Some(share) = self.cross_um_per_um.filter(|share| share.abs() > LARGEST_CROSS) {
+            let reason = format!("must lie in -{LARGEST_CROSS} to {LARGEST_CROSS}");
+            return Err(refuse("controller.cross_um_per_um", share, reason));
+        }
         let whole = numbers.law::<f32>();
         let left = if self.hum.is_some() {
             "controller.hum, controller.feedback"
@@ -297,6 +308,7 @@ impl Controller {
             ("lag_s".to_owned(), self.lag_s),
             ("sensor_lag_s".to_owned(), self.sensor_lag_s),
         ];
+        all.extend(self.cross_um_per_um.map(|share| ("cross_um_per_um".to_owned(), share)));
         let mut list = |name: &str, values: &[f64]| {
             all.extend(
                 values

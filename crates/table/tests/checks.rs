@@ -239,7 +239,7 @@ fn refuse_a_bad_complete_law_naming_the_field() {
         table.controller = Some(part);
         table.check().unwrap_err().to_string()
     };
-    let cases: [(String, &str); 14] = [
+    let cases: [(String, &str); 15] = [
         (
             refusal(&|_, c| c.preview.truncate(31)),
             "controller.preview = 31 values: a complete law has 32",
@@ -267,6 +267,10 @@ fn refuse_a_bad_complete_law_naming_the_field() {
         ),
         (refusal(&|_, c| c.lag_s = -1e-6), "controller.lag_s"),
         (refusal(&|_, c| c.sensor_lag_s = -1e-6), "controller.sensor_lag_s"),
+        (
+            refusal(&|_, c| c.cross_um_per_um = Some(0.9)),
+            "controller.cross_um_per_um = 0.9: must lie in -0.5 to 0.5",
+        ),
         (refusal(&|_, c| c.sensor = Some([1e7, 0.0, 0.0])), "controller.sensor"),
         (
             refusal(&|_, c| c.feedback.as_mut().unwrap().damping[3] = 2.5),

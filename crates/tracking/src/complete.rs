@@ -49,6 +49,7 @@ pub fn track_beside(
         reference_ahead: samples_um.get(k).copied().unwrap_or(last),
         measured: stage.sample().position_um,
         voltage2_ahead: voltage2_v.get(k).copied().unwrap_or(0.0),
+        motion2_ahead: 0.0,
         temperature_c: temperature(stage),
     };
     // What becomes known before the first sample is due.

@@ -1,6 +1,6 @@
 //! One tick: watch, then the control law or the ramp to or from the safe level.
 
-use crate::law::{Law, Start, Step};
+use crate::law::{Law, Now, Start, Step};
 use crate::monitor::{Fault, Monitor, MonitorState, Tick};
 use crate::parameters::Parameters;
 use crate::trajectory::{Trajectory, Uploaded};
@@ -26,6 +26,10 @@ pub struct Controller<L: Law> {
     trajectory: Trajectory,
     /// Where the trajectory begins, micrometres.
     first_um: f32,
+    /// What the trajectory gives to the next tick on it, micrometres.
+    coming_um: f32,
+    /// What another axis takes in on this tick, less its rest, micrometres.
+    beside_um: f32,
     setup: Setup,
     mailbox: Mailbox,
     uploaded: Uploaded,
@@ -59,6 +63,8 @@ impl<L: Law> Controller<L> {
             monitor: Monitor::new(&parameters.scales, setup.half_period()),
             seen: MonitorState::default(),
             first_um,
+            coming_um: first_um,
+            beside_um: 0.0,
             trajectory,
             setup: *setup,
             mailbox: Mailbox::default(),
@@ -112,6 +118,26 @@ impl<L: Law> Controller<L> {
             self.fault = Some(fault);
         }
         self.begin_to_fall();
+    }
+
+    /// What the law takes in on the next tick, less where the stage rests; 0 away from the trajectory.
+    pub fn coming_um(&self) -> f32 {
+        let law = &self.parameters.law;
+        match self.mode {
+            Mode::Running => self.coming_um - law.rest_um(),
+            Mode::Rising => law.coming_um(&self.state) - law.rest_um(),
+            Mode::Falling | Mode::Off => 0.0,
+        }
+    }
+
+    /// What another axis takes in on the next tick, less its rest.
+    pub fn set_beside_um(&mut self, beside_um: f32) {
+        self.beside_um = beside_um;
+    }
+
+    /// The latched fault.
+    pub fn fault(&self) -> Option<Fault> {
+        self.fault
     }
 
     #[inline(always)]
@@ -207,6 +233,7 @@ impl<L: Law> Controller<L> {
         self.seen = MonitorState::default();
         let setup = &self.setup;
         self.trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
+        self.coming_um = self.trajectory.next_um(&self.uploaded);
         self.mode = Mode::Rising;
     }
 
@@ -220,13 +247,19 @@ impl<L: Law> Controller<L> {
 
     #[inline(always)]
     fn run(&mut self, code: u16, measured_um: f32) -> (f32, bool) {
-        let trajectory_um = self.trajectory.next_um(&self.uploaded);
+        // A tick early, so that another axis can know of it.
+        let trajectory_um = self.coming_um;
+        self.coming_um = self.trajectory.next_um(&self.uploaded);
+        let now = Now {
+            measured_um,
+            beside_um: self.beside_um,
+        };
         let Step {
             reference_um,
             command_v,
             limited,
             feedback_v,
-        } = self.parameters.law.run(&mut self.state, trajectory_um, measured_um);
+        } = self.parameters.law.run(&mut self.state, trajectory_um, now);
         self.command_v = command_v;
         let tick = Tick {
             code,
@@ -244,7 +277,11 @@ impl<L: Law> Controller<L> {
 
     fn rise(&mut self, measured_um: f32) -> (f32, bool) {
         let law = &self.parameters.law;
-        let (step, there) = law.rise(&mut self.state, &self.parameters.ramp, measured_um);
+        let now = Now {
+            measured_um,
+            beside_um: self.beside_um,
+        };
+        let (step, there) = law.rise(&mut self.state, &self.parameters.ramp, now);
         self.command_v = step.command_v;
         if there {
             self.mode = Mode::Running;

@@ -22,6 +22,15 @@ pub struct Start {
     pub rise_um: f32,
 }
 
+/// What a law gets beside its reference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Now {
+    /// The sensor's reading.
+    pub measured_um: f32,
+    /// What another axis takes in on this tick, less its rest; 0 without one.
+    pub beside_um: f32,
+}
+
 /// What a tick of a law has done.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
@@ -50,10 +59,16 @@ pub trait Law: Copy + core::fmt::Debug {
     fn start(&self, start: &Start) -> Self::State;
 
     /// A tick on the way to the trajectory's first value, through the ramp's limiter; whether it is there.
-    fn rise(&self, state: &mut Self::State, ramp: &Limiter<f32>, measured_um: f32) -> (Step, bool);
+    fn rise(&self, state: &mut Self::State, ramp: &Limiter<f32>, now: Now) -> (Step, bool);
 
     /// A tick along the trajectory, which the law takes in as many ticks before it is due as it was designed for.
-    fn run(&self, state: &mut Self::State, trajectory_um: f32, measured_um: f32) -> Step;
+    fn run(&self, state: &mut Self::State, trajectory_um: f32, now: Now) -> Step;
+
+    /// What [`Law::rise`] will take in on its next tick.
+    fn coming_um(&self, state: &Self::State) -> f32;
+
+    /// Where the stage rests.
+    fn rest_um(&self) -> f32;
 }
 
 /// The paper's law, with what it is made of where parts of it are off.
@@ -111,7 +126,7 @@ where
     }
 
     /// Towards the inverse's command at the trajectory's first value; feedback alone starts from where it is.
-    fn rise(&self, state: &mut Self::State, ramp: &Limiter<f32>, _: f32) -> (Step, bool) {
+    fn rise(&self, state: &mut Self::State, ramp: &Limiter<f32>, _: Now) -> (Step, bool) {
         let before_v = state.control.limiter.last();
         let wanted_v = match &self.law.feedforward {
             Some(inverse) => inverse.step(&mut state.control.feedforward, state.first_um),
@@ -130,10 +145,10 @@ where
     }
 
     #[inline(always)]
-    fn run(&self, state: &mut Self::State, trajectory_um: f32, measured_um: f32) -> Step {
+    fn run(&self, state: &mut Self::State, trajectory_um: f32, now: Now) -> Step {
         let control = &mut state.control;
         Step {
-            command_v: self.law.step(control, trajectory_um, measured_um),
+            command_v: self.law.step(control, trajectory_um, now.measured_um),
             reference_um: trajectory_um,
             limited: control.limiter.limited(),
             feedback_v: match (&self.law.feedforward, &self.law.feedback) {
@@ -141,6 +156,15 @@ where
                 _ => 0.0,
             },
         }
+    }
+
+    fn coming_um(&self, state: &Self::State) -> f32 {
+        state.first_um
+    }
+
+    /// The paper's law does not know of another axis.
+    fn rest_um(&self) -> f32 {
+        0.0
     }
 }
 
@@ -166,16 +190,11 @@ impl Complete {
 
     /// Once in the image: rising, running and falling from the watchdog would each have some kilobytes of it.
     #[inline(never)]
-    fn step(
-        &self,
-        chain: &mut CompleteState<f32>,
-        limiter: &Limiter<f32>,
-        reference_um: f32,
-        measured_um: f32,
-    ) -> Step {
+    fn step(&self, chain: &mut CompleteState<f32>, limiter: &Limiter<f32>, reference_um: f32, now: Now) -> Step {
         let input = LoopInput {
             reference_ahead: reference_um,
-            measured: measured_um,
+            measured: now.measured_um,
+            motion2_ahead: now.beside_um,
             ..LoopInput::default()
         };
         Step {
@@ -193,8 +212,8 @@ pub struct Preparing {
     chain: CompleteState<f32>,
     first_um: f32,
     rise_um: f32,
-    /// Where the reference is on its way.
-    reference_um: f32,
+    /// Where the reference will be on the next tick of its way.
+    coming_um: f32,
     /// Ticks until the first value is due.
     left: usize,
 }
@@ -223,28 +242,36 @@ impl Law for Complete {
             chain: self.rest,
             first_um: start.first_um,
             rise_um: start.rise_um,
-            reference_um: self.law.surroundings.rest,
-            left: self.law.ahead(),
+            coming_um: self.law.surroundings.rest,
+            left: self.law.ahead() + 1,
         }
     }
 
     /// The reference goes from the stage's rest to the trajectory's first value in a straight line, and the whole law with it.
-    fn rise(&self, state: &mut Preparing, ramp: &Limiter<f32>, measured_um: f32) -> (Step, bool) {
-        let left_um = state.first_um - state.reference_um;
+    fn rise(&self, state: &mut Preparing, ramp: &Limiter<f32>, now: Now) -> (Step, bool) {
+        let step = self.step(&mut state.chain, ramp, state.coming_um, now);
+        let left_um = state.first_um - state.coming_um;
         if left_um > state.rise_um {
-            state.reference_um += state.rise_um;
+            state.coming_um += state.rise_um;
         } else if left_um < -state.rise_um {
-            state.reference_um -= state.rise_um;
+            state.coming_um -= state.rise_um;
         } else {
-            state.reference_um = state.first_um;
+            state.coming_um = state.first_um;
             state.left = state.left.saturating_sub(1);
         }
-        let step = self.step(&mut state.chain, ramp, state.reference_um, measured_um);
         (step, state.left == 0)
     }
 
     #[inline(always)]
-    fn run(&self, state: &mut Preparing, trajectory_um: f32, measured_um: f32) -> Step {
-        self.step(&mut state.chain, &self.law.tracking.limiter, trajectory_um, measured_um)
+    fn run(&self, state: &mut Preparing, trajectory_um: f32, now: Now) -> Step {
+        self.step(&mut state.chain, &self.law.tracking.limiter, trajectory_um, now)
+    }
+
+    fn coming_um(&self, state: &Preparing) -> f32 {
+        state.coming_um
+    }
+
+    fn rest_um(&self) -> f32 {
+        self.law.surroundings.rest
     }
 }

@@ -13,9 +13,11 @@ pub mod law;
 pub mod monitor;
 pub mod parameters;
 pub mod table;
+pub mod table_y;
 pub mod telemetry;
 pub mod trajectory;
 pub mod tuning;
+pub mod two_axes;
 pub mod wire;
 
 use controller::Controller;

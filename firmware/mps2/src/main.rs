@@ -10,7 +10,7 @@ use cortex_m_rt::{entry, exception};
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::monitor::{Fault, WATCHDOG_SAMPLES};
-use hysteron_firmware::wire::{FRAME_BYTES, Frame, Hello, INPUT_BYTES, Input, Order, SETUP_BYTES, Setup, Summary};
+use hysteron_firmware::wire::{FRAME_BYTES, Frame, INPUT_BYTES, Input, Order, SETUP_BYTES, Setup, Summary};
 use hysteron_firmware::{Board, table, tick};
 use mps2::semihosting::{self, File};
 use mps2::{timer, watchdog};
@@ -72,13 +72,7 @@ static DONE: AtomicBool = AtomicBool::new(false);
 fn main() -> ! {
     let to_host = File::open(c"from-board", semihosting::WRITE);
     let mut from_host = File::open(c"to-board", semihosting::READ);
-    let hello = Hello {
-        hash: table::HASH,
-        sample_rate_hz: table::SAMPLE_RATE_HZ,
-        input_min_um: table::INPUT_MIN_UM,
-        input_max_um: table::INPUT_MAX_UM,
-    };
-    to_host.write(&hello.to_bytes());
+    to_host.write(&table::hello().to_bytes());
     loop {
         let mut setup = [0; SETUP_BYTES];
         from_host.read(&mut setup);

@@ -69,6 +69,10 @@ pub(crate) struct ExportArgs {
     /// feedback helps up to
     #[arg(long, value_name = "HZ")]
     pub feedback_up_to: Option<f64>,
+    /// Of a controller beside that of another axis: what of the other's motion reaches this one, um/um; move the other axis and read this
+    /// axis' sensor
+    #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
+    pub cross: Option<f64>,
     /// The table
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
@@ -233,6 +237,11 @@ fn table(
     let refuse = |what: &str| Err(CliError::Option(format!("{}: {what}", args.model.display())));
     if model.direction != Direction::Inverse {
         return refuse("runs forward; the board needs a direct inverse: fit with --direction inverse");
+    }
+    if args.cross.is_some() {
+        return refuse(
+            "has no place for --cross: a table of an inverse alone knows no other axis; design a controller and export that",
+        );
     }
     if !model.effects.is_empty() {
         return refuse(

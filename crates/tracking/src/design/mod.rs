@@ -160,6 +160,7 @@ impl Controller {
             rest_um: around.rest_um,
             sensor_lag_s: around.sensor_lag_s,
             coupling: around.coupling,
+            cross_um_per_um: None,
             hum: self.hum_numbers(),
             heat: around.heat,
             sensor: around.sensor,

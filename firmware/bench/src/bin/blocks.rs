@@ -26,6 +26,7 @@ use mps2::semihosting;
 /// The table's law, with the effects that its stage does not have: sizes as of a stage that does.
 const EVERYTHING: LawNumbers = LawNumbers {
     coupling: Some([0.0005, -1e-8, 0.0001, 10.0]),
+    cross_um_per_um: Some(0.01),
     hum: Some(HumNumbers {
         frequency_hz: 50.0,
         sensitivity: [[1.0, 0.1], [0.9, 0.1], [0.8, 0.2], [0.7, 0.2], [0.6, 0.3]],
@@ -77,6 +78,7 @@ impl Axis {
             reference_ahead: reference_um,
             measured: self.adc.volts(AdcCode(code as u16)),
             voltage2_ahead: self.other_v,
+            motion2_ahead: reference_um,
             temperature_c: 0.0,
         };
         let command_v = self.law.step(&mut self.state, input);

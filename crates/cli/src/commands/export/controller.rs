@@ -28,7 +28,10 @@ pub(super) fn table(controller: &Controller, args: &ExportArgs) -> Result<Table,
             )));
         }
     }
-    let numbers = controller.numbers()?;
+    let numbers = LawNumbers {
+        cross_um_per_um: args.cross,
+        ..controller.numbers()?
+    };
     let stage = args.stage.map(StageName::config);
     let ends = Ends::of(stage.as_ref(), args);
     let (dac_top_v, adc_top_um) = (top(ends.dac_v), top(ends.adc_um));

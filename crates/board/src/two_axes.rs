@@ -1,0 +1,150 @@
+//! Two axes: their image in QEMU, the simulated stage with both, and the same here.
+
+use crate::emulator::Emulator;
+use crate::{BoardError, Machine, Recording, broken};
+use hysteron_firmware::law::Law;
+use hysteron_firmware::two_axes::TwoAxes;
+use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello, Input, Order, Setup};
+use hysteron_plant::{Converter, CrossCoupling, Stage, StageConfig, StageError};
+use std::io::{Read, Write};
+use std::path::Path;
+use std::time::Duration;
+
+/// A stage of two axes: each is moved by a share of the other's motion.
+#[derive(Debug, Clone)]
+pub struct TwoAxisRig {
+    stages: [Stage; 2],
+    /// What each axis and the board did.
+    pub recordings: [Recording; 2],
+    stop_at: u32,
+}
+
+impl TwoAxisRig {
+    /// Two stages that know nothing of each other become one: `shares[0]` of the second's motion reaches the first, `shares[1]` the other
+    /// way. Starts at the first tick, stops after so many seconds.
+    ///
+    /// # Errors
+    /// Stages that cannot be built, or shares beyond what couples.
+    pub fn new(axes: [&StageConfig; 2], shares: [f64; 2], seed: u64, seconds: f64) -> Result<Self, StageError> {
+        let beside = |config: &StageConfig, other: &StageConfig, ratio| StageConfig {
+            cross_coupling: Some(CrossCoupling {
+                ratio,
+                lag_s: other.amplifier.lag_s,
+                hysteresis: other.hysteresis.clone(),
+                mode: other.modes.first().copied(),
+            }),
+            ..config.clone()
+        };
+        let [x, y] = axes;
+        Ok(Self {
+            stages: [
+                Stage::new(&beside(x, y, shares[0]), seed)?,
+                Stage::new(&beside(y, x, shares[1]), seed.wrapping_add(1))?,
+            ],
+            recordings: [Recording::default(), Recording::default()],
+            stop_at: (seconds / x.sample_period_s).round() as u32,
+        })
+    }
+
+    fn inputs(&mut self, number: u32) -> [Input; 2] {
+        let order = match number {
+            0 => Order::Start,
+            n if n == self.stop_at => Order::Stop,
+            _ => Order::None,
+        };
+        let mut inputs = [Input::default(); 2];
+        for ((stage, recording), input) in self.stages.iter().zip(&mut self.recordings).zip(&mut inputs) {
+            let sample = stage.sample();
+            let adc = u16::try_from(sample.position_code).unwrap_or(u16::MAX);
+            recording.adc.push(adc);
+            recording.position_um.push(sample.position_um);
+            *input = Input { adc, order };
+        }
+        inputs
+    }
+
+    fn outputs(&mut self, frames: &[Frame; 2]) {
+        let mut voltages_v = [0.0; 2];
+        for ((stage, frame), voltage_v) in self.stages.iter().zip(frames).zip(&mut voltages_v) {
+            let config = stage.config();
+            let dac = config.dac.unwrap_or(Converter::BIPOLAR_16_BIT);
+            *voltage_v = dac.v_from_code(u32::from(frame.dac)) * config.amplifier.gain;
+        }
+        let [x_v, y_v] = voltages_v;
+        self.stages[0].step_two_axes(x_v, y_v);
+        self.stages[1].step_two_axes(y_v, x_v);
+        for ((recording, frame), voltage_v) in self.recordings.iter_mut().zip(frames).zip(voltages_v) {
+            recording.voltage_v.push(voltage_v);
+            recording.frames.push(*frame);
+        }
+    }
+}
+
+/// Both axes of the application against the stage, in this process.
+pub fn drive_both_here<X: Law, Y: Law>(axes: &mut TwoAxes<X, Y>, ticks: u32, rig: &mut TwoAxisRig) {
+    for number in 0..ticks {
+        let inputs = rig.inputs(number);
+        rig.outputs(&axes.step(inputs, false));
+    }
+}
+
+/// An image of two axes in QEMU, for any number of runs.
+pub struct TwoAxisSession {
+    emulator: Emulator,
+    hellos: [Hello; 2],
+}
+
+impl TwoAxisSession {
+    /// As [`crate::Session::start`].
+    ///
+    /// # Errors
+    /// No image or no emulator, an image that says nothing or not what this version understands.
+    pub fn start(machine: Machine, image: &Path, patience: Duration) -> Result<Self, BoardError> {
+        if !image.is_file() {
+            return Err(BoardError::NoImage(image.to_owned()));
+        }
+        let mut emulator = Emulator::start(machine, image, patience)?;
+        let mut said = [[0; HELLO_BYTES]; 2];
+        let read = emulator.from_board.read_exact(said.as_flattened_mut());
+        read.map_err(|source| broken(&emulator, 0, source))?;
+        match said.map(|bytes| Hello::from_bytes(&bytes)) {
+            [Some(x), Some(y)] => Ok(Self {
+                emulator,
+                hellos: [x, y],
+            }),
+            _ => Err(BoardError::OtherVersion),
+        }
+    }
+
+    /// What the image said of each axis' table.
+    pub fn hellos(&self) -> &[Hello; 2] {
+        &self.hellos
+    }
+
+    /// Runs both axes against the stage, a pair of codes each way a tick.
+    ///
+    /// # Errors
+    /// An exchange that breaks off, or a frame that is missing.
+    pub fn run(&mut self, setups: &[Setup; 2], rig: &mut TwoAxisRig) -> Result<(), BoardError> {
+        let emulator = &mut self.emulator;
+        let sent = setups.map(|setup| setup.to_bytes());
+        let begun = emulator.to_board.write_all(sent.as_flattened());
+        begun.map_err(|source| broken(emulator, 0, source))?;
+        let mut answers = [[0; FRAME_BYTES]; 2];
+        for wanted in 0..setups[0].ticks {
+            let asked = rig.inputs(wanted).map(|input| input.to_bytes());
+            let exchanged = emulator
+                .to_board
+                .write_all(asked.as_flattened())
+                .and_then(|()| emulator.from_board.read_exact(answers.as_flattened_mut()));
+            exchanged.map_err(|source| broken(emulator, wanted, source))?;
+            let frames = answers.map(|bytes| Frame::from_bytes(&bytes));
+            if let Some(frame) = frames.iter().find(|frame| frame.number != wanted) {
+                let got = frame.number;
+                return Err(BoardError::LostFrame { got, wanted });
+            }
+            rig.outputs(&frames);
+        }
+        Ok(())
+    }
+}

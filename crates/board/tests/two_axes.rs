@@ -1,0 +1,157 @@
+//! Two axes on the board: the same codes as here, and each keeps its place while the other moves.
+//!
+//! Skipped, and said so, where there is no QEMU or no image, as `processor_in_loop.rs`.
+#![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
+
+use hysteron_board::host::{complete, hello};
+use hysteron_board::two_axes::{TwoAxisRig, TwoAxisSession, drive_both_here};
+use hysteron_board::{Machine, Request, Shape};
+use hysteron_firmware::controller::Controller;
+use hysteron_firmware::law::Complete;
+use hysteron_firmware::monitor::Fault;
+use hysteron_firmware::two_axes::TwoAxes;
+use hysteron_firmware::wire::{Input, Mode, Order, Setup};
+use hysteron_plant::preset;
+use hysteron_table::Table;
+use std::path::Path;
+use std::time::Duration;
+
+const TABLES: [&str; 2] = [
+    include_str!("../../../firmware/tables/tracking-x.toml"),
+    include_str!("../../../firmware/tables/tracking-y.toml"),
+];
+/// The stage's, as the tables have them.
+const SHARES: [f64; 2] = [0.01, -0.006];
+
+fn tables() -> [Table; 2] {
+    TABLES.map(|text| Table::parse(text).unwrap())
+}
+
+fn rig(seconds: f64) -> TwoAxisRig {
+    let axes = [preset::tracking_8k(), preset::tracking_739()];
+    TwoAxisRig::new([&axes[0], &axes[1]], SHARES, 7, seconds).unwrap()
+}
+
+/// A raster: X a triangle, Y a slow sine; or others.
+fn setups(references: [(Shape, f64); 2], feedback: bool, seconds: f64) -> [Setup; 2] {
+    let tables = tables();
+    [0, 1].map(|axis| {
+        let (shape, frequency_hz) = references[axis];
+        let request = Request {
+            shape,
+            frequency_hz,
+            range_um: Some([3.0, 13.0]),
+            seconds,
+            feedforward: true,
+            feedback,
+        };
+        request.setup(&hello(&tables[axis], TABLES[axis])).unwrap()
+    })
+}
+
+fn axes(tables: &[Table; 2], setups: &[Setup; 2]) -> TwoAxes<Complete, Complete> {
+    let [x, y] = [0, 1].map(|axis| Controller::new(complete(&tables[axis]).unwrap(), &setups[axis]));
+    TwoAxes::new(x, y)
+}
+
+/// Both cores, tick by tick against the stage with both axes: a raster and two sines, by the bits of every frame.
+#[test]
+fn val_two_axes_give_the_same_bits() {
+    for (machine, name) in [
+        (Machine::Mps2An386, "tracking-xy"),
+        (Machine::Mps2An500, "tracking-xy-m7"),
+    ] {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware/target/images/tables");
+        let image = Path::new(folder).join(name);
+        let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
+        if !image.is_file() || emulator.is_err() {
+            let missing = format!("no image {} or no qemu-system-arm", image.display());
+            assert!(std::env::var_os("HYSTERON_EMULATOR").is_none(), "{missing}");
+            eprintln!("skipped: {missing}; run `cargo xtask firmware compare`");
+            return;
+        }
+        let mut session = TwoAxisSession::start(machine, &image, Duration::from_secs(120)).unwrap();
+        let tables = tables();
+        let wanted = [0, 1].map(|axis| hello(&tables[axis], TABLES[axis]));
+        assert_eq!(session.hellos(), &wanted, "the image has other tables: build it anew");
+        for (references, feedback) in [
+            ([(Shape::Triangle, 100.0), (Shape::Sine, 10.0)], true),
+            ([(Shape::Sine, 503.0), (Shape::ComplexHarmonic, 97.0)], false),
+        ] {
+            let setups = setups(references, feedback, 0.05);
+            let (mut there, mut here) = (rig(0.05), rig(0.05));
+            session.run(&setups, &mut there).unwrap();
+            drive_both_here(&mut axes(&tables, &setups), setups[0].ticks, &mut here);
+            for (board, host) in there.recordings.iter().zip(&here.recordings) {
+                assert_eq!(board.frames.len(), setups[0].ticks as usize);
+                for (board, host) in board.frames.iter().zip(&host.frames) {
+                    assert_eq!(board.to_bytes(), host.to_bytes(), "{board:?} {host:?}");
+                }
+                let codes = board.frames.iter().map(|frame| frame.dac);
+                assert!(codes.clone().max().unwrap() - codes.min().unwrap() > 10_000);
+            }
+        }
+    }
+}
+
+/// What of the other axis' motion is left in an axis: in open loop, where nothing else would take it away, less than a fifth of what it is
+/// without the decoupling.
+#[test]
+fn val_axes_are_decoupled() {
+    let references = [(Shape::Sine, 31.0), (Shape::Sine, 97.0)];
+    let setups = setups(references, false, 0.2);
+    let errors = |tables: &[Table; 2]| {
+        let mut rig = rig(0.2);
+        drive_both_here(&mut axes(tables, &setups), setups[0].ticks, &mut rig);
+        rig.recordings.map(|recording| recording.rms_um())
+    };
+    let with = errors(&tables());
+    let without = errors(&tables().map(|mut table| {
+        table.controller.as_mut().unwrap().cross_um_per_um = None;
+        table
+    }));
+    for ((with, without), share) in with.into_iter().zip(without).zip(SHARES) {
+        // A sine of 10 um from 3 to 13: its rms about 0 is 8.7 um.
+        assert!(without > 0.8 * 8.7 * share.abs(), "{share}: {without} um without");
+        assert!(with < 0.2 * without, "{share}: {with} um with, {without} um without");
+    }
+}
+
+/// A fault of one axis brings both down, each to its own safe level, with the same fault latched.
+#[test]
+fn val_a_fault_of_one_axis_is_one_of_both() {
+    let setups = setups([(Shape::Sine, 100.0), (Shape::Sine, 100.0)], true, 0.2);
+    let mut axes = axes(&tables(), &setups);
+    let mut rig = rig(0.2);
+    drive_both_here(&mut axes, 3000, &mut rig);
+    let last = rig
+        .recordings
+        .each_ref()
+        .map(|recording| *recording.adc.last().unwrap());
+    // The sensor of Y breaks off at once.
+    let broken = |order| {
+        [
+            Input { adc: last[0], order },
+            Input {
+                adc: u16::MAX,
+                order: Order::None,
+            },
+        ]
+    };
+    axes.step(broken(Order::None), false);
+    let frames = axes.step(broken(Order::None), false);
+    for frame in frames {
+        assert_eq!((frame.mode(), frame.fault()), (Mode::Falling, Some(Fault::SensorJump)));
+    }
+    let mut frames = frames;
+    for _ in 0..1100 {
+        frames = axes.step(broken(Order::None), false);
+    }
+    assert!(
+        frames
+            .iter()
+            .all(|frame| frame.mode() == Mode::Off && frame.command_v == 0.0)
+    );
+    let again = axes.step(broken(Order::Start), false);
+    assert!(again.iter().all(|frame| frame.mode() == Mode::Off), "a latched fault");
+}

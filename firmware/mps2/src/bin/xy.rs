@@ -1,0 +1,71 @@
+//! Two axes on QEMU's boards: a pair of ADC codes in, a pair of DAC codes out a tick, as fast as the host answers.
+//!
+//! Without the sample clock: what the ticks compute does not depend on it, and `firmware/bench` counts what they cost.
+#![no_std]
+#![no_main]
+
+use cortex_m_rt::entry;
+use hysteron_firmware::controller::Controller;
+use hysteron_firmware::two_axes::TwoAxes;
+use hysteron_firmware::wire::{INPUT_BYTES, Input, Order, SETUP_BYTES, Setup};
+use hysteron_firmware::{table, table_y};
+use mps2::semihosting::{self, File};
+
+#[entry]
+fn main() -> ! {
+    let to_host = File::open(c"from-board", semihosting::WRITE);
+    let mut from_host = File::open(c"to-board", semihosting::READ);
+    to_host.write(&table::hello().to_bytes());
+    to_host.write(&table_y::hello().to_bytes());
+    loop {
+        let setups = [(); 2].map(|()| {
+            let mut bytes = [0; SETUP_BYTES];
+            from_host.read(&mut bytes);
+            Setup::from_bytes(&bytes)
+        });
+        if setups[0].ticks == 0 {
+            semihosting::exit(true);
+        }
+        run(&setups, &mut from_host, &to_host);
+    }
+}
+
+fn run(setups: &[Setup; 2], from_host: &mut File, to_host: &File) {
+    let (Ok(x), Ok(y)) = (table::parameters(), table_y::parameters()) else {
+        semihosting::exit(false);
+    };
+    let mut axes = TwoAxes::new(Controller::new(x, &setups[0]), Controller::new(y, &setups[1]));
+    let mut late = false;
+    for _ in 0..setups[0].ticks {
+        let inputs = [(); 2].map(|()| {
+            let mut bytes = [0; INPUT_BYTES];
+            from_host.read(&mut bytes);
+            Input::from_bytes(bytes)
+        });
+        for frame in axes.step(inputs, late) {
+            to_host.write(&frame.to_bytes());
+        }
+        late = matches!(inputs[0].order, Order::Stall(edges) if edges > 0);
+    }
+}
+
+extern "C" fn unexpected() {
+    semihosting::exit(false);
+}
+
+/// No interrupt is in use.
+// SAFETY: the section is where cortex-m-rt places the table, the name the one that it asks for.
+#[unsafe(link_section = ".vector_table.interrupts")]
+#[unsafe(no_mangle)]
+pub static __INTERRUPTS: [extern "C" fn(); 32] = [unexpected; 32];
+
+unsafe extern "C" {
+    /// Nowhere: a path to a panic, anywhere in the image, does not link.
+    fn a_panic_can_be_reached() -> !;
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    // SAFETY: never called, or it would not have linked.
+    unsafe { a_panic_can_be_reached() }
+}
