@@ -21,7 +21,7 @@ struct Board {
     code: (&'static str, Range),
     /// Where it reads and writes data fastest.
     data: (&'static str, Range),
-    /// What may not grow unseen, bytes: with rustc 1.95, 33 and 24 KB of flash, 5 and 6 KB of code and 200 bytes of stack are in use.
+    /// What may not grow unseen, bytes: with rustc 1.95, 36 and 27 KB of flash, 9 and 10 KB of code and 600 bytes of stack are in use.
     most: Most,
 }
 
@@ -45,7 +45,7 @@ const BOARDS: [Board; 2] = [
         data: ("DTCM", 0x2000_0000..0x2002_0000),
         most: Most {
             flash: 45_000,
-            code: 10_000,
+            code: 14_000,
             stack: 1_200,
         },
     },
@@ -62,7 +62,7 @@ const BOARDS: [Board; 2] = [
         data: ("SRAM", 0x2000_0000..0x2001_8000),
         most: Most {
             flash: 36_000,
-            code: 10_000,
+            code: 14_000,
             stack: 1_200,
         },
     },

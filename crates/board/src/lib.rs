@@ -88,6 +88,9 @@ pub enum BoardError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A source that takes no orders.
+    #[error("{0}: a file takes no orders; give HOST:PORT of a server, or start the loop by the board's button")]
+    NotAsked(String),
     /// A source that says nothing.
     #[error(
         "{from}: nothing came for 5 s; is the board running, and is this its RTT channel 1 (the log is channel 0)?"

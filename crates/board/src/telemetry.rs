@@ -2,9 +2,12 @@
 
 use crate::{BoardError, Recording};
 use hysteron_core::codes::{AdcCode, Converter};
-use hysteron_firmware::telemetry::{ABOUT_BYTES, About, Found, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample, find};
+use hysteron_firmware::telemetry::{
+    ABOUT_BYTES, About, Found, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample, find, order_packet,
+};
+use hysteron_firmware::wire::Order;
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
@@ -24,6 +27,9 @@ const MOST_PIECES: usize = 1000;
 
 /// Fewest samples of a piece: one alone has no period.
 const SHORTEST_PIECE: usize = 2;
+
+/// A first gap longer than this, ticks, is no loss: what came before lay in the board's buffer while nobody listened. 1 s at 50 kHz.
+const UNHEARD_TICKS: u32 = 50_000;
 
 /// What was recorded from a board.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,6 +60,8 @@ pub struct Counts {
     pub lost: u64,
     /// Samples between two gaps, too few for a piece, which are left out.
     pub alone: u64,
+    /// Samples from before anybody listened, which are left out.
+    pub unheard: u64,
     /// Bytes that belong to no packet.
     pub foreign_bytes: u64,
     /// Times that the board began to count anew.
@@ -94,7 +102,8 @@ impl Collector {
                     at += ABOUT_BYTES;
                 }
                 Found::Incomplete if !ended => break,
-                Found::Incomplete | Found::Nothing => {
+                // A board gives no orders.
+                Found::Incomplete | Found::Nothing | Found::Order(_) => {
                     self.counts.foreign_bytes += 1;
                     at += 1;
                 }
@@ -123,6 +132,13 @@ impl Collector {
             // Half of the counter's range on: it has been set back. So has one that says the same number twice.
             Some(step) if step == 0 || step > u32::MAX / 2 => {
                 self.counts.restarts += 1;
+                false
+            }
+            Some(step)
+                if step > UNHEARD_TICKS && self.counts.lost + self.counts.restarts + self.counts.unheard == 0 =>
+            {
+                self.counts.unheard = std::mem::take(&mut self.counts.samples);
+                self.pieces.clear();
                 false
             }
             Some(step) => {
@@ -211,21 +227,43 @@ impl Collector {
 
 /// Records for so many seconds of the board's time, or until the stream ends or is silent for [`PATIENCE`].
 ///
-/// `from` is a file or device that is there, or `HOST:PORT` of a server that sends the bytes of the board's telemetry.
+/// `from` is a file or device that is there, or `HOST:PORT` of a server that sends the bytes of the board's telemetry. With `run` the
+/// loop is started when the board has described itself, which only a server can, and stopped at the end; what happens in between, the
+/// recording shows. A board that has been asked to run is asked to stop however this ends.
 ///
 /// # Errors
-/// A length that makes no sense, nothing at `from`, and as [`Collector::push`] and [`Collector::finish`].
-pub fn capture(from: &str, seconds: f64, progress: &mut dyn FnMut(f64)) -> Result<Capture, BoardError> {
+/// A length that makes no sense, nothing at `from`, nobody there to be asked, and as [`Collector::push`] and [`Collector::finish`].
+pub fn capture(from: &str, seconds: f64, run: bool, progress: &mut dyn FnMut(f64)) -> Result<Capture, BoardError> {
     crate::within("seconds", seconds, 1e-3, 600.0)?;
-    let chunks = chunks(open(from)?);
+    let (source, mut asked) = open(from)?;
+    if run && asked.is_none() {
+        return Err(BoardError::NotAsked(from.to_owned()));
+    }
+    let recorded = record(from, source, seconds, progress, &mut |order| match &mut asked {
+        Some(board) if run => board.write_all(&order_packet(order)).map_err(failed(from)),
+        _ => Ok(()),
+    });
+    if let Some(board) = asked.filter(|_| run) {
+        // The other side may be gone already; what was recorded says whether the loop still ran.
+        let _ = (&board).write_all(&order_packet(Order::Stop));
+    }
+    recorded
+}
+
+fn record(
+    from: &str,
+    source: Box<dyn Read + Send>,
+    seconds: f64,
+    progress: &mut dyn FnMut(f64),
+    ask: &mut dyn FnMut(Order) -> Result<(), BoardError>,
+) -> Result<Capture, BoardError> {
+    let chunks = chunks(source);
     let mut collector = Collector::default();
+    let mut started = false;
     loop {
         match chunks.recv_timeout(PATIENCE) {
             Ok(Ok(chunk)) => collector.push(&chunk)?,
-            Ok(Err(source)) if collector.ticks() == 0 => {
-                let from = from.to_owned();
-                return Err(BoardError::Source { from, source });
-            }
+            Ok(Err(source)) if collector.ticks() == 0 => return Err(failed(from)(source)),
             Err(RecvTimeoutError::Timeout) if collector.ticks() == 0 && collector.counts.foreign_bytes == 0 => {
                 return Err(BoardError::Silent { from: from.to_owned() });
             }
@@ -234,6 +272,10 @@ pub fn capture(from: &str, seconds: f64, progress: &mut dyn FnMut(f64)) -> Resul
         }
         let rate_hz = collector.rate_hz();
         if let Some(rate_hz) = rate_hz {
+            if !started {
+                ask(Order::Start)?;
+                started = true;
+            }
             let share = collector.ticks() as f64 / (seconds * rate_hz);
             progress(share);
             if share >= 1.0 {
@@ -247,22 +289,32 @@ pub fn capture(from: &str, seconds: f64, progress: &mut dyn FnMut(f64)) -> Resul
     collector.finish()
 }
 
-fn open(from: &str) -> Result<Box<dyn Read + Send>, BoardError> {
-    let failed = |source| {
-        let from = from.to_owned();
-        BoardError::Source { from, source }
-    };
+fn failed(from: &str) -> impl Fn(std::io::Error) -> BoardError {
+    let from = from.to_owned();
+    move |source| BoardError::Source {
+        from: from.clone(),
+        source,
+    }
+}
+
+/// What sends, and who can be asked, where it is a server.
+type Opened = (Box<dyn Read + Send>, Option<TcpStream>);
+
+fn open(from: &str) -> Result<Opened, BoardError> {
     if Path::new(from).exists() || !from.contains(':') {
-        return Ok(Box::new(File::open(from).map_err(failed)?));
+        return Ok((Box::new(File::open(from).map_err(failed(from))?), None));
     }
     let mut last = std::io::Error::new(std::io::ErrorKind::NotFound, "the name has no address");
-    for address in from.to_socket_addrs().map_err(failed)? {
+    for address in from.to_socket_addrs().map_err(failed(from))? {
         match TcpStream::connect_timeout(&address, PATIENCE) {
-            Ok(stream) => return Ok(Box::new(stream)),
+            Ok(stream) => {
+                let asked = stream.try_clone().map_err(failed(from))?;
+                return Ok((Box::new(stream), Some(asked)));
+            }
             Err(error) => last = error,
         }
     }
-    Err(failed(last))
+    Err(failed(from)(last))
 }
 
 /// Reads in a thread of its own: a device that is silent can be waited for, but not for ever.

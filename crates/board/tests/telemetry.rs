@@ -3,8 +3,11 @@
 use hysteron_board::BoardError;
 use hysteron_board::telemetry::{Capture, Collector, capture};
 use hysteron_firmware::table;
-use hysteron_firmware::telemetry::{ABOUT_BYTES, About, Found, SAMPLE_BYTES, Sample, checksum, find};
-use hysteron_firmware::wire::{Frame, Mode, flags};
+use hysteron_firmware::telemetry::{
+    ABOUT_BYTES, About, Found, Orders, SAMPLE_BYTES, Sample, checksum, find, order_packet,
+};
+use hysteron_firmware::tuning::Change;
+use hysteron_firmware::wire::{Frame, Mode, Order, flags};
 use proptest::prelude::*;
 use std::io::Write;
 
@@ -67,7 +70,39 @@ fn val_packets_come_back() {
     for bit in 0..8 * packet.len() {
         let mut wrong = packet;
         wrong[bit / 8] ^= 1 << (bit % 8);
-        assert!(!matches!(find(&wrong), Found::Sample(_) | Found::About(_)), "{bit}");
+        assert!(
+            !matches!(find(&wrong), Found::Sample(_) | Found::About(_) | Found::Order(_)),
+            "{bit}"
+        );
+    }
+}
+
+/// Orders get through what a connection does to them, or do not come at all.
+#[test]
+fn val_orders_reach_the_board() {
+    let change = Change::Gains {
+        proportional_v_per_um: 0.5,
+        integral_v_per_um_s: 7e3,
+    };
+    let orders: Vec<Order> = [Order::Start]
+        .into_iter()
+        .chain(change.orders())
+        .chain([Order::Stop, Order::Clear])
+        .collect();
+    let mut stream = Vec::new();
+    for (k, &order) in orders.iter().enumerate() {
+        stream.extend(&b"\xa5O\xa5\xa5S noise"[..k % 12]);
+        stream.extend(order_packet(order));
+    }
+    let mut board = Orders::default();
+    let taken: Vec<Order> = stream.iter().filter_map(|&byte| board.push(byte)).collect();
+    assert_eq!(taken, orders);
+    let packet = order_packet(Order::Start);
+    for bit in 0..8 * packet.len() {
+        let mut wrong = packet;
+        wrong[bit / 8] ^= 1 << (bit % 8);
+        let mut board = Orders::default();
+        assert_eq!(wrong.iter().find_map(|&byte| board.push(byte)), None, "{bit}");
     }
 }
 
@@ -124,6 +159,27 @@ fn val_what_is_lost_is_counted_and_parts_the_recording() {
     }
 }
 
+/// The board's buffer holds what it sent before anybody listened.
+#[test]
+fn val_a_recording_begins_when_somebody_listens() {
+    let stream = [
+        about(),
+        packets(0..100),
+        packets(1_000_000..1_000_010),
+        packets(2_000_000..2_000_002),
+    ]
+    .concat();
+    let capture = collect(&stream, 333).unwrap();
+    let whole = [(1_000_000..1_000_010).collect::<Vec<_>>(), vec![2_000_000, 2_000_001]];
+    assert_eq!(numbers(&capture), whole);
+    assert_eq!(
+        (capture.pieces[0].start_tick, capture.pieces[1].start_tick),
+        (0, 1_000_000)
+    );
+    let counts = capture.counts;
+    assert_eq!((counts.unheard, counts.samples, counts.lost), (100, 12, 999_990));
+}
+
 #[test]
 fn refuse_streams_that_are_no_recording() {
     let said = |stream: &[u8]| collect(stream, 4096).err().unwrap().to_string();
@@ -143,11 +199,15 @@ fn refuse_streams_that_are_no_recording() {
 
 #[test]
 fn refuse_sources_that_are_none() {
-    let said = |from: &str, seconds: f64| capture(from, seconds, &mut |_| ()).err().unwrap().to_string();
+    let said = |from: &str, seconds: f64| capture(from, seconds, false, &mut |_| ()).err().unwrap().to_string();
     assert!(said("/no/such/device", 1.0).starts_with("/no/such/device: "));
     assert!(said("127.0.0.1:99999", 1.0).starts_with("127.0.0.1:99999: "));
     assert!(said("/dev/null", 1.0).starts_with("no sample in 0 bytes"));
     assert!(said("/dev/null", f64::NAN).starts_with("seconds = NaN must lie in"));
+    let asked = capture("/dev/null", 1.0, true, &mut |_| ())
+        .err()
+        .map(|error| error.to_string());
+    assert!(asked.is_some_and(|said| said.starts_with("/dev/null: a file takes no orders")));
     let mut file = tempfile::NamedTempFile::new().unwrap();
     file.write_all(&vec![0; 5 << 20]).unwrap();
     // It does not read on for ever.

@@ -7,10 +7,10 @@ use hysteron_board::budget::BOARDS;
 use hysteron_data::read_dataset;
 use hysteron_firmware::monitor::Fault;
 use hysteron_firmware::table;
-use hysteron_firmware::telemetry::{About, Sample};
-use hysteron_firmware::wire::{Frame, Mode, flags};
-use std::io::Write;
-use std::net::TcpListener;
+use hysteron_firmware::telemetry::{About, Orders, Sample};
+use hysteron_firmware::wire::{Frame, Mode, Order, flags};
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::Output;
 
@@ -160,6 +160,45 @@ fn val_a_recording_with_losses() {
     ] {
         assert!(said.contains(wanted), "{said}");
     }
+}
+
+/// With --run the board is asked to start once it has described itself, and to stop at the end.
+#[test]
+fn val_a_run_that_the_host_starts_and_stops() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("recorded").display().to_string();
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let from = server.local_addr().unwrap().to_string();
+    let board = std::thread::spawn(move || {
+        let (mut connection, _) = server.accept().unwrap();
+        connection.write_all(&about("nucleo-h743zi")).unwrap();
+        let mut orders = Orders::default();
+        let mut asked = |connection: &mut TcpStream| loop {
+            let mut byte = [0];
+            connection.read_exact(&mut byte).unwrap();
+            if let Some(order) = orders.push(byte[0]) {
+                return order;
+            }
+        };
+        let first = asked(&mut connection);
+        // What was asked for, and no more: then it waits.
+        connection.write_all(&packets(0..500, None)).unwrap();
+        (first, asked(&mut connection))
+    });
+    let args = [
+        "board",
+        "record",
+        "--from",
+        &from,
+        "--run",
+        "--seconds",
+        "0.01",
+        "-o",
+        &place,
+    ];
+    let said = answered(&Command::cargo_bin("hysteron").unwrap().args(args).output().unwrap());
+    assert!(said.contains("500 samples in 0.010 s, 0 lost"), "{said}");
+    assert_eq!(board.join().unwrap(), (Order::Start, Order::Stop));
 }
 
 /// Another board than those of the firmware has no known delay.

@@ -1,10 +1,10 @@
 //! What a real board sends of every tick, over whatever carries bytes: packets that are found again after a gap.
 //!
 //! A packet is [`MARK`], its kind, its contents, and a checksum of kind and contents. One that does not fit where it goes is left out
-//! as a whole: the numbers of the frames say how many are missing.
+//! as a whole: the numbers of the frames say how many are missing. What a host asks of a board comes the same way, back.
 
 use crate::table;
-use crate::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello};
+use crate::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello, Input, Order};
 
 /// First byte of a packet.
 pub const MARK: u8 = 0xa5;
@@ -12,6 +12,8 @@ pub const MARK: u8 = 0xa5;
 const ABOUT: u8 = b'A';
 /// Kind of a [`Sample`].
 const SAMPLE: u8 = b'S';
+/// Kind of an [`Order`].
+const ORDER: u8 = b'O';
 /// Around the contents: mark, kind, checksum.
 const AROUND: usize = 4;
 /// Letters of a board's name.
@@ -20,6 +22,8 @@ const NAME_BYTES: usize = 16;
 pub const ABOUT_BYTES: usize = AROUND + HELLO_BYTES + 16 + NAME_BYTES;
 /// Length of a [`Sample`]'s packet: 1.1 MB a second at 50 kHz.
 pub const SAMPLE_BYTES: usize = AROUND + FRAME_BYTES + 2;
+/// Length of an [`Order`]'s packet.
+pub const ORDER_BYTES: usize = AROUND + 2;
 /// Samples from one [`About`] to the next: whoever comes late waits 0.16 s.
 pub const SAMPLES_AN_ABOUT: u32 = 8192;
 
@@ -52,6 +56,8 @@ pub enum Found {
     Sample(Sample),
     /// A description of [`ABOUT_BYTES`].
     About(About),
+    /// An order of [`ORDER_BYTES`].
+    Order(Order),
     /// Perhaps a packet, once more bytes have come.
     Incomplete,
     /// No packet: look one byte further.
@@ -141,7 +147,39 @@ pub fn find(bytes: &[u8]) -> Found {
             Some(packet) if whole(packet) => About::from_packet(packet).map_or(Found::Nothing, Found::About),
             Some(_) => Found::Nothing,
         },
+        (Some(&MARK), Some(&ORDER)) => match bytes.first_chunk::<ORDER_BYTES>() {
+            None => Found::Incomplete,
+            Some(packet) if whole(packet) => Found::Order(Input::from_bytes([0, 0, packet[2], packet[3]]).order),
+            Some(_) => Found::Nothing,
+        },
         _ => Found::Nothing,
+    }
+}
+
+/// The packet of an order.
+pub fn order_packet(order: Order) -> [u8; ORDER_BYTES] {
+    let [_, _, number, value] = Input { adc: 0, order }.to_bytes();
+    close([MARK, ORDER, number, value, 0, 0])
+}
+
+/// Orders in the bytes that come to a board, whatever is between them.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Orders {
+    last: [u8; ORDER_BYTES],
+}
+
+impl Orders {
+    /// One more byte; the order that it completes.
+    pub fn push(&mut self, byte: u8) -> Option<Order> {
+        self.last.rotate_left(1);
+        self.last[ORDER_BYTES - 1] = byte;
+        match find(&self.last) {
+            Found::Order(order) => {
+                self.last = [0; ORDER_BYTES];
+                Some(order)
+            }
+            _ => None,
+        }
     }
 }
 

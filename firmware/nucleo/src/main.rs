@@ -2,7 +2,7 @@
 //!
 //! TIM6 triggers the ADC 50 000 times a second; the loop runs in the interrupt of the end of conversion, in the memory that is fastest
 //! for it, and writes a 16-bit DAC by SPI. The user's button starts and stops it; RTT carries the log (channel 0) and every tick
-//! (channel 1). `docs/boards/` says how to wire and check it. It builds; it has not run on a board.
+//! (channel 1), and orders of the host (channel 1, back). `docs/boards/` says how to wire and check it. It builds; it has not run on a board.
 #![no_std]
 #![no_main]
 
@@ -17,7 +17,7 @@ use ad5683r::Ad5683r;
 use board::{CHIP, Parts};
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
-use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 use cortex_m::peripheral::DWT;
 use cortex_m_rt::entry;
 use embassy_stm32::gpio::Output;
@@ -28,7 +28,7 @@ use embassy_stm32::spi::{Spi, mode::Master};
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::monitor::Fault;
-use hysteron_firmware::telemetry::{About, SAMPLES_AN_ABOUT, Sample};
+use hysteron_firmware::telemetry::{About, Orders, SAMPLES_AN_ABOUT, Sample};
 use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::wire::{Frame, Input, Order, Setup};
 use hysteron_firmware::{Board, kept, table, tick};
@@ -67,12 +67,8 @@ struct Converters {
 impl Board for Converters {
     #[inline(always)]
     fn read(&mut self) -> Input {
-        let order = match ORDER.swap(NOTHING, Ordering::Relaxed) {
-            START => Order::Start,
-            STOP => Order::Stop,
-            CLEAR => Order::Clear,
-            _ => Order::None,
-        };
+        let [number, value] = ORDER.swap(NOTHING, Ordering::Relaxed).to_be_bytes();
+        let order = Input::from_bytes([0, 0, number, value]).order;
         self.adc = converter::code();
         Input { adc: self.adc, order }
     }
@@ -112,12 +108,15 @@ unsafe impl<T> Sync for Shared<T> {}
 static LOOP: Shared<Loop> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 static RUNNING: AtomicBool = AtomicBool::new(false);
 
-const NOTHING: u8 = 0;
-const START: u8 = 1;
-const STOP: u8 = 2;
-const CLEAR: u8 = 3;
-/// What main asks of the controller.
-static ORDER: AtomicU8 = AtomicU8::new(NOTHING);
+/// What main asks of the controller: the order's number and value, as on the wire. One a tick.
+static ORDER: AtomicU16 = AtomicU16::new(NOTHING);
+const NOTHING: u16 = 0;
+
+fn give(order: Order) {
+    let [_, _, number, value] = Input { adc: 0, order }.to_bytes();
+    ORDER.store(u16::from_be_bytes([number, value]), Ordering::Relaxed);
+}
+
 /// Ticks at whose end the next conversion was done already.
 static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 /// Longest interrupt, processor cycles.
@@ -132,6 +131,10 @@ fn main() -> ! {
         up: {
             0: { size: 1024, mode: ChannelMode::NoBlockTrim, name: "defmt" }
             1: { size: TELEMETRY_BYTES, mode: ChannelMode::NoBlockSkip, name: "telemetry" }
+        }
+        down: {
+            0: { }
+            1: { size: 256, name: "orders" }
         }
     };
     rtt_target::set_defmt_channel(channels.up.0);
@@ -177,10 +180,18 @@ fn main() -> ! {
     let mut telemetry = Telemetry::new(channels.up.1);
     let mut log = Log::default();
     let mut button = Button::default();
+    let (mut from_host, mut orders) = (channels.down.1, Orders::default());
     loop {
         while let Some(sample) = SAMPLES.pop() {
             telemetry.send(&sample);
             log.see(&sample.frame);
+        }
+        // The next one when a tick has taken the one before.
+        let mut byte = [0];
+        while ORDER.load(Ordering::Relaxed) == NOTHING && from_host.read(&mut byte) == 1 {
+            if let Some(order) = orders.push(byte[0]) {
+                give(order);
+            }
         }
         // Both boards' user button is high while pressed.
         button.look(board.button.is_high(), log.fault);
@@ -318,11 +329,11 @@ impl Button {
         if pressed && !self.pressed {
             self.running = !self.running && fault.is_none();
             let order = match (fault, self.running) {
-                (Some(_), _) => CLEAR,
-                (None, true) => START,
-                (None, false) => STOP,
+                (Some(_), _) => Order::Clear,
+                (None, true) => Order::Start,
+                (None, false) => Order::Stop,
             };
-            ORDER.store(order, Ordering::Relaxed);
+            give(order);
         }
         self.pressed = pressed;
     }
@@ -369,7 +380,7 @@ fn sample() {
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
     loop {
-        ORDER.store(STOP, Ordering::Relaxed);
+        give(Order::Stop);
     }
 }
 
@@ -377,6 +388,6 @@ fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
 #[defmt::panic_handler]
 fn defmt_panic() -> ! {
     loop {
-        ORDER.store(STOP, Ordering::Relaxed);
+        give(Order::Stop);
     }
 }

@@ -24,6 +24,9 @@ pub(crate) struct RecordArgs {
     /// Length of the recording, seconds of the board's time
     #[arg(long, default_value_t = 10.0, allow_negative_numbers = true)]
     pub seconds: f64,
+    /// Start the loop before, and stop it after; without it the board's button does
+    #[arg(long)]
+    pub run: bool,
     /// Folder of the new dataset
     #[arg(short, long, value_name = "FOLDER")]
     pub output: PathBuf,
@@ -47,6 +50,8 @@ struct Answer {
     pieces: usize,
     /// Samples between two gaps, which are left out.
     alone: u64,
+    /// Samples from before anybody listened, which are left out.
+    unheard: u64,
     /// Bytes that belong to no packet.
     foreign_bytes: u64,
     /// Times that the board began anew.
@@ -65,7 +70,9 @@ pub(crate) fn run(args: &RecordArgs) -> Result<Done, CliError> {
         return Err(DataError::Exists { file }.into());
     }
     let bar = progress::bar("recording");
-    let captured = capture(&args.from, args.seconds, &mut |share| progress::advance(&bar, share));
+    let captured = capture(&args.from, args.seconds, args.run, &mut |share| {
+        progress::advance(&bar, share);
+    });
     bar.finish_and_clear();
     let captured = captured?;
     let answer = answer(&captured);
@@ -92,6 +99,7 @@ fn answer(captured: &Capture) -> Answer {
         lost: counts.lost,
         pieces: captured.pieces.len(),
         alone: counts.alone,
+        unheard: counts.unheard,
         foreign_bytes: counts.foreign_bytes,
         restarts: counts.restarts,
         known_delay_s: budget.map(|budget| budget.known_delay_s()),
@@ -152,6 +160,7 @@ fn text(args: &RecordArgs, answer: &Answer, fault: &str) -> String {
     );
     for (count, what) in [
         (answer.alone, "samples between two gaps left out"),
+        (answer.unheard, "samples from before anybody listened left out"),
         (answer.foreign_bytes, "bytes that belong to no packet"),
         (answer.restarts, "restarts of the board"),
     ] {
