@@ -21,9 +21,12 @@ struct Board {
     code: (&'static str, Range),
     /// Where it reads and writes data fastest.
     data: (&'static str, Range),
-    /// What may not grow unseen, bytes: with rustc 1.95, 36 and 27 KB of flash, 9 and 10 KB of code and 600 bytes of stack are in use.
-    most: Most,
+    /// What may not grow unseen, table by table, bytes: about a tenth above what is in use with rustc 1.95.
+    most: [Most; TABLES.len()],
 }
+
+/// What an image is built with: an inverse with a PI controller, and a complete law.
+const TABLES: [&str; 2] = [crate::firmware::TABLE, "firmware/tables/tracking-8k.toml"];
 
 struct Most {
     flash: u64,
@@ -43,11 +46,18 @@ const BOARDS: [Board; 2] = [
         // RM0433, "Memory map and register boundary addresses"; 0 wait states at the processor's clock.
         code: ("ITCM", 0..0x1_0000),
         data: ("DTCM", 0x2000_0000..0x2002_0000),
-        most: Most {
-            flash: 45_000,
-            code: 14_000,
-            stack: 1_200,
-        },
+        most: [
+            Most {
+                flash: 39_000,
+                code: 10_500,
+                stack: 1_200,
+            },
+            Most {
+                flash: 55_000,
+                code: 21_000,
+                stack: 1_200,
+            },
+        ],
     },
     Board {
         name: "nucleo-g474re",
@@ -60,11 +70,18 @@ const BOARDS: [Board; 2] = [
         // RM0440, "Embedded SRAM": all of it without wait states, CCM SRAM on the instruction bus.
         code: ("CCM", 0x1000_0000..0x1000_8000),
         data: ("SRAM", 0x2000_0000..0x2001_8000),
-        most: Most {
-            flash: 36_000,
-            code: 14_000,
-            stack: 1_200,
-        },
+        most: [
+            Most {
+                flash: 30_000,
+                code: 11_500,
+                stack: 1_200,
+            },
+            Most {
+                flash: 55_000,
+                code: 28_500,
+                stack: 1_200,
+            },
+        ],
     },
 ];
 
@@ -78,19 +95,24 @@ const START: &str = "#52428";
 
 /// Builds the images, checks them and prints a table.
 pub(crate) fn boards() -> Result<(), String> {
-    let table = Path::new(crate::firmware::TABLE);
     let images = Path::new(crate::firmware::IMAGES);
     std::fs::create_dir_all(images).map_err(|error| format!("{}: {error}", images.display()))?;
     let mut rows = Vec::new();
     for board in &BOARDS {
-        let image = images.join(board.name);
-        std::fs::copy(build(board, table)?, &image).map_err(|error| format!("{}: {error}", image.display()))?;
-        let seen = Seen::of(&image)?;
-        rows.push(check(board, &seen).map_err(|reason| format!("{}: {reason}", board.name))?);
+        // The paper's table last: its image is the one that stays.
+        for (table, most) in TABLES.iter().zip(&board.most).rev() {
+            let image = images.join(board.name);
+            let built = build(board, Path::new(table))?;
+            std::fs::copy(built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
+            let name = Path::new(table).file_stem().unwrap_or_default().to_string_lossy();
+            let row = check(board, most, &Seen::of(&image)?);
+            let row = row.map_err(|reason| format!("{} with {table}: {reason}", board.name))?;
+            rows.push(format!("{name:<17}{row}"));
+        }
     }
     println!(
-        "\n{:<15}{:>22}{:>22}{:>22}{:>12}{:>12}{:>12}",
-        "board", "flash", "interrupt's code", "data", "main stack", "its stack", "functions"
+        "\n{:<17}{:<15}{:>22}{:>22}{:>22}{:>12}{:>12}{:>12}",
+        "table", "board", "flash", "interrupt's code", "data", "main stack", "its stack", "functions"
     );
     rows.iter().for_each(|row| println!("{row}"));
     println!(
@@ -164,7 +186,7 @@ impl Seen {
 }
 
 /// One row of the table, or the first thing that is not as it must be.
-fn check(board: &Board, seen: &Seen) -> Result<String, String> {
+fn check(board: &Board, most: &Most, seen: &Seen) -> Result<String, String> {
     let (memory, data) = &board.data;
     let code = check_code(board, seen)?;
     let (constants, at) = seen.section(".constants")?;
@@ -189,9 +211,9 @@ fn check(board: &Board, seen: &Seen) -> Result<String, String> {
         .map(|name| seen.section(name).map(|(bytes, _)| bytes))
         .sum::<Result<u64, _>>()?;
     for (what, found, most) in [
-        ("flash", flash, board.most.flash),
-        ("the interrupt's code", code.bytes, board.most.code),
-        ("the interrupt's stack", code.stack, board.most.stack),
+        ("flash", flash, most.flash),
+        ("the interrupt's code", code.bytes, most.code),
+        ("the interrupt's stack", code.stack, most.stack),
     ] {
         if found > most {
             return Err(format!("{found} bytes of {what}; allowed are {most}"));
@@ -382,7 +404,12 @@ mod tests {
 
     #[test]
     fn val_a_row_of_figures() {
-        let row = check(&BOARDS[0], &seen(SIZES, SYMBOLS, DISASSEMBLY, &dump())).unwrap();
+        let row = check(
+            &BOARDS[0],
+            &BOARDS[0].most[0],
+            &seen(SIZES, SYMBOLS, DISASSEMBLY, &dump()),
+        )
+        .unwrap();
         // 664 + 1000 + 0 + 4896 + 1024; 1024 + 0 + 2000 + 4; 128 KB less that; 8 pushed and the exception's 108.
         let figures: Vec<&str> = row.split_whitespace().collect();
         assert_eq!(
@@ -410,7 +437,7 @@ mod tests {
     #[test]
     fn refuse_what_is_not_where_it_must_be() {
         let refused = |sizes: &str, symbols: &str, disassembly: &str, dump: &str| {
-            check(&BOARDS[0], &seen(sizes, symbols, disassembly, dump))
+            check(&BOARDS[0], &BOARDS[0].most[0], &seen(sizes, symbols, disassembly, dump))
                 .err()
                 .unwrap()
         };
