@@ -57,5 +57,22 @@ fn learned_and_compensated(effect: &str, seed: u64) {
 
 #[test]
 fn val_delay_is_learned_and_compensated() {
-    learned_and_compensated("delay", 101);
+    learned_and_compensated("delay", 1);
+}
+
+#[test]
+fn val_lag_is_learned_and_compensated() {
+    learned_and_compensated("first-order-lag", 1);
+}
+
+#[test]
+#[ignore = "twenty seconds of a core each: cargo test -p hysteron-cli --test rehearse -- --ignored"]
+fn val_other_axis_is_learned_and_compensated() {
+    learned_and_compensated("cross-coupling", 1);
+}
+
+#[test]
+#[ignore = "twenty seconds of a core each: cargo test -p hysteron-cli --test rehearse -- --ignored"]
+fn val_hum_is_learned_and_compensated() {
+    learned_and_compensated("mains-hum", 1);
 }

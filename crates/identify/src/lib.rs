@@ -28,7 +28,9 @@ mod normal;
 pub mod objective;
 pub mod period;
 pub mod placement;
+pub mod rivals;
 mod separable;
+mod simplex;
 mod uncertainty;
 
 pub use chain_add::{Added, add_effect, add_own_effect, remove_effect};

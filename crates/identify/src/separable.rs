@@ -18,7 +18,7 @@ const POLYNOMIAL_RIDGES: [f64; 6] = [1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5];
 const POLYNOMIAL_RIDGE: f64 = 1e-7;
 
 /// Rows that the search over alpha and beta looks at; the final solution takes all.
-const SEARCH_ROWS: usize = 5_000;
+pub(crate) const SEARCH_ROWS: usize = 5_000;
 
 /// Largest alpha and beta searched, seconds: five times the seed's figure-1 example.
 const LARGEST_S: f64 = 1e-3;

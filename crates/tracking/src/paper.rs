@@ -2,6 +2,7 @@
 
 mod feedback;
 mod modelling;
+mod rivals;
 mod tracking;
 
 use crate::error::TrackingError;
@@ -15,6 +16,7 @@ use hysteron_plant::{StageConfig, StageError};
 
 pub use feedback::{PUBLISHED_PI_HZ, PiReading, Reading, chosen_reading};
 pub use modelling::{ModellingError, SwarmRace, first_play_lead_s, race};
+pub use rivals::{RIVALS_HZ, RivalRow, rivals};
 pub use tracking::{
     Bandwidth, COMPLEX_HARMONIC_HZ, ControllerName, History, NOISE_BAND_HZ, NOISE_SHARE, OTHER_NOISE_SHARES,
     TRACKED_HZ, TrackingFigure, find,
@@ -87,14 +89,7 @@ pub fn study(
     seed: u64,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Study, TrackingError> {
-    let samples = (RECORD_S / stage.sample_period_s).round() as usize;
-    let records = sines(stage, &IDENTIFIED_HZ, [0.0, HIGH_V], |_| samples, seed)?;
-    let [low_um, high_um] = common_range_um(&records).ok_or_else(|| StageError::Conflict {
-        what: format!("the stage reaches no position at all of {IDENTIFIED_HZ:?} Hz"),
-        advice: "give a stage that moves",
-    })?;
-    let inset_um = INSET * (high_um - low_um);
-    let range_um = [low_um + inset_um, high_um - inset_um];
+    let (records, range_um) = identified(stage, seed)?;
     let inverses = fit_inverses(&records)?;
     progress(0.1);
     let modelling = modelling::error(&records, &inverses[2].model);
@@ -140,6 +135,18 @@ pub fn study(
     };
     progress(1.0);
     Ok(study)
+}
+
+/// The three sines, and the range of all trajectories.
+fn identified(stage: &StageConfig, seed: u64) -> Result<(Dataset, [f64; 2]), TrackingError> {
+    let samples = (RECORD_S / stage.sample_period_s).round() as usize;
+    let records = sines(stage, &IDENTIFIED_HZ, [0.0, HIGH_V], |_| samples, seed)?;
+    let [low_um, high_um] = common_range_um(&records).ok_or_else(|| StageError::Conflict {
+        what: format!("the stage reaches no position at all of {IDENTIFIED_HZ:?} Hz"),
+        advice: "give a stage that moves",
+    })?;
+    let inset_um = INSET * (high_um - low_um);
+    Ok((records, [low_um + inset_um, high_um - inset_um]))
 }
 
 /// The three inverses by the paper's objective.

@@ -4,6 +4,7 @@ use crate::error::TrackingError;
 use crate::reference::Reference;
 use hysteron_core::control_law::ControlLaw;
 use hysteron_core::limiter::Limiter;
+use hysteron_core::model::Hysteresis;
 use hysteron_core::pi_controller::PiController;
 use hysteron_identify::{CoreModel, Model};
 use hysteron_plant::{Stage, StageConfig};
@@ -31,10 +32,23 @@ pub fn law<const N: usize>(
     gains: Option<PiGains>,
 ) -> Result<Law<N>, TrackingError> {
     let rate_hz = 1.0 / stage.sample_period_s;
-    let (low_v, high_v) = (stage.amplifier.min_v, stage.amplifier.max_v);
     let feedforward = inverse
         .map(|model| model.to_core(model.input_min, model.input_max, rate_hz))
         .transpose()?;
+    law_of(stage, feedforward, gains)
+}
+
+/// As [`law`], with any model in the feedforward.
+///
+/// # Errors
+/// Gains that are negative or not finite.
+pub fn law_of<F>(
+    stage: &StageConfig,
+    feedforward: Option<F>,
+    gains: Option<PiGains>,
+) -> Result<ControlLaw<f64, F>, TrackingError> {
+    let rate_hz = 1.0 / stage.sample_period_s;
+    let (low_v, high_v) = (stage.amplifier.min_v, stage.amplifier.max_v);
     let feedback = gains
         .map(|gains| PiController::new(gains.proportional_v_per_um, gains.integral_v_per_um_s, rate_hz))
         .transpose()?;
@@ -100,19 +114,34 @@ pub fn track<const N: usize>(
     reference: &Reference,
     further_samples: usize,
 ) -> Result<Tracked, TrackingError> {
+    let start_um = reference.samples_um.first().copied().unwrap_or(0.0);
+    // Without an inverse the state is there and is not used: any table would do.
+    let plays = match &law.feedforward {
+        Some(inverse) => inverse.start_at(start_um, 0.0),
+        None => hysteron_core::bank::PlayState::virgin(),
+    };
+    track_from(config, seed, law, plays, reference, further_samples)
+}
+
+/// As [`track`], with any model in the feedforward, in the state that it starts from.
+///
+/// # Errors
+/// As [`track`].
+pub fn track_from<F: Hysteresis<f64>>(
+    config: &StageConfig,
+    seed: u64,
+    law: &ControlLaw<f64, F>,
+    feedforward: F::State,
+    reference: &Reference,
+    further_samples: usize,
+) -> Result<Tracked, TrackingError> {
     let samples_um = &reference.samples_um;
     if let Some(index) = samples_um.iter().position(|value| !value.is_finite()) {
         let value = samples_um[index];
         return Err(TrackingError::Reference { index, value });
     }
     let mut stage = Stage::new(config, seed)?;
-    let start_um = samples_um.first().copied().unwrap_or(0.0);
-    // Without an inverse the state is there and is not used: any table would do.
-    let plays = match &law.feedforward {
-        Some(inverse) => inverse.start_at(start_um, 0.0),
-        None => hysteron_core::bank::PlayState::virgin(),
-    };
-    let mut state = law.start(plays, 0.0);
+    let mut state = law.start(feedforward, 0.0);
     let mut waiting: VecDeque<f64> = VecDeque::from(vec![0.0; further_samples]);
     let length = samples_um.len();
     let mut tracked = Tracked {

@@ -2,6 +2,7 @@
 
 mod page;
 mod reasons;
+mod rivals;
 mod rows;
 
 use crate::error::CliError;
@@ -23,6 +24,9 @@ pub(crate) struct PaperArgs {
     /// Write a page with pictures
     #[arg(short, long, value_name = "PAGE.html")]
     pub output: Option<PathBuf>,
+    /// The models of Table 1 instead: each identified, in the same two loops, beside the paper's
+    #[arg(long, conflicts_with = "output")]
+    pub rivals: bool,
     /// Seed of the sensor noise, the bandwidth's noise and the particle swarm
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -32,6 +36,9 @@ pub(crate) struct PaperArgs {
 }
 
 pub(crate) fn run(args: &PaperArgs) -> Result<Done, CliError> {
+    if args.rivals {
+        return rivals::run(args);
+    }
     let bar = progress::bar("redoing the paper");
     let (mut studies, mut races) = (Vec::new(), Vec::new());
     let stages = [
@@ -240,6 +247,7 @@ mod tests {
     });
 
     const ARGS: PaperArgs = PaperArgs {
+        rivals: false,
         output: None,
         seed: 1,
         json: true,

@@ -20,6 +20,15 @@ pub struct Undone {
     pub note: &'static str,
 }
 
+/// Whether the half sample of the converter's hold is in the records that a model was fitted to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RecordedHold {
+    /// Positions stand beside the commands as they were given: a delay that was learned has the hold in it.
+    InRecords,
+    /// Positions stand beside the middle of what they were an answer to: the hold comes on top of what was learned.
+    AccountedFor,
+}
+
 /// The chain of a model for a controller of this sample period and these limits of the command, and what became of each effect.
 ///
 /// The hysteresis is played over the whole range of voltages that the model was fitted on (cycles of every size, and minor loops at
@@ -34,6 +43,7 @@ pub fn chain_of(
     model: &Model,
     sample_period_s: f64,
     [voltage_min_v, voltage_max_v]: [f64; 2],
+    hold: RecordedHold,
 ) -> Result<(ControlModel, Vec<Undone>), IdentifyError> {
     if model.direction == Direction::Inverse {
         return Err(IdentifyError::Control {
@@ -72,6 +82,9 @@ pub fn chain_of(
         .iter()
         .map(|effect| take_over(effect, &mut chain))
         .collect();
+    if hold == RecordedHold::AccountedFor && undone.iter().any(|undone| undone.effect == "delay") {
+        chain.latency_s += 0.5 * sample_period_s;
+    }
     if matches!(model.family, Family::Mrpi | Family::Wrpi) {
         undone.push(Undone {
             effect: format!("rate dependence of {}", model.family.name()),

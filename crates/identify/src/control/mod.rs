@@ -10,7 +10,7 @@ mod inverse;
 pub mod linear_part;
 pub mod model;
 
-pub use from_model::{Undone, chain_of};
+pub use from_model::{RecordedHold, Undone, chain_of};
 pub use linear_part::{FrequencyResponse, LinearPart, ModeOfStage, SmallSignal, fit_small_signal, frequency_response};
 pub use model::{AroundPart, ControlModel, CreepPart, HumPart, InversePart};
 

@@ -57,8 +57,11 @@ impl StageFamily {
         self != Self::BoucWen
     }
 
-    /// Draws an operator. A loop opening that its thresholds cannot reach is drawn anew, with them.
-    fn draw(self, rng: &mut Pcg64, stroke_um: f64, full_v: f64) -> Result<Hysteresis, StageError> {
+    /// Draws an operator of this stroke at this voltage. A loop opening that its thresholds cannot reach is drawn anew, with them.
+    ///
+    /// # Errors
+    /// A generator of which twenty draws are all out of reach.
+    pub fn draw(self, rng: &mut Pcg64, stroke_um: f64, full_v: f64) -> Result<Hysteresis, StageError> {
         const DRAWS: usize = 20;
         let mut hysteresis = self.draw_once(rng, stroke_um, full_v);
         for _ in 1..DRAWS {

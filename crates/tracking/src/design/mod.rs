@@ -192,10 +192,31 @@ impl Controller {
 /// Time constant of learning the hum, seconds: a bandwidth of half a hertz, more than the line wanders in.
 const HUM_S: f64 = 0.3;
 
-/// How early the inverse has to come: the latency, and half a sample because the lag's inverse meets its values at the end
-/// of each sample.
+/// A delay is identified to about a microsecond, a twentieth of a sample: a step that close to a sample's instant has not arrived.
+const ARRIVES: f64 = 0.05;
+
+/// How early the inverse has to come, seconds: the latency (half a sample of it is the converter's hold), and what lies between
+/// the middle of a held command and the instant at which the position has to be right.
+///
+/// An amplifier's lag of a sample and more rises all through it and is made to meet its value at the end: half a sample more. A
+/// shorter one has done so earlier, by the mean of its path, `1 / (1 - e^-a) - 1 / a` with a the samples a lag. A mode averages what
+/// the path leaves. Where nothing averages, the position at a sample is one of the steps: whole samples.
 fn advance_s(model: &ControlModel) -> f64 {
-    model.latency_s + 0.5 * model.sample_period_s
+    let (period_s, lag_s) = (model.sample_period_s, model.linear.lag_s);
+    if lag_s >= period_s {
+        return model.latency_s + 0.5 * period_s;
+    }
+    let samples_a_lag = period_s / lag_s;
+    let mean = if lag_s > 0.0 {
+        1.0 / (1.0 - (-samples_a_lag).exp()) - 1.0 / samples_a_lag
+    } else {
+        1.0
+    };
+    match (model.linear.modes.is_empty(), lag_s > 0.0) {
+        (false, _) => model.latency_s + (1.0 - mean) * period_s,
+        (true, true) => model.latency_s + 0.5 * period_s,
+        (true, false) => ((model.latency_s / period_s - 0.5 + ARRIVES).floor() + 1.0) * period_s,
+    }
 }
 
 /// The band that the preview filter works in, hertz: to three times the first mode, where the stage still moves by an

@@ -6,7 +6,7 @@ use crate::exit::Done;
 use crate::output;
 use clap::{Args, ValueEnum};
 use hysteron_identify::Model;
-use hysteron_identify::control::{ControlModel, Undone, chain_of, identify};
+use hysteron_identify::control::{ControlModel, RecordedHold, Undone, chain_of, identify};
 use hysteron_tracking::design::prediction::{cost, predict};
 use hysteron_tracking::design::{Controller, ReferenceKind};
 use std::fmt::Write;
@@ -133,7 +133,7 @@ fn from_model(args: &DesignArgs) -> Result<Source, CliError> {
         }
     };
     let volts = volts(args)?.unwrap_or([model.input_min, model.input_max]);
-    let (chain, undone) = chain_of(&model, 1.0 / rate_hz, volts)?;
+    let (chain, undone) = chain_of(&model, 1.0 / rate_hz, volts, RecordedHold::InRecords)?;
     let last = model.history.last();
     Ok(Source {
         chain,

@@ -7,7 +7,7 @@ use crate::{output, progress};
 use clap::Args;
 use hysteron_data::{Overwrite, write_dataset};
 use hysteron_diagnose::{Learned, learn_with};
-use hysteron_identify::control::chain_of;
+use hysteron_identify::control::{RecordedHold, chain_of};
 use hysteron_identify::{FitOptions, Model, fit};
 use hysteron_plant::StageConfig;
 use hysteron_tracking::design::{Controller, ReferenceKind};
@@ -28,11 +28,11 @@ pub(crate) struct RehearseArgs {
     /// Seed of stage, effect and noise
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// The hysteresis model to start from
-    #[arg(long, value_enum, default_value_t = ModelName::Mpi)]
+    /// The hysteresis model to start from; mpi leaves 1 to 4 % of the range where a stage's loops change with the bias
+    #[arg(long, value_enum, default_value_t = ModelName::PlayPolynomial)]
     pub model: ModelName,
     /// Number of play operators, 1 to 64
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 12)]
     pub plays: usize,
     /// Folder for records, model.toml and controller.toml
     #[arg(short, long, value_name = "FOLDER")]
@@ -77,7 +77,7 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<Done, CliError> {
             Hidden::ALL.map(Hidden::name).join(", ")
         ))
     })?;
-    let rehearsal = Rehearsal::draw(hidden, args.seed);
+    let rehearsal = Rehearsal::draw(hidden, args.seed)?;
     let options = FitOptions {
         plays: args.plays,
         ..FitOptions::new(args.model.into())
@@ -103,8 +103,10 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<Done, CliError> {
     if let Some(folder) = &args.output {
         write_dataset(&records, &folder.join("records"), Overwrite::Allow)?;
         learned.model.write(&folder.join("model.toml"))?;
-        let controller = design(&rehearsal.stage, &learned.model)?.with_feedback();
-        output::write_file(&folder.join("controller.toml"), &controller.to_toml()?)?;
+        // The table says why there is none.
+        if let Ok(controller) = design(&rehearsal.stage, &learned.model) {
+            output::write_file(&folder.join("controller.toml"), &controller.with_feedback().to_toml()?)?;
+        }
     }
     if args.json {
         output::print_json(&rehearsed)?;
@@ -116,7 +118,7 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<Done, CliError> {
 
 fn design(stage: &StageConfig, model: &Model) -> Result<Controller, CliError> {
     let limits = [stage.amplifier.min_v, stage.amplifier.max_v];
-    let (chain, _) = chain_of(model, stage.sample_period_s, limits)?;
+    let (chain, _) = chain_of(model, stage.sample_period_s, limits, RecordedHold::AccountedFor)?;
     Ok(Controller::design(&chain, ReferenceKind::Previewed)?)
 }
 

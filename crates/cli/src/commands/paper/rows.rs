@@ -79,8 +79,9 @@ fn table_1(studies: &[Study]) -> Section {
         })
     };
     let elsewhere = |what: &str, paper: f64| {
-        Row::new(what, "", paper, [None; 2])
-            .remark("Not one of the models here; the paper takes nothing but this number from it.")
+        Row::new(what, "", paper, [None; 2]).remark(
+            "The paper takes nothing but this number from it; `hysteron paper --rivals` identifies and runs ours.",
+        )
     };
     Section {
         heading: "Table 1: parameters for N = 10",

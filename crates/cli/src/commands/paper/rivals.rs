@@ -1,0 +1,80 @@
+//! `hysteron paper --rivals`: the models of Table 1 beside the paper's own.
+
+use super::PaperArgs;
+use crate::error::CliError;
+use crate::exit::Done;
+use crate::output;
+use hysteron_plant::preset;
+use hysteron_tracking::paper::{RIVALS_HZ, RivalRow, rivals};
+use std::fmt::Write;
+
+pub(super) fn run(args: &PaperArgs) -> Result<Done, CliError> {
+    let stages = [
+        ("paper-rate", preset::paper_rate()),
+        ("paper-delay", preset::paper_delay()),
+    ];
+    let mut tables = Vec::new();
+    for (name, stage) in &stages {
+        tables.push((*name, rivals(stage, args.seed)?));
+    }
+    if args.json {
+        let tables: serde_json::Map<String, serde_json::Value> = tables
+            .iter()
+            .map(|(name, rows)| ((*name).to_owned(), serde_json::json!(rows)))
+            .collect();
+        output::print_json(&serde_json::json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "seed": args.seed,
+            "tracked_hz": RIVALS_HZ,
+            "stages": tables,
+        }))?;
+    } else {
+        output::print(&text(&tables))?;
+    }
+    Ok(Done::Answered)
+}
+
+fn text(tables: &[(&str, Vec<RivalRow>)]) -> String {
+    let mut text = String::from(
+        "Direct inverses with N = 10 plays, all identified from the same sines of 0 to 26 V (eqs 16 to 18), rms, % of peak to peak:\n\
+         fit of the voltage; tracking error of the reading, open loop and with the paper's PI gains; in brackets the paper's figures\n",
+    );
+    for (name, rows) in tables {
+        // Writing to a String does not fail.
+        let _ = writeln!(
+            text,
+            "\n{:<23} {:>11} {:>22}  {:>35}  {:>35}  a tick: MAC, compares, calls",
+            name, "parameters", "fit 10, 100, 500 Hz", "open loop 10, 100, 500, 503 Hz", "PI 10, 100, 500, 503 Hz"
+        );
+        for row in rows {
+            text.push_str(&line(row));
+        }
+    }
+    text.push_str(
+        "\nYang's damper has parameters that are functions of a sine's frequency; a controller does not know it, here they are constants.\n\
+         Al Janaideh's envelopes of hyperbolic tangents (2008) are a cubic here. Every inverse is direct: the same form fitted to the\n\
+         records with position and voltage exchanged.\n",
+    );
+    text
+}
+
+fn line(row: &RivalRow) -> String {
+    let bracket = |value: Option<f64>| value.map_or_else(String::new, |value| format!("({value})"));
+    let list = |values: &[f64]| values.iter().map(|v| format!("{v:>6.2}")).collect::<Vec<_>>().join(" ");
+    let published = row
+        .published_parameters
+        .map_or_else(String::new, |count| format!("({count})"));
+    let [open, closed] = row.published_500_hz.map(bracket);
+    let cost = row.operations;
+    format!(
+        "{:<23} {:>5} {published:>5} {:>22}  {} {open:>7}  {} {closed:>7}  {:>6} {:>4} {:>3}\n",
+        row.model,
+        row.parameters,
+        list(&row.fit_percent),
+        list(&row.open_percent),
+        list(&row.closed_percent),
+        cost.multiply_adds,
+        cost.compares,
+        cost.calls
+    )
+}

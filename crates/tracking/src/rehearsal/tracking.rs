@@ -1,0 +1,97 @@
+//! The references that controllers are asked to follow on the stage, and how far off the position is.
+
+use super::{Hidden, PERIOD_S, Rehearsal};
+use crate::complete::track_beside;
+use crate::design::Controller;
+use crate::error::TrackingError;
+use crate::reference::Reference;
+use hysteron_plant::StageConfig;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::f64::consts::{PI, TAU};
+
+#[derive(Debug, Clone, Copy)]
+enum Kind {
+    Sine(f64),
+    /// A move to the top, and 4 s there.
+    Hold,
+}
+
+/// What controllers are asked to follow.
+const REFERENCES: [(&str, Kind); 4] = [
+    ("10", Kind::Sine(10.0)),
+    ("100", Kind::Sine(100.0)),
+    ("500", Kind::Sine(500.0)),
+    ("hold", Kind::Hold),
+];
+
+impl Rehearsal {
+    /// Runs a controller along every reference: rms of reference less true position, percent of the range, by reference.
+    ///
+    /// # Errors
+    /// A stage or controller that cannot be run.
+    pub fn errors(&self, stage: &StageConfig, controller: &Controller) -> Result<BTreeMap<String, f64>, TrackingError> {
+        let law = controller.law::<f64>()?;
+        let [low_um, high_um] = self.range_um();
+        REFERENCES
+            .into_par_iter()
+            .enumerate()
+            .map(|(number, (name, kind))| {
+                let reference = self.reference(kind);
+                let couples = stage.cross_coupling.is_some();
+                let beside: Vec<f64> = (0..reference.samples_um.len())
+                    .map(|k| 0.4 * self.full_v() * (1.0 - (TAU * 17.0 * k as f64 * PERIOD_S).cos()))
+                    .collect();
+                let seed = !self.noise_seed(number as u64);
+                let run = track_beside(stage, seed, &law, &reference, if couples { &beside } else { &[] })?;
+                let judged = run.from(reference.judged_from);
+                let squares: f64 = judged
+                    .reference_um
+                    .iter()
+                    .zip(&judged.true_um)
+                    .map(|(r, y)| (r - y).powi(2))
+                    .sum();
+                let rms_um = (squares / judged.true_um.len().max(1) as f64).sqrt();
+                Ok((name.to_owned(), 100.0 * rms_um / (high_um - low_um)))
+            })
+            .collect()
+    }
+
+    /// Time before a reference is judged, seconds: what is learned in the loop has a time constant of 0.3 s, and gets six of them.
+    fn settling_s(&self) -> f64 {
+        if self.hidden == Hidden::MainsHum { 1.8 } else { 0.1 }
+    }
+
+    fn reference(&self, kind: Kind) -> Reference {
+        let [low_um, high_um] = self.range_um();
+        let samples = |time_s: f64| (time_s / PERIOD_S).round() as usize;
+        let move_to = |from: f64, to: f64| {
+            let n = samples(0.02);
+            (0..n).map(move |k| from + (to - from) * 0.5 * (1.0 - (PI * k as f64 / n as f64).cos()))
+        };
+        match kind {
+            Kind::Sine(hz) => {
+                let settling = (self.settling_s() * hz).ceil().max(2.0);
+                let judged = (0.1 * hz).ceil().max(2.0);
+                let mut samples_um: Vec<f64> = move_to(0.0, low_um).collect();
+                let from = samples_um.len();
+                samples_um.extend(
+                    (0..samples((settling + judged) / hz))
+                        .map(|k| low_um + (high_um - low_um) * 0.5 * (1.0 - (TAU * hz * k as f64 * PERIOD_S).cos())),
+                );
+                Reference {
+                    samples_um,
+                    judged_from: from + samples(settling / hz),
+                }
+            }
+            Kind::Hold => {
+                let mut samples_um: Vec<f64> = move_to(0.0, high_um).collect();
+                samples_um.extend(std::iter::repeat_n(high_um, samples(4.0)));
+                Reference {
+                    judged_from: samples(0.02 + self.settling_s()),
+                    samples_um,
+                }
+            }
+        }
+    }
+}
