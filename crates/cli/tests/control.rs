@@ -245,6 +245,7 @@ fn val_design_from_a_model_names_every_effect() {
         ("tau", 100.0, "s"),
         ("shift", 0.3, "um/K"),
         ("gain", 0.001, "1/K"),
+        ("rest_share", 0.0, ""),
     ];
     let lag = [("amplifier_tau", 60e-6, "s"), ("sensor_tau", 30e-6, "s")];
     let cases: [(&str, &[Named], &str); 9] = [
