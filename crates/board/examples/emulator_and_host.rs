@@ -13,12 +13,12 @@
 
 use hysteron_board::host::{complete, hello, parameters};
 use hysteron_board::two_axes::{TwoAxisRig, TwoAxisSession, drive_both_here};
-use hysteron_board::{Bench, Machine, Request, Rig, Session, Shape, drive_here};
+use hysteron_board::{Machine, Remembering, Request, Rig, Session, Shape, drive_here};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::law::Law;
 use hysteron_firmware::parameters::Parameters;
 use hysteron_firmware::two_axes::TwoAxes;
-use hysteron_firmware::wire::{Frame, Input, Setup};
+use hysteron_firmware::wire::{Frame, Setup};
 use hysteron_plant::{Stage, StageConfig, preset};
 use hysteron_table::Table;
 use std::error::Error;
@@ -278,10 +278,7 @@ fn compare<L: Law>(
     request: &Request,
 ) -> Result<Compared, Box<dyn Error>> {
     let setup = request.setup(session.hello())?;
-    let mut bench = Remembering {
-        rig: Rig::new(Stage::new(config, SEED)?, request.seconds),
-        inputs: Vec::new(),
-    };
+    let mut bench = Remembering::new(Rig::new(Stage::new(config, SEED)?, request.seconds));
     let mut controller = Controller::new(parameters, &setup);
     drive_here(&mut controller, setup.ticks, &mut bench);
     let setup = Setup {
@@ -299,26 +296,4 @@ fn compare<L: Law>(
         equal,
         frames: recording.frames.len(),
     })
-}
-
-/// A rig that remembers what it gave.
-struct Remembering {
-    rig: Rig,
-    inputs: Vec<Input>,
-}
-
-impl Bench for Remembering {
-    fn sample_rate_hz(&self) -> f64 {
-        self.rig.sample_rate_hz()
-    }
-
-    fn input(&mut self, number: u32) -> Input {
-        let input = self.rig.input(number);
-        self.inputs.push(input);
-        input
-    }
-
-    fn output(&mut self, frame: &Frame) {
-        self.rig.output(frame);
-    }
 }

@@ -9,7 +9,7 @@ pub mod telemetry;
 pub mod two_axes;
 
 pub use hysteron_firmware::trajectory::Shape;
-pub use rig::{Bench, Recording, Rig, drive_here};
+pub use rig::{Bench, Recording, Remembering, Rig, drive_here};
 
 use emulator::Emulator;
 use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello, Input, SUMMARY_BYTES, Setup, Summary};

@@ -94,6 +94,41 @@ impl Bench for Rig {
     }
 }
 
+/// A rig that remembers what it gave, for the board to be given the same.
+#[derive(Debug, Clone)]
+pub struct Remembering {
+    /// The rig.
+    pub rig: Rig,
+    /// Code and order of every tick.
+    pub inputs: Vec<Input>,
+}
+
+impl Remembering {
+    /// Nothing was given yet.
+    pub fn new(rig: Rig) -> Self {
+        Self {
+            rig,
+            inputs: Vec::new(),
+        }
+    }
+}
+
+impl Bench for Remembering {
+    fn sample_rate_hz(&self) -> f64 {
+        self.rig.sample_rate_hz()
+    }
+
+    fn input(&mut self, number: u32) -> Input {
+        let input = self.rig.input(number);
+        self.inputs.push(input);
+        input
+    }
+
+    fn output(&mut self, frame: &Frame) {
+        self.rig.output(frame);
+    }
+}
+
 /// The same application against the same bench, in this process. A tick that is held up makes the next one late, as on the board.
 pub fn drive_here<L: Law>(controller: &mut Controller<L>, ticks: u32, bench: &mut dyn Bench) {
     let mut late = false;

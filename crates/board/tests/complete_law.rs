@@ -4,31 +4,20 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
 #![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 
+mod common;
+
+use common::image;
 use hysteron_board::host::{complete, hello};
-use hysteron_board::{Bench, Machine, Recording, Request, Rig, Session, Shape, drive_here};
+use hysteron_board::{Machine, Recording, Remembering, Request, Rig, Session, Shape, drive_here};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::wire::{Frame, Input, Mode, Setup};
 use hysteron_plant::{Stage, StageConfig, preset};
 use hysteron_table::Table;
-use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 const PATIENCE: Duration = Duration::from_secs(120);
 const TABLE_8K: &str = include_str!("../../../firmware/tables/tracking-8k.toml");
 const TABLE_739: &str = include_str!("../../../firmware/tables/tracking-739.toml");
-
-fn image(name: &str) -> Option<PathBuf> {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware/target/images/tables");
-    let image = Path::new(folder).join(name);
-    let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
-    if image.is_file() && emulator.is_ok() {
-        return Some(image);
-    }
-    let missing = format!("no image {} or no qemu-system-arm", image.display());
-    assert!(std::env::var_os("HYSTERON_EMULATOR").is_none(), "{missing}");
-    eprintln!("skipped: {missing}; run `cargo xtask firmware compare`");
-    None
-}
 
 fn request(shape: Shape, frequency_hz: f64, feedback: bool, seconds: f64) -> Request {
     Request {
@@ -41,34 +30,9 @@ fn request(shape: Shape, frequency_hz: f64, feedback: bool, seconds: f64) -> Req
     }
 }
 
-/// A rig that remembers what it gave.
-struct Remembering {
-    rig: Rig,
-    inputs: Vec<Input>,
-}
-
-impl Bench for Remembering {
-    fn sample_rate_hz(&self) -> f64 {
-        self.rig.sample_rate_hz()
-    }
-
-    fn input(&mut self, number: u32) -> Input {
-        let input = self.rig.input(number);
-        self.inputs.push(input);
-        input
-    }
-
-    fn output(&mut self, frame: &Frame) {
-        self.rig.output(frame);
-    }
-}
-
 /// The application with a table against a stage in this process: what it recorded, and what the stage gave it.
 fn here(table: &Table, config: &StageConfig, request: &Request, setup: &Setup) -> (Recording, Vec<Input>) {
-    let mut bench = Remembering {
-        rig: Rig::new(Stage::new(config, 7).unwrap(), request.seconds),
-        inputs: Vec::new(),
-    };
+    let mut bench = Remembering::new(Rig::new(Stage::new(config, 7).unwrap(), request.seconds));
     let mut controller = Controller::new(complete(table).unwrap(), setup);
     drive_here(&mut controller, setup.ticks, &mut bench);
     (bench.rig.recording, bench.inputs)
@@ -89,7 +53,9 @@ fn val_complete_law_gives_the_same_bits() {
         (Machine::Mps2An386, "tracking-8k"),
         (Machine::Mps2An500, "tracking-8k-m7"),
     ] {
-        let Some(image) = image(name) else { return };
+        let Some(image) = image(&format!("tables/{name}")) else {
+            return;
+        };
         let mut session = Session::start(machine, &image, PATIENCE).unwrap();
         assert_eq!(
             session.hello(),
@@ -125,7 +91,9 @@ fn val_complete_law_gives_the_same_bits() {
 /// Every tick in time by the sample clock, the one that starts the run as well.
 #[test]
 fn val_complete_law_is_in_time() {
-    let Some(image) = image("tracking-739") else { return };
+    let Some(image) = image("tables/tracking-739") else {
+        return;
+    };
     let mut session = Session::start(Machine::Mps2An386, &image, PATIENCE).unwrap();
     let request = request(Shape::Sine, 503.0, true, 0.04);
     let setup = request.setup(session.hello()).unwrap();

@@ -7,6 +7,9 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
 #![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 
+mod common;
+
+use common::image;
 use hysteron_board::{Bench, Machine, Request, Session, drive, drive_here};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::monitor::{FOLLOWING_SAMPLES, Fault, LATE_TICKS, RAIL_SAMPLES, STUCK_SAMPLES, WATCHDOG_SAMPLES};
@@ -16,7 +19,6 @@ use hysteron_firmware::wire::{Frame, Hello, Input, Mode, Order, Setup};
 use hysteron_plant::{Stage, StageConfig, preset};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// What goes wrong.
@@ -325,21 +327,6 @@ fn run(kind: Kind, seed: u64, session: Option<&mut Session>) -> Result<u32, Stri
     judge(kind, bench.at, &frames).map_err(|reason| named(format!("in the emulator {reason}")))
 }
 
-fn image(machine: Machine) -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../firmware/target/images");
-    let image = folder.join(machine.name());
-    let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
-    if image.is_file() && emulator.is_ok() {
-        return Some(image);
-    }
-    assert!(
-        std::env::var_os("HYSTERON_EMULATOR").is_none(),
-        "no image or no emulator"
-    );
-    eprintln!("skipped: no image or no qemu-system-arm; run `cargo xtask test`");
-    None
-}
-
 /// 14 kinds, 75 seeds each, even ones in the emulator's Cortex-M4F and odd ones in its M7; without an emulator here alone.
 #[test]
 fn prop_every_fault_ends_safe() {
@@ -356,7 +343,8 @@ fn prop_every_fault_ends_safe() {
 
 /// A machine's share: how long each kind took at most, and what went wrong.
 fn on(machine: Machine) -> ([u32; 14], Vec<String>) {
-    let mut session = image(machine).map(|image| Session::start(machine, &image, Duration::from_secs(1800)).unwrap());
+    let mut session =
+        image(machine.name()).map(|image| Session::start(machine, &image, Duration::from_secs(1800)).unwrap());
     let (mut slowest, mut wrong) = ([0; 14], Vec::new());
     for (slowest, kind) in slowest.iter_mut().zip(Kind::ON_HOST) {
         let first = u64::from(machine == Machine::Mps2An500);
@@ -400,7 +388,7 @@ fn prop_nothing_is_latched_without_a_fault() {
 #[test]
 fn val_the_watchdog_takes_over() {
     for machine in Machine::ALL {
-        let Some(image) = image(machine) else { return };
+        let Some(image) = image(machine.name()) else { return };
         let mut bench = Broken::new(Kind::Hang, &preset::paper_rate(), 1);
         let patience = Duration::from_secs(300);
         let request = Request {

@@ -5,29 +5,19 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
 #![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 
+mod common;
+
+use common::image;
 use hysteron_board::{Bench, BoardError, Machine, Outcome, Recording, Request, Rig, drive, drive_here};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::table;
 use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::wire::{Frame, Hello, Input, LIMITED, Mode, Order, Setup};
 use hysteron_plant::{Stage, StageConfig, preset};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 const PATIENCE: Duration = Duration::from_secs(240);
-
-fn image(machine: Machine) -> Option<PathBuf> {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware/target/images");
-    let image = Path::new(folder).join(machine.name());
-    let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
-    if image.is_file() && emulator.is_ok() {
-        return Some(image);
-    }
-    let missing = format!("no image {} or no qemu-system-arm", image.display());
-    assert!(std::env::var_os("HYSTERON_EMULATOR").is_none(), "{missing}");
-    eprintln!("skipped: {missing}; run `cargo xtask test`");
-    None
-}
 
 fn sine(frequency_hz: f64, feedforward: bool, feedback: bool, seconds: f64) -> Request {
     Request {
@@ -57,7 +47,7 @@ fn on_host(config: &StageConfig, request: &Request, setup: &Setup) -> Recording 
 #[test]
 fn val_emulator_and_host_give_the_same_bits() {
     for machine in Machine::ALL {
-        let Some(image) = image(machine) else { return };
+        let Some(image) = image(machine.name()) else { return };
         for config in [preset::paper_rate(), preset::paper_delay()] {
             for (hz, feedforward, feedback) in [
                 (100.0, true, false),
@@ -128,7 +118,7 @@ impl<F: FnMut(u32) -> Order> Bench for Ordered<F> {
 #[test]
 fn val_overruns_are_counted_exactly() {
     for machine in Machine::ALL {
-        let Some(image) = image(machine) else { return };
+        let Some(image) = image(machine.name()) else { return };
         let run = |seconds: f64, order: &dyn Fn(u32) -> Order| {
             let rig = Rig::new(Stage::new(&preset::paper_delay(), 7).unwrap(), seconds);
             let request = sine(100.0, true, true, seconds);
@@ -174,7 +164,9 @@ fn val_rises_and_falls_on_ramps() {
 /// Feedforward with feedback follows better than either alone, in the emulator as in the paper's figure 15 at 100 Hz.
 #[test]
 fn val_the_loop_follows() {
-    let Some(image) = image(Machine::Mps2An386) else { return };
+    let Some(image) = image(Machine::Mps2An386.name()) else {
+        return;
+    };
     let run = |feedforward, feedback| {
         let request = sine(100.0, feedforward, feedback, 0.1);
         let (_, recording) = in_emulator(Machine::Mps2An386, &image, &preset::paper_rate(), &request);
@@ -235,7 +227,7 @@ fn failure(image: &Path) -> String {
 /// A file that is no image: QEMU runs nothing or ends, and the wait with it.
 #[test]
 fn refuse_a_file_that_is_no_image() {
-    if image(Machine::Mps2An386).is_none() {
+    if image(Machine::Mps2An386.name()).is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();

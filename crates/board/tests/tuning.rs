@@ -2,6 +2,9 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
 #![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 
+mod common;
+
+use common::image;
 use hysteron_board::{Bench, Machine, Request, Rig, Session, Shape, drive_here};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::monitor::Fault;
@@ -10,7 +13,6 @@ use hysteron_firmware::trajectory::{CHUNK_POINTS, TABLE_POINTS};
 use hysteron_firmware::tuning::Change;
 use hysteron_firmware::wire::{ACCEPTED, Frame, Hello, Input, Mode, Order, REFUSED, Setup};
 use hysteron_plant::{Stage, preset};
-use std::path::Path;
 use std::time::Duration;
 
 /// The stage, and orders by tick.
@@ -80,20 +82,12 @@ fn run(ticks: u32, script: &[(usize, Order)], changes: &[(usize, Change)]) -> Ve
     drive_here(&mut controller, ticks, &mut bench);
     let frames = bench.rig.recording.frames;
     let machine = Machine::Mps2An386;
-    let image = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../firmware/target/images/mps2-an386");
-    let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
-    if image.is_file() && emulator.is_ok() {
+    if let Some(image) = image(machine.name()) {
         let mut session = Session::start(machine, &image, Duration::from_secs(300)).unwrap();
         let (board, _) = session.replay(&setup, &bench.inputs).unwrap();
         for (board, here) in board.iter().zip(&frames) {
             assert_eq!(board.to_bytes(), here.to_bytes(), "{board:?} {here:?}");
         }
-    } else {
-        assert!(
-            std::env::var_os("HYSTERON_EMULATOR").is_none(),
-            "no image or no emulator"
-        );
-        eprintln!("here alone: no image or no qemu-system-arm; run `cargo xtask test`");
     }
     frames
 }

@@ -2,7 +2,11 @@
 //!
 //! Skipped, and said so, where there is no QEMU or no image, as `processor_in_loop.rs`.
 #![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
+#![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 
+mod common;
+
+use common::image;
 use hysteron_board::host::{complete, hello};
 use hysteron_board::two_axes::{TwoAxisRig, TwoAxisSession, drive_both_here};
 use hysteron_board::{Machine, Request, Shape};
@@ -13,7 +17,6 @@ use hysteron_firmware::two_axes::TwoAxes;
 use hysteron_firmware::wire::{Input, Mode, Order, Setup};
 use hysteron_plant::preset;
 use hysteron_table::Table;
-use std::path::Path;
 use std::time::Duration;
 
 const TABLES: [&str; 2] = [
@@ -61,15 +64,9 @@ fn val_two_axes_give_the_same_bits() {
         (Machine::Mps2An386, "tracking-xy"),
         (Machine::Mps2An500, "tracking-xy-m7"),
     ] {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware/target/images/tables");
-        let image = Path::new(folder).join(name);
-        let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
-        if !image.is_file() || emulator.is_err() {
-            let missing = format!("no image {} or no qemu-system-arm", image.display());
-            assert!(std::env::var_os("HYSTERON_EMULATOR").is_none(), "{missing}");
-            eprintln!("skipped: {missing}; run `cargo xtask firmware compare`");
+        let Some(image) = image(&format!("tables/{name}")) else {
             return;
-        }
+        };
         let mut session = TwoAxisSession::start(machine, &image, Duration::from_secs(120)).unwrap();
         let tables = tables();
         let wanted = [0, 1].map(|axis| hello(&tables[axis], TABLES[axis]));

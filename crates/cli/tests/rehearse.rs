@@ -66,13 +66,11 @@ fn val_lag_is_learned_and_compensated() {
 }
 
 #[test]
-#[ignore = "twenty seconds of a core each: cargo test -p hysteron-cli --test rehearse -- --ignored"]
 fn val_other_axis_is_learned_and_compensated() {
     learned_and_compensated("cross-coupling", 1);
 }
 
 #[test]
-#[ignore = "twenty seconds of a core each: cargo test -p hysteron-cli --test rehearse -- --ignored"]
 fn val_hum_is_learned_and_compensated() {
     learned_and_compensated("mains-hum", 1);
 }

@@ -189,30 +189,33 @@ impl Learner<'_> {
     fn follow(&mut self, diagnosis: &Diagnosis) -> Result<(), Stop> {
         let mut named = vec![diagnosis.verdict.clone()];
         named.extend(diagnosis.also_possible.iter().cloned());
-        let mut refused = None;
-        let mut kept = match self.add_best(&named) {
-            Ok(kept) => kept.inspect(|effect| self.prune(effect)).is_some(),
-            Err(error) => {
-                refused = Some(error.to_string());
-                false
-            }
-        };
+        let verdict = self.add_and_prune(&named);
+        let mut kept = matches!(verdict, Ok(true));
         // What stands behind the verdict is a weaker claim: where it fails, the next diagnosis decides.
         for effect in &diagnosis.further {
             let there = self.model.effects.iter().any(|fitted| fitted.name == *effect);
-            if !there && let Ok(Some(effect)) = self.add_best(std::slice::from_ref(effect)) {
-                self.prune(&effect);
-                kept = true;
-            }
+            kept |= !there && matches!(self.add_and_prune(std::slice::from_ref(effect)), Ok(true));
         }
         if kept || self.enrich(diagnosis) {
             return Ok(());
         }
         let effect = diagnosis.verdict.clone();
-        Err(match refused {
-            Some(reason) => Stop::CannotAdd { effect, reason },
-            None => Stop::NotConfirmed { effect },
+        Err(match verdict {
+            Err(error) => Stop::CannotAdd {
+                effect,
+                reason: error.to_string(),
+            },
+            Ok(_) => Stop::NotConfirmed { effect },
         })
+    }
+
+    /// As [`Self::add_best`], then takes out what the new effect makes superfluous; whether one was kept.
+    fn add_and_prune(&mut self, named: &[String]) -> Result<bool, IdentifyError> {
+        let added = self.add_best(named)?;
+        if let Some(effect) = &added {
+            self.prune(effect);
+        }
+        Ok(added.is_some())
     }
 
     /// The diagnosis judges effects beside a hysteresis of free shape, the model must do with its own plays: where these are

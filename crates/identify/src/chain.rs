@@ -193,14 +193,18 @@ impl Chain {
     /// Lets each effect choose its numbers that belong to this record alone. The offset, which belongs to all of them, is left
     /// to the fit: a number that undid it would undo every change of it.
     pub(crate) fn settle(&self, coefficients: &[f64], trace: &mut Trace<'_>) {
-        let mut coefficients = coefficients.to_vec();
-        if let Some(offset) = coefficients.first_mut() {
-            *offset = 0.0;
-        }
         trace.own = vec![Vec::new(); self.links.len()];
         let with_own: Vec<usize> = (0..self.links.len())
             .filter(|&i| self.links[i].effect.own_numbers() > 0)
             .collect();
+        if with_own.is_empty() {
+            return;
+        }
+        let mut coefficients = coefficients.to_vec();
+        if let Some(offset) = coefficients.first_mut() {
+            *offset = 0.0;
+        }
+        let stack_v = self.stack(trace);
         // Of several the first is chosen again once the others are there: a zero beside the phases of a hum.
         let passes = if with_own.len() > 1 { 2 } else { 1 };
         for &i in with_own.iter().cycle().take(passes * with_own.len()) {
@@ -210,7 +214,6 @@ impl Chain {
             let mut other = trace.clone();
             other.own.remove(i);
             let modelled = without.respond(&coefficients, &other);
-            let stack_v = self.stack(trace);
             let measured = &trace.record.position_um;
             let unexplained: Vec<f64> = measured.iter().zip(&modelled).map(|(y, m)| y - m).collect();
             let own = link

@@ -112,7 +112,7 @@ impl Direction {
 }
 
 /// Smallest and largest value.
-pub(crate) fn range(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
+pub fn range(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     values
         .into_iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {

@@ -30,7 +30,7 @@ pub mod period;
 pub mod placement;
 pub mod rivals;
 mod separable;
-mod simplex;
+pub mod simplex;
 mod uncertainty;
 
 pub use chain_add::{Added, add_effect, add_own_effect, remove_effect};

@@ -4,6 +4,7 @@
 use crate::columns::{Design, Run};
 use crate::family::Family;
 use crate::normal::Normal;
+use crate::simplex::{Vertex, minimum};
 use hysteron_core::envelope::Envelope;
 use rayon::prelude::*;
 
@@ -140,7 +141,9 @@ fn search_envelope(design: &Design, runs: &[Run<'_>], progress: &(dyn Fn(f64) + 
     let (mut alpha_s, mut beta_s) = (best.1, best.2);
     // A simplex that has collapsed in a bent valley goes on when it is set up anew.
     for share in [0.5, 0.1, 0.02] {
-        (alpha_s, beta_s) = simplex((alpha_s, beta_s), share * alpha_s.max(beta_s).max(finest), objective);
+        let size = share * alpha_s.max(beta_s).max(finest);
+        let (found, _) = minimum(&[alpha_s, beta_s], size, 20, have_met, |x| objective(x[0], x[1]));
+        (alpha_s, beta_s) = (found[0], found[1]);
     }
     let least = finest / 50.0;
     Envelope {
@@ -149,42 +152,10 @@ fn search_envelope(design: &Design, runs: &[Run<'_>], progress: &(dyn Fn(f64) + 
     }
 }
 
-/// Nelder and Mead's simplex (Computer Journal 7, 1965) in two variables, 40 steps.
-fn simplex(start: (f64, f64), size: f64, f: impl Fn(f64, f64) -> f64) -> (f64, f64) {
-    let vertex = |x: f64, y: f64| (f(x, y), x, y);
-    let mut v = [
-        vertex(start.0, start.1),
-        vertex(start.0 + size, start.1),
-        vertex(start.0, start.1 + size),
-    ];
-    for _ in 0..40 {
-        v.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let middle = ((v[0].1 + v[1].1) / 2.0, (v[0].2 + v[1].2) / 2.0);
-        let along = |t: f64| vertex(middle.0 + t * (v[2].1 - middle.0), middle.1 + t * (v[2].2 - middle.1));
-        let reflected = along(-1.0);
-        if reflected.0 < v[0].0 {
-            let expanded = along(-2.0);
-            v[2] = if expanded.0 < reflected.0 { expanded } else { reflected };
-        } else if reflected.0 < v[1].0 {
-            v[2] = reflected;
-        } else {
-            let contracted = along(if reflected.0 < v[2].0 { -0.5 } else { 0.5 });
-            if contracted.0 < v[2].0.min(reflected.0) {
-                v[2] = contracted;
-            } else {
-                for i in 1..3 {
-                    v[i] = vertex((v[0].1 + v[i].1) / 2.0, (v[0].2 + v[i].2) / 2.0);
-                }
-            }
-        }
-        let spread = v
-            .iter()
-            .map(|p| (p.1 - v[0].1).abs() + (p.2 - v[0].2).abs())
-            .fold(0.0, f64::max);
-        if spread < 1e-4 * (v[0].1.abs() + v[0].2.abs()) + 1e-12 {
-            break;
-        }
-    }
-    v.sort_by(|a, b| a.0.total_cmp(&b.0));
-    (v[0].1, v[0].2)
+/// Whether the corners lie closer together than a ten-thousandth of the first one's distance from zero.
+fn have_met(vertices: &[Vertex]) -> bool {
+    let first = &vertices[0].0;
+    let apart = |vertex: &Vertex| vertex.0.iter().zip(first).map(|(x, f)| (x - f).abs()).sum::<f64>();
+    let size: f64 = first.iter().map(|x| x.abs()).sum();
+    vertices.iter().map(apart).fold(0.0, f64::max) < 1e-4 * size + 1e-12
 }

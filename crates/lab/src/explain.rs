@@ -4,6 +4,7 @@ use crate::error::Refusal;
 use crate::series;
 use hysteron_data::{Dataset, Record};
 use hysteron_identify::effects::{self, Bounds, Effect, Facts, Scene};
+use hysteron_identify::family::range;
 use hysteron_identify::{FittedEffect, Model, Parameter, illustration};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -222,7 +223,7 @@ fn facts(model: &Model, record: &Record) -> Facts {
     slow.voltage_v = (0..record.len())
         .map(|k| model.input_min + (model.input_max - model.input_min) * k as f64 / record.len() as f64)
         .collect();
-    let (low, high) = range(&model.simulate(&slow).output);
+    let (low, high) = range(model.simulate(&slow).output);
     let step = record
         .voltage_v
         .windows(2)
@@ -236,19 +237,12 @@ fn facts(model: &Model, record: &Record) -> Facts {
         longest_s: record.duration_s(),
         peak_rate_v_per_s: step / record.period_s,
         temperature_c: record.temperature_c.as_deref().map(|t| {
-            let (low, high) = range(t);
+            let (low, high) = range(t.iter().copied());
             [low, t.iter().sum::<f64>() / t.len().max(1) as f64, high]
         }),
-        voltage2_v: record.voltage2_v.as_deref().map(range).map(|(low, high)| [low, high]),
+        voltage2_v: record.voltage2_v.as_deref().map(|v| range(v.iter().copied()).into()),
         family: model.family,
     }
-}
-
-fn range(values: &[f64]) -> (f64, f64) {
-    (
-        values.iter().copied().fold(f64::INFINITY, f64::min),
-        values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-    )
 }
 
 #[cfg(test)]

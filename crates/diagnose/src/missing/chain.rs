@@ -4,9 +4,10 @@
 //! the position (creep, heat, other axis, end stop) comes as columns of its own.
 
 use crate::missing::filters::{self, Linear};
-use crate::missing::traces::{Trace, range};
+use crate::missing::traces::Trace;
 use crate::missing::user;
 use hysteron_identify::effects::UserEffect;
+use hysteron_identify::family::range;
 use nalgebra::{DMatrix, DVector};
 
 /// An effect with its nonlinear parameters; times in seconds, drive in scaled units.
@@ -542,7 +543,7 @@ pub(crate) fn peak_rate(traces: &[Trace]) -> f64 {
 
 /// Range of the measured positions.
 pub(crate) fn position_range(traces: &[Trace]) -> (f64, f64) {
-    range(traces.iter().flat_map(|t| &t.position_um))
+    range(traces.iter().flat_map(|t| &t.position_um).copied())
 }
 
 /// Which coefficients physics does not let be negative.

@@ -8,6 +8,7 @@ use crate::missing::traces::Traces;
 use hysteron_data::Dataset;
 use hysteron_data::Role;
 use hysteron_identify::effects::Effect as _;
+use hysteron_identify::family::range;
 
 /// Coarseness that a hysteresis of free shape leaves where nothing is missing, share of the stroke (0.02 to 0.08 % on Preisach
 /// densities, 0.1 % behind rates): a fall below it proves nothing.
@@ -438,7 +439,7 @@ pub(crate) fn cannot_answer(dataset: &Dataset, traces: &Traces, noise_um: f64) -
 }
 
 fn stuck_at_extremes(record: &hysteron_data::Record) -> usize {
-    let (low, high) = super::traces::range(&record.position_um);
+    let (low, high) = range(record.position_um.iter().copied());
     if high <= low {
         return 0;
     }
@@ -473,7 +474,7 @@ fn distinct_excitations(moving: &[&super::traces::Trace]) -> usize {
 
 /// Frequency and amplitude where a drive is one sine about a mean.
 fn sine_of(drive: &[f64], period_s: f64) -> Option<(f64, f64)> {
-    let (low, high) = super::traces::range(drive);
+    let (low, high) = range(drive.iter().copied());
     let (middle, amplitude) = ((low + high) / 2.0, (high - low) / 2.0);
     let crossings: Vec<usize> = (1..drive.len())
         .filter(|&k| (drive[k - 1] < middle) != (drive[k] < middle))

@@ -3,6 +3,7 @@
 use crate::diagnosis::{Lock, Unexplained};
 use crate::missing::bench::{Bench, Trial, mean_square};
 use crate::missing::hum::Hum;
+use hysteron_identify::family::range;
 
 /// Cells of a residual's average over a quantity.
 const CELLS: usize = 24;
@@ -69,7 +70,7 @@ fn locks(bench: &Bench<'_>, residuals: &[Vec<f64>]) -> Vec<Lock> {
 }
 
 fn explained(quantity: &[f64], residual: &[f64]) -> f64 {
-    let (low, high) = super::traces::range(quantity);
+    let (low, high) = range(quantity.iter().copied());
     if high <= low {
         return 0.0;
     }

@@ -5,6 +5,7 @@ use crate::missing::bench::{Bench, Trial};
 use crate::missing::chain::{Base, Effect, Shape};
 use crate::missing::judge;
 use crate::missing::traces::Traces;
+use hysteron_identify::effects::with_small_plays;
 use hysteron_identify::{Family, Model};
 use rayon::prelude::*;
 
@@ -52,21 +53,6 @@ pub(crate) fn of_family(model: &Model, traces: &Traces) -> Base {
     }
 }
 
-/// Thresholds with seven more from a thousandth to a tenth of the span: a gain that grows from small strokes on.
-fn with_small_plays(thresholds: &[f64]) -> Vec<f64> {
-    let mut all = thresholds.to_vec();
-    for i in 0..7 {
-        // The span is two of these units.
-        let new = 2e-3 * 10f64.powf(f64::from(i) / 3.0);
-        // Closer than a quarter to one that is there, a play tells nothing new.
-        if !all.iter().any(|r| (r / new).ln().abs() < 0.25) {
-            all.push(new);
-        }
-    }
-    all.sort_by(f64::total_cmp);
-    all
-}
-
 /// Compares the model's family with the free shape, with what was found in both.
 pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnswer {
     if model.family == Family::PlayPolynomial || bench.base.shape != Shape::Free {
@@ -92,7 +78,8 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
         forms.push(("backlash", with(Effect::Backlash { width_um })));
     }
     let denser = Base {
-        thresholds: with_small_plays(&plays.base.thresholds),
+        // The span is two of these units.
+        thresholds: with_small_plays(&plays.base.thresholds, 2.0),
         ..plays.base.clone()
     };
     let denser = (denser.thresholds.len() > plays.base.thresholds.len())

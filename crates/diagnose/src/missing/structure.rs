@@ -1,6 +1,7 @@
 //! What noise does not do: go on from sample to sample, come in outliers, jump from one level to another.
 
 use crate::missing::traces::Traces;
+use hysteron_identify::family::range;
 
 /// Lag-one autocorrelation from which a residual is more than white noise; its standard error over a thousand samples is 0.03.
 const CORRELATED: f64 = 0.3;
@@ -43,7 +44,7 @@ pub(crate) fn jumps(traces: &Traces, residuals: &[Vec<f64>], least_um: f64) -> b
             .take(PARTS)
             .map(|c| c.iter().sum::<f64>() / part as f64)
             .collect();
-        let (low, high) = crate::missing::traces::range(&means);
+        let (low, high) = range(means.iter().copied());
         // A level may change within a part: then two neighbours share the jump.
         let largest = means.windows(3).map(|m| (m[2] - m[0]).abs()).fold(0.0, f64::max);
         largest > least_um && largest > JUMP * (high - low)

@@ -2,7 +2,7 @@
 
 use crate::missing::filters::running_mean;
 use hysteron_data::{Dataset, Record, Role};
-use hysteron_identify::family::peak_to_peak;
+use hysteron_identify::family::{peak_to_peak, range};
 use hysteron_identify::{InitialState, Model};
 use rayon::prelude::*;
 
@@ -61,14 +61,14 @@ pub(crate) struct Traces {
 impl Traces {
     /// Prepares the records; the state in which each starts is the one the model found.
     pub(crate) fn new(dataset: &Dataset, states: &[InitialState], noise_um: f64) -> Self {
-        let (low, high) = range(dataset.records.iter().flat_map(|r| &r.voltage_v));
+        let (low, high) = range(dataset.records.iter().flat_map(|r| &r.voltage_v).copied());
         let (middle_v, unit_v) = ((high + low) / 2.0, ((high - low) / 2.0).max(f64::MIN_POSITIVE));
         let other: Vec<&Vec<f64>> = dataset.records.iter().filter_map(|r| r.voltage2_v.as_ref()).collect();
-        let (low2, high2) = range(other.iter().copied().flatten());
+        let (low2, high2) = range(other.iter().copied().flatten().copied());
         let (middle2_v, unit2_v) = ((high2 + low2) / 2.0, ((high2 - low2) / 2.0).max(f64::MIN_POSITIVE));
         let moves = high2 > low2;
         let middle_um = {
-            let (low, high) = range(dataset.records.iter().flat_map(|r| &r.position_um));
+            let (low, high) = range(dataset.records.iter().flat_map(|r| &r.position_um).copied());
             (low + high) / 2.0
         };
         let scales = Scales {
@@ -194,7 +194,7 @@ fn start_offsets(traces: &mut [Trace], noise_um: f64) {
 
 /// Where a drive has reached both of its extremes: the state before the record is forgotten; 0 where that is in the second half.
 fn settled(drive: &[f64]) -> usize {
-    let (low, high) = range(drive);
+    let (low, high) = range(drive.iter().copied());
     let near = 1e-3 * (high - low);
     let both = drive
         .iter()
@@ -202,15 +202,6 @@ fn settled(drive: &[f64]) -> usize {
         .zip(drive.iter().position(|&v| v >= high - near));
     let k = both.map_or(0, |(a, b)| a.max(b));
     if k < drive.len() / 2 { k } else { 0 }
-}
-
-/// Smallest and largest.
-pub(crate) fn range<'a>(values: impl IntoIterator<Item = &'a f64>) -> (f64, f64) {
-    values
-        .into_iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| {
-            (low.min(v), high.max(v))
-        })
 }
 
 /// Scatter of the records' start offsets about their mean, rms.

@@ -26,6 +26,24 @@ const SMALLEST: f64 = 1e-3;
 /// Added thresholds, three a decade up to a tenth of the span.
 const ADDED: usize = 7;
 
+/// Thresholds with up to seven more, three a decade from a thousandth to a tenth of the span: a gain that grows from small
+/// strokes on.
+///
+/// # Units
+/// That of the thresholds, for the span as well.
+pub fn with_small_plays(thresholds: &[f64], span: f64) -> Vec<f64> {
+    let mut all = thresholds.to_vec();
+    for i in 0..ADDED {
+        let new = span * SMALLEST * 10f64.powf(i as f64 / 3.0);
+        // Closer than a quarter to one that is there, a play tells nothing new.
+        if !all.iter().any(|r| (r / new).ln().abs() < 0.25) {
+            all.push(new);
+        }
+    }
+    all.sort_by(f64::total_cmp);
+    all
+}
+
 impl Effect for AmplitudeGain {
     fn description(&self) -> &'static Description {
         &DESCRIPTION
@@ -36,15 +54,7 @@ impl Effect for AmplitudeGain {
     }
 
     fn reshape(&self, shape: &Shape, facts: &Facts, _: &dyn Fn(usize) -> Vec<f64>) -> Option<Shape> {
-        let mut thresholds = shape.thresholds.clone();
-        for i in 0..ADDED {
-            let new = facts.span_v() * SMALLEST * 10f64.powf(i as f64 / 3.0);
-            // Closer than a quarter to one that is there, a play tells nothing new.
-            if !thresholds.iter().any(|r| (r / new).ln().abs() < 0.25) {
-                thresholds.push(new);
-            }
-        }
-        thresholds.sort_by(f64::total_cmp);
+        let thresholds = with_small_plays(&shape.thresholds, facts.span_v());
         let added = thresholds.len() > shape.thresholds.len();
         (added && thresholds.len() <= MAX_PLAYS).then_some(Shape {
             family: shape.family,

@@ -10,6 +10,7 @@ use crate::initial::InitialState;
 use crate::normal::Normal;
 use crate::objective::{Weighting, runs};
 use crate::separable::{RIDGE, SEARCH_ROWS};
+use crate::simplex;
 use hysteron_core::model::Hysteresis;
 use hysteron_data::Dataset;
 
@@ -143,9 +144,11 @@ fn search(rival: Rival, scales: &Scales, objective: impl Fn(Shape) -> f64) -> Sh
         Rival::LinearThresholds => &[&[0.0, -1.0], &[0.0, 1.0], &[-0.3, 2.0]],
         Rival::VelocityDamping => &[&[0.0], &[-0.7]],
     };
-    let found = starts
-        .iter()
-        .map(|start| crate::simplex::minimum(start, 0.4, 60, |logs| objective(shape_of(rival, scales, logs))));
+    let found = starts.iter().map(|start| {
+        simplex::minimum(start, 0.4, 60, simplex::is_level, |logs| {
+            objective(shape_of(rival, scales, logs))
+        })
+    });
     let best = found.min_by(|a, b| a.1.total_cmp(&b.1));
     shape_of(rival, scales, &best.map(|(logs, _)| logs).unwrap_or_default())
 }

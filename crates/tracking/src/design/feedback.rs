@@ -4,6 +4,7 @@ use super::preview::section;
 use hysteron_core::biquad::Biquad;
 use hysteron_core::law_numbers::FeedbackNumbers;
 use hysteron_identify::control::{ControlModel, LinearPart};
+use hysteron_identify::simplex::minimum;
 use rayon::prelude::*;
 use realfft::num_complex::Complex64;
 use serde::{Deserialize, Serialize};
@@ -381,9 +382,10 @@ pub fn design(model: &ControlModel) -> Option<FeedbackDesign> {
                 }
                 start[0] -= LN_2;
             }
-            let found = nelder_mead(&cost, &start);
+            let search = |start: &[f64]| minimum(start, 0.2, 150, |_| false, cost);
+            let found = search(&start);
             // Once more from where it stopped: the simplex may have collapsed on the walls.
-            let found = nelder_mead(&cost, &found.0);
+            let found = search(&found.0);
             (structure, found)
         })
         .min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
@@ -452,66 +454,4 @@ fn mean_gain_um_per_v(model: &ControlModel) -> f64 {
         })
         .sum();
     x / (inverse.offset_v + of_input + of_plays)
-}
-
-/// Minimises by Nelder and Mead's simplex (1965), 0.2 wide in every direction, 150 steps a dimension.
-fn nelder_mead(cost: &dyn Fn(&[f64]) -> f64, start: &[f64]) -> (Vec<f64>, f64) {
-    const WIDTH: f64 = 0.2;
-    const STEPS: usize = 150;
-    let n = start.len();
-    let mut simplex: Vec<(Vec<f64>, f64)> = (0..=n)
-        .map(|i| {
-            let mut point = start.to_vec();
-            if i > 0 {
-                point[i - 1] += WIDTH;
-            }
-            let value = cost(&point);
-            (point, value)
-        })
-        .collect();
-    for _ in 0..STEPS * n {
-        simplex.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let worst = simplex[n].clone();
-        let centre: Vec<f64> = (0..n)
-            .map(|j| simplex[..n].iter().map(|(p, _)| p[j]).sum::<f64>() / n as f64)
-            .collect();
-        let along = |t: f64| {
-            let point: Vec<f64> = centre.iter().zip(&worst.0).map(|(c, w)| c + t * (c - w)).collect();
-            let value = cost(&point);
-            (point, value)
-        };
-        let reflected = along(1.0);
-        simplex[n] = if reflected.1 < simplex[0].1 {
-            let expanded = along(2.0);
-            if expanded.1 < reflected.1 { expanded } else { reflected }
-        } else if reflected.1 < simplex[n - 1].1 {
-            reflected
-        } else {
-            let contracted = along(if reflected.1 < worst.1 { 0.5 } else { -0.5 });
-            if contracted.1 < worst.1.min(reflected.1) {
-                contracted
-            } else {
-                let best = simplex[0].0.clone();
-                for (point, value) in simplex.iter_mut().skip(1) {
-                    point.iter_mut().zip(&best).for_each(|(p, b)| *p = 0.5 * (*p + b));
-                    *value = cost(point);
-                }
-                continue;
-            }
-        };
-    }
-    simplex.sort_by(|a, b| a.1.total_cmp(&b.1));
-    simplex.swap_remove(0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn val_simplex_finds_rosenbrocks_valley() {
-        let cost = |p: &[f64]| (1.0 - p[0]).powi(2) + 100.0 * (p[1] - p[0] * p[0]).powi(2);
-        let (found, value) = nelder_mead(&cost, &[-1.2, 1.0]);
-        assert!(value < 1e-10, "{found:?} {value}");
-    }
 }
