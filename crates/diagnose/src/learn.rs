@@ -1,14 +1,11 @@
 //! Learns a model by itself: fits, diagnoses, adds, until nothing more is missing or nothing more can be told.
 
 use crate::diagnosis::{Diagnosis, Unexplained};
-use crate::ladder::percent;
-use crate::missing::search;
+use crate::learner::Learner;
 use crate::noise::noise_floor;
-use hysteron_data::{Dataset, Role};
+use hysteron_data::Dataset;
 use hysteron_identify::effects::UserEffect;
-use hysteron_identify::{
-    Added, FitOptions, IdentifyError, Model, Step, add_effect, add_own_effect, fit, remove_effect,
-};
+use hysteron_identify::{FitOptions, IdentifyError, Model, fit};
 use serde::Serialize;
 
 /// What `learn` did, and why it stopped.
@@ -39,8 +36,11 @@ pub struct Attempt {
     pub before_percent: Option<f64>,
     /// The same after.
     pub after_percent: Option<f64>,
-    /// Whether the validation records confirm it; the model keeps it only then.
+    /// Whether the model keeps it: where the validation records confirm it.
     pub kept: bool,
+    /// Whether no diagnosis had named it: it was tried because the model with it forecasts far better, and is kept only if
+    /// nothing unexplained remains in the end.
+    pub on_trial: bool,
 }
 
 /// Why learning stopped.
@@ -77,12 +77,6 @@ pub enum Stop {
 
 /// Most effects that are added: there are fifteen, and no stage of this class shows more than a handful.
 const MOST_STEPS: usize = 6;
-
-/// A step must bring the pooled validation error below this share of what it was; less does not matter.
-const CONFIRMED: f64 = 0.97;
-
-/// A step without which the validation error rises by less than this share is superfluous.
-const SUPERFLUOUS: f64 = 0.01;
 
 /// Fits a model of this family, then adds what [`crate::diagnose`] names, as long as records that it was not fitted to confirm it.
 ///
@@ -122,27 +116,28 @@ pub fn learn_from(dataset: &Dataset, model: Model, progress: &(dyn Fn(&str, f64)
 }
 
 fn go_on(dataset: &Dataset, model: Model, own: &[UserEffect], progress: &(dyn Fn(&str, f64) + Sync)) -> Learned {
-    let mut learner = Learner {
-        dataset,
-        rungs: vec![model.clone()],
-        model,
-        own,
-        attempts: Vec::new(),
-        progress,
-    };
+    let mut learner = Learner::new(dataset, model, own, progress);
     let mut diagnosis = learner.diagnose();
-    let stop = loop {
-        if let Some(stop) = answered(&diagnosis) {
-            break stop;
-        }
-        if learner.attempts.iter().filter(|attempt| attempt.kept).count() >= MOST_STEPS {
-            break Stop::EnoughSteps;
-        }
-        if let Err(stop) = learner.follow(&diagnosis) {
+    let mut stop = loop {
+        let stop = match answered(&diagnosis) {
+            None if learner.kept() >= MOST_STEPS => Some(Stop::EnoughSteps),
+            None => learner.follow(&diagnosis).err(),
+            stop => stop,
+        };
+        let nothing_certain = matches!(stop, Some(Stop::Unknown { .. } | Stop::NotConfirmed { .. }));
+        if let Some(stop) = stop.filter(|_| !nothing_certain || !learner.go_on_unknown(&diagnosis)) {
             break stop;
         }
         diagnosis = learner.diagnose();
     };
+    if matches!(stop, Stop::Unknown { .. } | Stop::NotConfirmed { .. })
+        && let Some(before) = learner.take_back()
+    {
+        diagnosis = before;
+    } else if learner.put_back() {
+        diagnosis = learner.diagnose();
+        stop = answered(&diagnosis).unwrap_or(stop);
+    }
     learner.model.fitted_on.noise_rms = Some(noise_floor(dataset).rms_um);
     Learned {
         model: learner.model,
@@ -167,139 +162,4 @@ fn answered(diagnosis: &Diagnosis) -> Option<Stop> {
         }),
         _ => None,
     }
-}
-
-struct Learner<'a> {
-    dataset: &'a Dataset,
-    model: Model,
-    own: &'a [UserEffect],
-    attempts: Vec<Attempt>,
-    rungs: Vec<Model>,
-    progress: &'a (dyn Fn(&str, f64) + Sync),
-}
-
-impl Learner<'_> {
-    fn diagnose(&self) -> Diagnosis {
-        search(self.dataset, &self.model, self.own, &|share, effect| {
-            (self.progress)(&format!("is it {effect}?"), share);
-        })
-    }
-
-    /// Adds what a diagnosis names: its verdict, then what it says is missing beside that.
-    fn follow(&mut self, diagnosis: &Diagnosis) -> Result<(), Stop> {
-        let mut named = vec![diagnosis.verdict.clone()];
-        named.extend(diagnosis.also_possible.iter().cloned());
-        let verdict = self.add_and_prune(&named);
-        let mut kept = matches!(verdict, Ok(true));
-        // What stands behind the verdict is a weaker claim: where it fails, the next diagnosis decides.
-        for effect in &diagnosis.further {
-            let there = self.model.effects.iter().any(|fitted| fitted.name == *effect);
-            kept |= !there && matches!(self.add_and_prune(std::slice::from_ref(effect)), Ok(true));
-        }
-        if kept || self.enrich(diagnosis) {
-            return Ok(());
-        }
-        let effect = diagnosis.verdict.clone();
-        Err(match verdict {
-            Err(error) => Stop::CannotAdd {
-                effect,
-                reason: error.to_string(),
-            },
-            Ok(_) => Stop::NotConfirmed { effect },
-        })
-    }
-
-    /// As [`Self::add_best`], then takes out what the new effect makes superfluous; whether one was kept.
-    fn add_and_prune(&mut self, named: &[String]) -> Result<bool, IdentifyError> {
-        let added = self.add_best(named)?;
-        if let Some(effect) = &added {
-            self.prune(effect);
-        }
-        Ok(added.is_some())
-    }
-
-    /// The diagnosis judges effects beside a hysteresis of free shape, the model must do with its own plays: where these are
-    /// too poor, they hide what the effect brings, and the shape goes first.
-    fn enrich(&mut self, diagnosis: &Diagnosis) -> bool {
-        let shape = ["hysteresis-shape".to_owned()];
-        diagnosis.shape_too_poor && diagnosis.verdict != shape[0] && matches!(self.add_best(&shape), Ok(Some(_)))
-    }
-
-    /// Tries effects that a diagnosis cannot tell apart and keeps the one that leaves least on the validation records, if
-    /// these confirm it; its name.
-    fn add_best(&mut self, named: &[String]) -> Result<Option<String>, IdentifyError> {
-        let mut tried = Vec::new();
-        let mut refused = None;
-        for effect in named {
-            let progress = |share| (self.progress)(&format!("adding {effect}"), share);
-            let added = match self.own.iter().find(|own| own.name() == effect) {
-                Some(own) => add_own_effect(self.dataset, &self.model, *own, &progress),
-                None => add_effect(self.dataset, &self.model, effect, &progress),
-            };
-            match added {
-                Ok(added) => tried.push((effect.clone(), added)),
-                Err(error) => refused = refused.or(Some(error)),
-            }
-        }
-        let left = |added: &Added| added.after.validate_percent.unwrap_or(f64::INFINITY);
-        tried.sort_by(|a, b| left(&a.1).total_cmp(&left(&b.1)));
-        let Some((effect, added)) = tried.into_iter().next() else {
-            return refused.map_or(Ok(None), Err);
-        };
-        let others = named.iter().filter(|name| **name != effect).cloned().collect();
-        let kept = confirmed(&added.before, &added.after);
-        self.note(&effect, others, added, kept);
-        Ok(kept.then_some(effect))
-    }
-
-    /// Takes out every earlier effect that the model does not need any more, the newest kept.
-    fn prune(&mut self, newest: &str) {
-        let earlier: Vec<String> = self.model.effects.iter().map(|effect| effect.name.clone()).collect();
-        for effect in earlier.iter().filter(|name| *name != newest) {
-            let without = remove_effect(self.dataset, &self.model, effect, &|share| {
-                (self.progress)(&format!("without {effect}"), share);
-            });
-            let Ok(without) = without else { continue };
-            let as_good = |before: f64, after: f64| after <= (1.0 + SUPERFLUOUS) * before;
-            if percent(&without.before)
-                .zip(percent(&without.after))
-                .is_some_and(|(b, a)| as_good(b, a))
-            {
-                self.note(effect, Vec::new(), without, true);
-            }
-        }
-    }
-
-    fn note(&mut self, effect: &str, also_possible: Vec<String>, step: Added, kept: bool) {
-        self.attempts.push(Attempt {
-            effect: effect.to_owned(),
-            change: step.after.change,
-            also_possible,
-            before_percent: step.before.validate_percent,
-            after_percent: step.after.validate_percent,
-            kept,
-        });
-        if kept {
-            self.rungs.push(step.model.clone());
-            self.model = step.model;
-        }
-    }
-}
-
-/// Whether records that a step was not fitted to confirm it: the pooled error falls, and so it does on at least half of
-/// the records that move, so that no single record decides.
-fn confirmed(before: &Step, after: &Step) -> bool {
-    let (Some(b), Some(a)) = (before.validate_percent, after.validate_percent) else {
-        return false;
-    };
-    let moving = || {
-        before
-            .records
-            .iter()
-            .zip(&after.records)
-            .filter(|(record, _)| record.role == Role::Validate)
-            .filter_map(|(b, a)| b.percent.zip(a.percent))
-    };
-    let fell = moving().filter(|(b, a)| a < b).count();
-    a < CONFIRMED * b && 2 * fell >= moving().count()
 }

@@ -9,6 +9,7 @@ pub mod diagnosis;
 mod error_map;
 pub mod ladder;
 pub mod learn;
+mod learner;
 mod missing;
 pub mod noise;
 mod region;

@@ -1,6 +1,7 @@
 //! The noise floor of the position sensor, from the records themselves.
 
 use crate::comparison::{NoiseFloor, NoiseSource};
+use crate::missing::hum;
 use hysteron_data::{Dataset, Record};
 use hysteron_identify::family::peak_to_peak;
 use hysteron_identify::period;
@@ -28,6 +29,8 @@ pub fn noise_floor(dataset: &Dataset) -> NoiseFloor {
 
 /// Samples of a window at constant voltage, short enough that creep is a parabola within it.
 const WINDOW: usize = 100;
+/// Stretches from which hum is taken out at once, seconds: a line that is missed by 25 mHz keeps its phase in them.
+const HUM_S: f64 = 0.5;
 /// Windows after a change of voltage that may still ring.
 const SETTLING_WINDOWS: usize = 2;
 /// Fewest windows to speak of a noise floor.
@@ -39,17 +42,32 @@ fn quiet_stretches(records: &[Record]) -> Option<NoiseFloor> {
         .iter()
         .map(|record| peak_to_peak(&record.voltage_v))
         .fold(0.0, f64::max);
-    let mut variances = Vec::new();
+    // Where the sampling is too slow for the mains, hum folds back and looks like noise: such records count only without others.
+    let (mut variances, mut slow) = (Vec::new(), Vec::new());
     for record in records {
+        let kept = if record.period_s < hum::LONGEST_PERIOD_S {
+            &mut variances
+        } else {
+            &mut slow
+        };
         let mut start = 0;
         for k in 1..=record.len() {
             if k < record.len() && (record.voltage_v[k] - record.voltage_v[start]).abs() <= 1e-6 * largest {
                 continue;
             }
-            let windows = record.position_um[start..k].chunks_exact(WINDOW);
-            variances.extend(windows.skip(SETTLING_WINDOWS).map(variance_about_parabola));
+            // Hum is an effect, and no noise.
+            let part = (HUM_S / record.period_s / WINDOW as f64).ceil().max(1.0) as usize * WINDOW;
+            let humless: Vec<f64> = record.position_um[start..k]
+                .chunks(part)
+                .flat_map(|still| hum::taken_out(still, record.period_s))
+                .collect();
+            let windows = humless.chunks_exact(WINDOW);
+            kept.extend(windows.skip(SETTLING_WINDOWS).map(variance_about_parabola));
             start = k;
         }
+    }
+    if variances.len() < FEWEST_WINDOWS {
+        variances.append(&mut slow);
     }
     if variances.len() < FEWEST_WINDOWS {
         return None;

@@ -4,6 +4,7 @@ use crate::chain_trace::Trace;
 use crate::columns::{Design, fill, output};
 use crate::effects::rate_dependence::NARROW;
 use crate::effects::{Acts, Effect, Signals};
+use crate::family::Family;
 use crate::initial::InitialState;
 use hysteron_core::envelope::Envelope;
 use hysteron_core::play;
@@ -22,7 +23,7 @@ pub(crate) struct Chain {
     pub design: Design,
     /// In the order of [`crate::effects::Place`].
     pub links: Vec<Link>,
-    /// Plays narrower than this, volts, do not take part in a rate dependence that is a link.
+    /// Plays narrower than this, volts, do not take part in a rate dependence that is an effect.
     pub narrow_v: f64,
 }
 
@@ -41,10 +42,15 @@ pub(crate) struct Tangent {
 impl Chain {
     pub(crate) fn new(design: Design, mut links: Vec<Link>, span_v: f64) -> Self {
         links.sort_by_key(|link| link.effect.description().place);
+        let narrow_v = match design.family {
+            // All of the family's own plays do.
+            Family::Mrpi => 0.0,
+            _ => NARROW * span_v,
+        };
         Self {
             design,
             links,
-            narrow_v: NARROW * span_v,
+            narrow_v,
         }
     }
 
@@ -140,6 +146,15 @@ impl Chain {
         recorded(trace, &position)
     }
 
+    /// What a link adds to the position at the recorded samples, whatever the position is.
+    pub(crate) fn addition(&self, trace: &Trace<'_>, link: usize) -> Vec<f64> {
+        let stack_v = self.stack(trace);
+        let mut position = vec![0.0; stack_v.len()];
+        let Link { effect, values } = &self.links[link];
+        effect.on_position(values, &signals(trace, &stack_v, link), &mut position);
+        recorded(trace, &position)
+    }
+
     /// The modelled position, and its change with each coefficient.
     pub(crate) fn tangent(&self, coefficients: &[f64], trace: &Trace<'_>) -> Tangent {
         let stack_v = self.stack(trace);
@@ -195,7 +210,7 @@ impl Chain {
     pub(crate) fn settle(&self, coefficients: &[f64], trace: &mut Trace<'_>) {
         trace.own = vec![Vec::new(); self.links.len()];
         let with_own: Vec<usize> = (0..self.links.len())
-            .filter(|&i| self.links[i].effect.own_numbers() > 0)
+            .filter(|&i| self.links[i].effect.has_own_numbers())
             .collect();
         if with_own.is_empty() {
             return;

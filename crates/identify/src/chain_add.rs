@@ -6,6 +6,7 @@ use crate::chain_fit::{Fitted, Problem, prepare};
 use crate::chain_start::best_of_starts;
 use crate::chain_trace::Trace;
 use crate::columns::Design;
+use crate::effects::rate_dependence::{OfFamily, RateDependence};
 use crate::effects::{self, Bounds, Effect, Facts, Shape, UserEffect};
 use crate::error::IdentifyError;
 use crate::family::{Direction, Family, range};
@@ -119,7 +120,7 @@ pub fn remove_effect(
         return Err(IdentifyError::NothingToFit);
     }
     let facts = facts(dataset, model.family);
-    let mut chain = model.chain_with(Vec::new());
+    let mut chain = all_of(model, Vec::new());
     chain.links.retain(|link| link.effect.description().name != name);
     let plan = Plan {
         bounds: bounds(&chain, &facts),
@@ -179,24 +180,26 @@ fn plan(dataset: &Dataset, model: &Model, effect: &Arc<dyn Effect>, facts: &Fact
             .collect();
         thresholds(Placement::Data, plays, &inputs)
     };
-    let mut chain = model.chain_with(Vec::new());
+    let mut chain = all_of(model, Vec::new());
     let own = effect.bounds(facts)?;
     if own.is_empty() {
         let shape = effect
             .reshape(&shape, facts, &place)
             .ok_or_else(|| "the model's family of plays has it already".to_owned())?;
-        chain.design.family = shape.family;
         chain.design.thresholds = shape.thresholds;
+        chain = in_family(chain, shape.family, facts.span_v());
     } else if !there {
         let values = own.iter().map(|b| b.neutral).collect();
         let link = Link {
             effect: Arc::clone(effect),
             values,
         };
-        chain = model.chain_with(vec![link]);
+        chain = all_of(model, vec![link]);
     }
     let position = |link: &Link| link.effect.description().name == name;
     let link = chain.links.iter().position(position);
+    let family = chain.design.family;
+    let facts = &Facts { family, ..*facts };
     let mut bounds = bounds(&chain, facts);
     let starts = match link {
         None => vec![Vec::new()],
@@ -216,6 +219,35 @@ fn plan(dataset: &Dataset, model: &Model, effect: &Arc<dyn Effect>, facts: &Fact
         starts,
         link,
     })
+}
+
+/// The model's chain with further links, and what its family has of parameters that are not linear.
+fn all_of(model: &Model, mut links: Vec<Link>) -> Chain {
+    if let Some(envelope) = model.envelope.filter(|_| model.family == Family::Mrpi) {
+        links.push(Link {
+            effect: Arc::new(OfFamily),
+            values: vec![envelope.alpha_s, envelope.beta_s],
+        });
+    }
+    model.chain_with(links)
+}
+
+/// A chain with another family of plays; the rate dependence that was the family's own becomes an effect.
+fn in_family(chain: Chain, family: Family, span_v: f64) -> Chain {
+    let Chain {
+        mut design, mut links, ..
+    } = chain;
+    design.family = family;
+    if family != Family::Mrpi {
+        for link in links.iter_mut().filter(|link| is_of_family(link)) {
+            link.effect = Arc::new(RateDependence);
+        }
+    }
+    Chain::new(design, links, span_v)
+}
+
+fn is_of_family(link: &Link) -> bool {
+    link.effect.description().name == OfFamily.description().name
 }
 
 /// Bounds of every link's parameters.
@@ -287,10 +319,34 @@ fn search(dataset: &Dataset, model: &Model, plan: &Plan, progress: &(dyn Fn(f64)
         }
         _ => model.fitted_on.ridge,
     };
+    let own_numbers = plan
+        .link
+        .is_some_and(|link| plan.chain.links[link].effect.has_own_numbers());
     let look = |traces: &mut [Trace<'_>]| {
-        settle(&start, traces);
-        let problem = problem(traces, plan, ridge, coarse);
-        best_of_starts(&problem, &start, plan.link, &plan.starts, progress)
+        let from = |traces: &mut [Trace<'_>], starts: &[Vec<f64>], start: &Fitted| {
+            settle(start, traces);
+            best_of_starts(
+                &problem(traces, plan, ridge, coarse),
+                start,
+                plan.link,
+                starts,
+                progress,
+            )
+        };
+        let Some(link) = plan.link.filter(|_| own_numbers) else {
+            return from(traces, &plan.starts, &start);
+        };
+        // Phases belong to a frequency: each start has the records' own numbers as it would choose them.
+        let each = plan.starts.iter().map(|values| {
+            let mut at = start.clone();
+            at.chain.links[link].values.clone_from(values);
+            from(traces, std::slice::from_ref(values), &at)
+        });
+        let best = each
+            .min_by(|a, b| a.error.total_cmp(&b.error))
+            .unwrap_or_else(|| start.clone());
+        settle(&best, traces);
+        best
     };
     let mut best = look(&mut traces);
     if plan
@@ -318,7 +374,7 @@ fn search(dataset: &Dataset, model: &Model, plan: &Plan, progress: &(dyn Fn(f64)
             }
         }
         progress(0.75 + 0.04 * f64::from(round));
-        if !changed && best.chain.links.iter().all(|link| link.effect.own_numbers() == 0) {
+        if !changed && best.chain.links.iter().all(|link| !link.effect.has_own_numbers()) {
             break;
         }
         best.error = f64::INFINITY;
@@ -401,13 +457,14 @@ fn assemble(
     new.thresholds.clone_from(&best.chain.design.thresholds);
     new.coefficients.clone_from(&best.coefficients);
     new.standard_errors = standard_errors;
-    new.effects = best
-        .chain
-        .links
-        .iter()
-        .zip(of_links)
-        .map(|(link, errors)| fitted_effect(link, &errors))
+    let links = || best.chain.links.iter().zip(&of_links);
+    new.effects = links()
+        .filter(|(link, _)| !is_of_family(link))
+        .map(|(link, errors)| fitted_effect(link, errors))
         .collect();
+    let of_family = links().find(|(link, _)| is_of_family(link));
+    new.envelope = of_family.and_then(|(link, _)| link.effect.envelope(&link.values));
+    new.envelope_errors = of_family.and_then(|(_, errors)| Some([(*errors.first()?)?, (*errors.get(1)?)?]));
     (new.input_min, new.input_max) = range(problem.traces.iter().flat_map(|t| t.record.voltage_v.iter().copied()));
     new.fitted_on.dataset.clone_from(&dataset.name);
     new.fitted_on.ridge = problem.ridge;
@@ -423,7 +480,7 @@ fn assemble(
             weight: trace.weight,
         })
         .collect();
-    new.notices = notices(&new, problem);
+    new.notices = notices(&best.chain, problem);
     new
 }
 
@@ -448,16 +505,17 @@ fn fitted_effect(link: &Link, errors: &[Option<f64>]) -> FittedEffect {
 }
 
 /// What the user should know of the fit, in sentences.
-fn notices(model: &Model, problem: &Problem<'_>) -> Vec<String> {
+fn notices(chain: &Chain, problem: &Problem<'_>) -> Vec<String> {
     let mut notices = Vec::new();
-    for (fitted, bounds) in model.effects.iter().zip(problem.bounds) {
-        for (parameter, b) in fitted.parameters.iter().zip(bounds) {
+    for (link, bounds) in chain.links.iter().zip(problem.bounds) {
+        let description = link.effect.description();
+        for ((named, &value), b) in description.parameters.iter().zip(&link.values).zip(bounds) {
             // Zero is where most effects do nothing: that is no bound a user could have wanted to pass.
-            let at_bound = parameter.value <= b.min || parameter.value >= b.max;
-            if b.fitted && at_bound && parameter.value != b.neutral && parameter.value != 0.0 {
+            let at_bound = value <= b.min || value >= b.max;
+            if b.fitted && at_bound && value != b.neutral && value != 0.0 {
                 notices.push(format!(
-                    "{}: {} = {:.6} {} stands on its physical bound ({} to {}); something else may be missing",
-                    fitted.name, parameter.name, parameter.value, parameter.unit, b.min, b.max
+                    "{}: {} = {value:.6} {} stands on its physical bound ({} to {}); something else may be missing",
+                    description.name, named.name, named.unit, b.min, b.max
                 ));
             }
         }

@@ -212,6 +212,19 @@ impl Model {
         self.simulate_from(&design, &run)
     }
 
+    /// The mains hum of the model in a record, micrometres, its phases as the record has them; `None` where the model has none.
+    ///
+    /// # Cost
+    /// As [`Self::simulate`].
+    pub fn hum_um(&self, record: &Record) -> Option<Vec<f64>> {
+        let chain = self.chain()?;
+        let is_hum = |link: &Link| link.effect.description().name == "mains-hum";
+        let hum = chain.links.iter().position(is_hum)?;
+        let guess = initial::guess(&record.voltage_v, &record.position_um);
+        let trace = chain_fit::prepare(&chain, &self.coefficients, record, guess);
+        Some(chain.addition(&trace, hum))
+    }
+
     /// Runs the model over an input alone, from a given state, with the effects around the hysteresis.
     ///
     /// # Errors

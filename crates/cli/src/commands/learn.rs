@@ -100,6 +100,10 @@ fn told(attempt: &Attempt) -> String {
     let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.3} %"));
     let (before, after) = (percent(attempt.before_percent), percent(attempt.after_percent));
     let what = match (attempt.change, attempt.kept) {
+        (_, false) if attempt.on_trial => {
+            "tried without a name for what is missing, and taken back: structure remains with it too"
+        }
+        (Change::Added, true) if attempt.on_trial => "added on trial, and kept: nothing unexplained remains with it",
         (Change::Removed, _) => "taken out again: superfluous since the last step",
         (_, true) => "added: records it was not fitted to confirm it",
         (_, false) => "tried and left out: records it was not fitted to do not confirm it",

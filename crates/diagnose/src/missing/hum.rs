@@ -1,6 +1,7 @@
 //! Mains hum: lines at 50 or 60 Hz and harmonics, whose phase belongs to no record.
 
 use crate::missing::traces::Traces;
+use hysteron_data::Dataset;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -17,8 +18,6 @@ pub(crate) struct Hum {
     pub of: usize,
     /// Mean squared error that it takes from each record.
     pub taken_um2: Vec<f64>,
-    /// The same, in records too short to tell what the others let expect.
-    pub expected_um2: Vec<f64>,
 }
 
 const HARMONICS: usize = 5;
@@ -26,25 +25,33 @@ const HARMONICS: usize = 5;
 /// Mains deviates by at most 0.5 Hz in large grids.
 const BAND_HZ: f64 = 0.5;
 
+/// Records sampled more slowly have fewer than ten samples a period of the mains.
+pub(crate) const LONGEST_PERIOD_S: f64 = 1.0 / 600.0;
+
+/// Three periods of the mains.
+const SHORTEST_S: f64 = 3.0 / 50.0;
+
 /// Looks for lines in the residuals (full rate, run-in included, one a record).
 pub(crate) fn find(traces: &Traces, residuals: &[Vec<f64>], noise_um: f64) -> Option<Hum> {
     let usable: Vec<usize> = (0..traces.each.len())
         .filter(|&i| {
             let t = &traces.each[i];
-            // Three periods of mains at least, ten samples a period.
-            t.period_s < 1.0 / 600.0 && (t.len() - t.from) as f64 * t.period_s > 3.0 / 50.0
+            t.period_s < LONGEST_PERIOD_S && (t.len() - t.from) as f64 * t.period_s > SHORTEST_S
         })
         .collect();
+    let lines = |i: usize, f: f64| {
+        let t = &traces.each[i];
+        Lines::fit(&residuals[i][t.from..], t.period_s, f)
+    };
     let power = |f: f64| -> f64 {
         let of_record = |&i: &usize| {
-            let (taken, all) = lines(&traces.each[i], &residuals[i], f);
+            let lines = lines(i, f);
             // Relative to the residual: a badly fitted record must not decide.
-            taken / (all + noise_um * noise_um)
+            lines.taken() / (lines.all_um2 + noise_um * noise_um)
         };
         usable.iter().map(of_record).sum()
     };
-    let nearby = |nominal: f64| (-10..=10).map(move |k| nominal + BAND_HZ * f64::from(k) / 10.0);
-    let frequencies: Vec<f64> = [50.0, 60.0].into_iter().flat_map(nearby).collect();
+    let frequencies: Vec<f64> = candidates().collect();
     let powers: Vec<f64> = frequencies.par_iter().map(|&f| power(f)).collect();
     let best = (0..powers.len())
         .rev()
@@ -54,14 +61,9 @@ pub(crate) fn find(traces: &Traces, residuals: &[Vec<f64>], noise_um: f64) -> Op
     let (mut contrast, mut seen, mut amplitudes) = (0.0f64, 0, Vec::new());
     for &i in &usable {
         let t = &traces.each[i];
-        let (taken, _) = lines(t, &residuals[i], frequency_hz);
+        let taken = lines(i, frequency_hz).taken();
         let length_s = (t.len() - t.from) as f64 * t.period_s;
-        // Beside the lines by two resolutions of the record, on both sides: what is there without hum.
-        let aside = (2.0 / length_s).max(2.0);
-        let beside = [-2.0, -1.0, 1.0, 2.0]
-            .iter()
-            .map(|s| lines(t, &residuals[i], frequency_hz + s * aside).0)
-            .fold(0.0, f64::max);
+        let beside = beside(|f| lines(i, f).taken(), frequency_hz, length_s);
         let ratio = taken / beside.max(1e-3 * noise_um * noise_um);
         if ratio > CONTRAST {
             seen += 1;
@@ -71,19 +73,7 @@ pub(crate) fn find(traces: &Traces, residuals: &[Vec<f64>], noise_um: f64) -> Op
         contrast = contrast.max(ratio);
     }
     amplitudes.sort_by(f64::total_cmp);
-    let median_um2 = amplitudes.get(amplitudes.len() / 2).map_or(0.0, |a| a * a / 2.0);
-    let expected_um2 = (0..traces.each.len())
-        // A stretch of a line may hold twice its mean power.
-        .map(|i| {
-            if taken_um2[i] > 0.0 {
-                taken_um2[i]
-            } else {
-                2.0 * median_um2
-            }
-        })
-        .collect();
     Some(Hum {
-        expected_um2,
         frequency_hz,
         amplitude_um: amplitudes.get(amplitudes.len() / 2).copied().unwrap_or(0.0),
         contrast,
@@ -96,38 +86,150 @@ pub(crate) fn find(traces: &Traces, residuals: &[Vec<f64>], noise_um: f64) -> Op
 /// Power at the lines over the larger power beside them, from which on a record shows hum.
 const CONTRAST: f64 = 6.0;
 
-/// Mean square that lines at `f` and its harmonics take from a residual, and the mean square of it all about its mean.
-fn lines(trace: &crate::missing::traces::Trace, residual: &[f64], f: f64) -> (f64, f64) {
-    let own = &residual[trace.from..];
-    // No more than 4000 rows, but at least 12 samples a period of the fundamental.
-    let stride = (own.len() / 4000).clamp(1, ((1.0 / (12.0 * 60.0)) / trace.period_s).max(1.0) as usize);
-    let nyquist = 0.45 / (trace.period_s * stride as f64);
-    let harmonics = (1..=HARMONICS).filter(|&k| k as f64 * f < nyquist).count();
-    let rows: Vec<usize> = (0..own.len()).step_by(stride).collect();
-    let y = DVector::from_iterator(rows.len(), rows.iter().map(|&k| own[k]));
-    let mean = y.mean();
-    let all = y.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / rows.len() as f64;
-    if harmonics == 0 || rows.len() < 4 * harmonics + 4 {
-        return (0.0, all);
+/// A series without the lines of the mains, or as it is where it has none or cannot tell.
+pub(crate) fn taken_out(own: &[f64], period_s: f64) -> Vec<f64> {
+    let power = |f: f64| Lines::fit(own, period_s, f).taken();
+    let powers = candidates().map(|f| (power(f), f));
+    let mut humless = own.to_vec();
+    if let Some((_, frequency_hz)) = powers.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        take_out(&mut humless, period_s, frequency_hz);
     }
-    let omega = std::f64::consts::TAU * f * trace.period_s;
-    let columns = DMatrix::from_fn(rows.len(), 2 * harmonics + 2, |r, c| {
-        let k = rows[r] as f64;
-        match c {
-            0 => 1.0,
-            1 => k / own.len() as f64 - 0.5,
-            _ if c % 2 == 0 => (omega * (c / 2) as f64 * k).cos(),
-            _ => (omega * (c / 2) as f64 * k).sin(),
+    humless
+}
+
+/// Takes lines at a frequency and its harmonics out of a series that has them.
+fn take_out(own: &mut [f64], period_s: f64, frequency_hz: f64) {
+    let length_s = own.len() as f64 * period_s;
+    let power = |f: f64| Lines::fit(own, period_s, f).taken();
+    if length_s > SHORTEST_S && power(frequency_hz) > CONTRAST * beside(power, frequency_hz, length_s) {
+        let lines = Lines::fit(own, period_s, frequency_hz);
+        own.iter_mut().enumerate().for_each(|(k, y)| *y -= lines.at(k as f64));
+    }
+}
+
+/// The records without a hum that was found in what a fit leaves of them (full rate, run-in included, one a record).
+pub(crate) fn without(dataset: &Dataset, traces: &Traces, residuals: &[Vec<f64>], hum: &Hum) -> Dataset {
+    let mut humless = dataset.clone();
+    let records = humless.records.par_iter_mut().zip(&traces.each).zip(residuals);
+    records.for_each(|((record, trace), residual)| {
+        let own = &residual[trace.from..];
+        let part = ((PART_S / record.period_s).ceil() as usize).max(1);
+        let mut left = own.to_vec();
+        left.chunks_mut(part)
+            .for_each(|part| take_out(part, record.period_s, hum.frequency_hz));
+        for ((y, own), left) in record.position_um.iter_mut().zip(own).zip(left) {
+            *y -= own - left;
         }
     });
-    let gram = columns.tr_mul(&columns) + DMatrix::identity(columns.ncols(), columns.ncols()) * 1e-9;
-    let rhs = columns.tr_mul(&y);
-    let Some(factor) = gram.cholesky() else {
-        return (0.0, all);
-    };
-    let mut x = factor.solve(&rhs);
-    x[0] = 0.0;
-    x[1] = 0.0;
-    let fitted = &columns * x;
-    (fitted.norm_squared() / rows.len() as f64, all)
+    humless
+}
+
+/// Stretches from which lines are taken out at once, seconds: one that is missed by 25 mHz keeps its phase in them.
+const PART_S: f64 = 1.0;
+
+/// Both nets, their band in twenty steps.
+fn candidates() -> impl Iterator<Item = f64> {
+    let nearby = |nominal: f64| (-10..=10).map(move |k| nominal + BAND_HZ * f64::from(k) / 10.0);
+    [50.0, 60.0].into_iter().flat_map(nearby)
+}
+
+/// The largest power beside the lines by two resolutions of the record, on both sides: what is there without hum.
+fn beside(power: impl Fn(f64) -> f64, frequency_hz: f64, length_s: f64) -> f64 {
+    let aside = (2.0 / length_s).max(2.0);
+    [-2.0, -1.0, 1.0, 2.0]
+        .iter()
+        .map(|s| power(frequency_hz + s * aside))
+        .fold(0.0, f64::max)
+}
+
+/// Lines at a frequency and its harmonics, fitted to a series beside a straight line.
+struct Lines {
+    /// Angle of the fundamental a sample.
+    omega: f64,
+    /// Cosine and sine of each harmonic.
+    amplitudes: Vec<f64>,
+    rows: usize,
+    stride: usize,
+    /// Mean square of the series about its mean.
+    all_um2: f64,
+}
+
+impl Lines {
+    fn fit(own: &[f64], period_s: f64, f: f64) -> Self {
+        // No more than 4000 rows, but at least 12 samples a period of the fundamental.
+        let stride = (own.len() / 4000).clamp(1, ((1.0 / (12.0 * 60.0)) / period_s).max(1.0) as usize);
+        let rows: Vec<usize> = (0..own.len()).step_by(stride).collect();
+        let y = DVector::from_iterator(rows.len(), rows.iter().map(|&k| own[k]));
+        let mean = y.mean();
+        let mut lines = Self {
+            omega: std::f64::consts::TAU * f * period_s,
+            amplitudes: Vec::new(),
+            rows: rows.len(),
+            stride,
+            all_um2: y.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / rows.len() as f64,
+        };
+        // Above half the sampling rate they come back folded, at frequencies as well known.
+        if rows.len() < 4 * HARMONICS + 4 {
+            return lines;
+        }
+        let columns = DMatrix::from_fn(rows.len(), 2 * HARMONICS + 2, |r, c| {
+            let k = rows[r] as f64;
+            match c {
+                0 => 1.0,
+                1 => k / own.len() as f64 - 0.5,
+                _ => lines.wave(c - 2, k),
+            }
+        });
+        let gram = columns.tr_mul(&columns) + DMatrix::identity(columns.ncols(), columns.ncols()) * 1e-9;
+        if let Some(factor) = gram.cholesky() {
+            lines.amplitudes = factor.solve(&columns.tr_mul(&y)).iter().skip(2).copied().collect();
+        }
+        lines
+    }
+
+    fn wave(&self, column: usize, k: f64) -> f64 {
+        let angle = self.omega * (column / 2 + 1) as f64 * k;
+        if column.is_multiple_of(2) {
+            angle.cos()
+        } else {
+            angle.sin()
+        }
+    }
+
+    /// The lines at a sample.
+    fn at(&self, k: f64) -> f64 {
+        self.amplitudes
+            .iter()
+            .enumerate()
+            .map(|(c, a)| a * self.wave(c, k))
+            .sum()
+    }
+
+    /// Mean square that the lines take.
+    fn taken(&self) -> f64 {
+        let at = |r: usize| self.at((r * self.stride) as f64).powi(2);
+        (0..self.rows).map(at).sum::<f64>() / self.rows.max(1) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn val_a_hum_is_taken_out_and_noise_stays() {
+        let noise = |k: usize| ((k * 7919) % 1000) as f64 * 1e-6;
+        let hum = |k: usize| {
+            let t = k as f64 * 2e-4;
+            0.2 * (TAU * 60.08 * t + 0.4).sin() + 0.05 * (TAU * 180.24 * t).cos()
+        };
+        let own: Vec<f64> = (0..2500).map(|k| noise(k) + hum(k)).collect();
+        let left = taken_out(&own, 2e-4);
+        let mean = left.iter().sum::<f64>() / 2500.0;
+        let rms = (left.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / 2500.0).sqrt();
+        assert!(rms < 0.004, "{rms}");
+        let quiet: Vec<f64> = (0..2500).map(noise).collect();
+        assert_eq!(taken_out(&quiet, 2e-4), quiet);
+    }
 }

@@ -6,7 +6,7 @@ mod bench;
 mod candidates;
 mod chain;
 mod filters;
-mod hum;
+pub(crate) mod hum;
 mod judge;
 mod next_record;
 mod regression;
@@ -60,6 +60,11 @@ pub fn diagnose_with(
     Ok(search(dataset, model, own, progress))
 }
 
+/// Names of the effects that are more than the shape of the loops.
+pub(crate) fn physical() -> impl Iterator<Item = &'static str> {
+    PHYSICAL.iter().map(|candidate| candidate.name).chain(["mains-hum"])
+}
+
 /// The search, with effects of the user's own whose columns are there.
 pub(crate) fn search(
     dataset: &Dataset,
@@ -67,14 +72,43 @@ pub(crate) fn search(
     own: &[UserEffect],
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> Diagnosis {
-    let floor = noise::noise_floor(dataset);
     progress(0.0, "model");
     let simulated = traces::initial_states(dataset, model);
     let states: Vec<_> = simulated.iter().map(|s| s.0).collect();
-    let traces = Traces::new(dataset, &states, floor.rms_um);
     let before = before(dataset, &simulated);
+    let humless = traces::without_hum(dataset, model);
+    let dataset = humless.as_ref().unwrap_or(dataset);
+    let floor = noise::noise_floor(dataset);
+    let traces = Traces::new(dataset, &states, floor.rms_um);
     let reasons = judge::cannot_answer(dataset, &traces, floor.rms_um);
-    progress(0.02, "free shape");
+    let look = |traces, noise_um, (from, to): (f64, f64)| {
+        look(model, traces, noise_um, &before, own, &|done: f64, name: &str| {
+            progress(from + (to - from) * done, name);
+        })
+    };
+    let searched = look(&traces, floor.rms_um, (0.02, 0.6));
+    let Some(hum) = searched.hum() else {
+        return conclude(model, searched, before, reasons, None, progress);
+    };
+    // All that hums looks like noise beside it: what else is missing is looked for without.
+    let humless = hum::without(dataset, &traces, &hum.residuals, &hum.hum);
+    let floor = noise::noise_floor(&humless);
+    let without = Traces::new(&humless, &states, floor.rms_um);
+    let mut searched = look(&without, floor.rms_um, (0.6, 0.95));
+    searched.judge.taken_before(&hum.hum.taken_um2);
+    conclude(model, searched, before, reasons, Some(hum.entry), progress)
+}
+
+/// Searches beside the hysteresis that forecasts: one of free shape, or where the records do not determine that, the model's family.
+fn look<'a>(
+    model: &Model,
+    traces: &'a Traces,
+    noise_um: f64,
+    before: &Before,
+    own: &[UserEffect],
+    progress: &(dyn Fn(f64, &str) + Sync),
+) -> Searched<'a> {
+    progress(0.0, "free shape");
     let inputs: Vec<&[f64]> = traces
         .each
         .iter()
@@ -86,22 +120,29 @@ pub(crate) fn search(
         thresholds: placement::thresholds(Placement::Data, PLAYS, &inputs),
         ridge: 1e-7,
     };
-    let given_effects = given(model, &traces);
+    let given_effects = given(model, traces);
     let searching = |base: Base, from: f64, to: f64| {
         let told = |done: f64, name: &str| progress(from + (to - from) * done, name);
-        Searched::new(model, &traces, base, &given_effects, floor.rms_um, own, &told)
+        Searched::new(model, traces, base, &given_effects, noise_um, own, &told)
     };
-    let mut searched = searching(base, 0.02, 0.75);
+    let searched = searching(base, 0.0, 0.8);
     // Judged with what was found: a free shape bends to an effect that it has not got yet, and forecasts badly for that.
-    let determined = shape::is_determined(&before, searched.last());
+    let determined = shape::is_determined(before, searched.last());
     if !determined || searched.is_users_own(own) {
-        let stiff = searching(shape::of_family(model, &traces), 0.75, 0.95);
+        let stiff = searching(shape::of_family(model, traces), 0.8, 1.0);
         // An effect of the user's own may bend the position: where it does, the hysteresis that forecasts better counts.
         if !determined || stiff.last().validate_percent < searched.last().validate_percent {
-            searched = stiff;
+            return stiff;
         }
     }
-    conclude(model, searched, before, reasons, progress)
+    searched
+}
+
+/// Hum in what a search leaves.
+struct FoundHum {
+    hum: hum::Hum,
+    entry: RankedEffect,
+    residuals: Vec<Vec<f64>>,
 }
 
 /// What a search with one kind of hysteresis found.
@@ -247,6 +288,14 @@ impl<'a> Searched<'a> {
         first.is_some_and(|(name, _)| own.iter().any(|effect| effect.name() == *name))
     }
 
+    /// Significant hum in what is left.
+    fn hum(&self) -> Option<FoundHum> {
+        let residuals = self.bench.full_residuals(self.last());
+        let hum = hum::find(self.bench.traces, &residuals, self.bench.noise_um)?;
+        let entry = self.judge.hum(&self.bench, self.last(), &hum);
+        entry.significant.then_some(FoundHum { hum, entry, residuals })
+    }
+
     fn last(&self) -> &Trial {
         self.found.last().map_or(&self.start, |f| &f.1)
     }
@@ -365,12 +414,35 @@ fn given(model: &Model, traces: &Traces) -> Vec<Effect> {
             "creep" => given.push(Effect::Creep {
                 taus_s: candidates::creep_taus(traces),
             }),
-            "thermal-drift" => given.extend([Effect::Temperature, Effect::TemperatureGain]),
+            "thermal-drift" => {
+                given.extend([Effect::Temperature, Effect::TemperatureGain]);
+                if value("rest_share") > 0.0 {
+                    given.push(Effect::StartOffset);
+                }
+            }
+            "saturation" => given.extend(limits(traces, &value)),
             "cross-coupling" => given.push(Effect::Cross),
             _ => given.extend(user::given(effect)),
         }
     }
     given
+}
+
+/// A model's rails and stops, those that a record reaches.
+fn limits(traces: &Traces, value: &impl Fn(&str) -> f64) -> Vec<Effect> {
+    let mut limits = Vec::new();
+    let drive = |name: &str| (value(name) - traces.middle_v) / traces.unit_v;
+    let (low, high) = (drive("rail_low"), drive("rail_high"));
+    if low > -1.0 || high < 1.0 {
+        limits.push(Effect::ClipDrive { low, high });
+    }
+    let position = |name: &str| value(name) - traces.middle_um;
+    let (low_um, high_um) = (position("stop_low"), position("stop_high"));
+    let (lowest_um, highest_um) = chain::position_range(&traces.each);
+    if low_um > lowest_um || high_um < highest_um {
+        limits.push(Effect::EndStop { low_um, high_um });
+    }
+    limits
 }
 
 /// The wanted candidates' best forms, in parallel; those that were tried already at the same start are not tried again.
@@ -435,6 +507,7 @@ fn conclude(
     searched: Searched<'_>,
     before: Before,
     reasons: Vec<String>,
+    hum: Option<RankedEffect>,
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> Diagnosis {
     let Searched {
@@ -449,20 +522,16 @@ fn conclude(
     progress(0.95, "what remains");
     let last = found.last().map_or(&start, |f| &f.1);
     let residuals = bench.full_residuals(last);
-    let hum = hum::find(bench.traces, &residuals, bench.noise_um);
-    let remains = remains::remains(bench, last, &residuals, hum.as_ref());
+    let remains = remains::remains(bench, last, &residuals);
     let mut names: Vec<String> = found.iter().map(|f| f.0.to_owned()).collect();
-    if let Some(hum) = &hum {
-        let effect = judge.hum(bench, last, hum);
-        if effect.significant {
-            // The larger of the two is the verdict.
-            let first = ranking.first().filter(|r| r.significant);
-            let larger = first.is_none_or(|r| effect.share > r.share);
-            names.insert(if larger { 0 } else { names.len() }, effect.effect.clone());
-            ranking.insert(if larger { 0 } else { ranking.len().min(1) }, effect);
-        } else {
-            ranking.push(effect);
-        }
+    if let Some(effect) = hum {
+        // The larger of the two is the verdict.
+        let first = ranking.first().filter(|r| r.significant);
+        let larger = first.is_none_or(|r| effect.share > r.share);
+        names.insert(if larger { 0 } else { names.len() }, effect.effect.clone());
+        ranking.insert(if larger { 0 } else { ranking.len().min(1) }, effect);
+    } else if let Some(hum) = hum::find(bench.traces, &residuals, bench.noise_um) {
+        ranking.push(judge.hum(bench, last, &hum));
     }
     if !names.iter().any(|n| n == "resonance")
         && let Some(entry) = ringing::find(
@@ -499,7 +568,7 @@ fn conclude(
         .first()
         .is_some_and(|r| r.effect == "mains-hum" && r.significant && r.share > judge::HUM_ALONE)
         && remains.percent <= remains.noise_percent;
-    let enough = (hum_alone || judge.explains_enough(last, hum.as_ref(), remains.percent)) && drifts && forecasts;
+    let enough = (hum_alone || judge.explains_enough(last, remains.percent)) && drifts && forecasts;
     let structured = structure::more_than_noise(bench.traces, &residuals);
     let verdict = if !reasons.is_empty() {
         "unknown".to_owned()

@@ -2,25 +2,20 @@
 
 use crate::diagnosis::{Lock, Unexplained};
 use crate::missing::bench::{Bench, Trial, mean_square};
-use crate::missing::hum::Hum;
 use hysteron_identify::family::range;
 
 /// Cells of a residual's average over a quantity.
 const CELLS: usize = 24;
 
 /// The remaining error over the records that move, and the quantities it is a function of.
-pub(crate) fn remains(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>], hum: Option<&Hum>) -> Unexplained {
+pub(crate) fn remains(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>]) -> Unexplained {
     let moving: Vec<usize> = (0..residuals.len())
         .filter(|&i| bench.traces.each[i].stroke_um > 0.0)
         .collect();
     let count = moving.len().max(1) as f64;
-    let taken = |i: usize| hum.map_or(0.0, |h| h.taken_um2[i]);
     let percent = moving
         .iter()
-        .map(|&i| {
-            let left = (mean_square(&last.residuals[i]) - taken(i)).max(0.0);
-            1e4 * left / bench.traces.each[i].stroke_um.powi(2)
-        })
+        .map(|&i| 1e4 * mean_square(&last.residuals[i]) / bench.traces.each[i].stroke_um.powi(2))
         .sum::<f64>();
     let noise = moving
         .iter()

@@ -54,6 +54,8 @@ pub(crate) struct Traces {
     pub unit_v: f64,
     /// Volts of the scaled drive's zero.
     pub middle_v: f64,
+    /// Micrometres of the traces' zero.
+    pub middle_um: f64,
     /// Largest stroke, micrometres.
     pub stroke_um: f64,
 }
@@ -90,6 +92,7 @@ impl Traces {
             each,
             unit_v,
             middle_v,
+            middle_um,
             stroke_um,
         }
     }
@@ -105,6 +108,19 @@ pub(crate) fn initial_states(dataset: &Dataset, model: &Model) -> Vec<(InitialSt
             (simulation.initial, simulation.output)
         })
         .collect()
+}
+
+/// The records without the mains hum that the model knows of; `None` where it knows of none.
+pub(crate) fn without_hum(dataset: &Dataset, model: &Model) -> Option<Dataset> {
+    if !model.effects.iter().any(|effect| effect.name == "mains-hum") {
+        return None;
+    }
+    let mut humless = dataset.clone();
+    humless.records.par_iter_mut().for_each(|record| {
+        let hum_um = model.hum_um(record).unwrap_or_default();
+        record.position_um.iter_mut().zip(hum_um).for_each(|(y, hum)| *y -= hum);
+    });
+    Some(humless)
 }
 
 impl Trace {

@@ -10,7 +10,7 @@ static DESCRIPTION: Description = Description {
     name: "mains-hum",
     place: Place::Coupling,
     summary: "The mains and its harmonics in the position, through the amplifier's ripple or a ground loop.",
-    equation: "y' = y + sum A_k sin(2 pi k f t + phi_k), k = 1 to 5; phases belong to each record",
+    equation: "y' = y + sum A_k sin(2 pi k f t + phi_k), k = 1 to 5; phases belong to each second of each record",
     source: "ripple of 1 to 20 mV: 0.1 to 2 nm; ground loops 5 to 50 nm; the line keeps within 0.2 Hz of 50 or 60",
     parameters: &[
         Named {
@@ -93,44 +93,55 @@ impl Effect for MainsHum {
                 *amplitude = 0.0;
             }
         }
-        // Phases belong to the record's middle, where frequency and phase are independent.
-        let middle_s = middle_s(signals, n);
-        let phases = std::array::from_fn(|k| {
-            let own = signals.own.get(k).copied().unwrap_or(0.0);
-            (own - TAU * (k + 1) as f64 * values[0] * middle_s).rem_euclid(TAU)
-        });
-        if let Ok(hum) = Hum::<f64, HARMONICS>::new(values[0], amplitudes, phases, rate_hz) {
-            let mut state = hum.start();
-            for y in position_um {
-                *y += hum.step(&mut state);
+        let parts = (signals.own.len() / HARMONICS).max(1);
+        let from = |part: usize| signals.run_in + part * (n - signals.run_in) / parts;
+        for part in 0..parts {
+            let own = signals.own.chunks(HARMONICS).nth(part).unwrap_or(&[]);
+            // Before the record the mains were as at its start.
+            let start = if part == 0 { 0 } else { from(part) };
+            let to_middle_s =
+                (from(part) as f64 - start as f64 + 0.5 * (from(part + 1) - from(part)) as f64) * signals.period_s;
+            let phases = std::array::from_fn(|k| {
+                let at_middle = own.get(k).copied().unwrap_or(0.0);
+                (at_middle - TAU * (k + 1) as f64 * values[0] * to_middle_s).rem_euclid(TAU)
+            });
+            if let Ok(hum) = Hum::<f64, HARMONICS>::new(values[0], amplitudes, phases, rate_hz) {
+                let mut state = hum.start();
+                for y in &mut position_um[start..from(part + 1)] {
+                    *y += hum.step(&mut state);
+                }
             }
         }
     }
 
-    fn own_numbers(&self) -> usize {
-        HARMONICS
+    fn has_own_numbers(&self) -> bool {
+        true
     }
 
+    /// Phases of each part of the record, at the part's middle, where frequency and phase are independent.
     fn settle(&self, values: &[f64], signals: &Signals<'_>, unexplained: &[f64], every: usize) -> Vec<f64> {
-        let length = signals.run_in + unexplained.len().saturating_sub(1) * every + 1;
-        let middle_s = middle_s(signals, length);
-        let mean = unexplained.iter().sum::<f64>() / unexplained.len().max(1) as f64;
-        (1..=HARMONICS)
-            .map(|harmonic| {
+        let step_s = every as f64 * signals.period_s;
+        let n = unexplained.len();
+        let parts = ((n as f64 * step_s / PART_S).round() as usize).clamp(1, n.max(1));
+        let from = |part: usize| part * n / parts;
+        let phases = |part: usize| {
+            let own = &unexplained[from(part)..from(part + 1)];
+            let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
+            let middle = 0.5 * own.len() as f64;
+            (1..=HARMONICS).map(move |harmonic| {
                 let (mut sin, mut cos) = (0.0, 0.0);
-                for (k, &e) in unexplained.iter().enumerate() {
-                    let t = (signals.run_in + k * every) as f64 * signals.period_s - middle_s;
-                    let (s, c) = (TAU * harmonic as f64 * values[0] * t).sin_cos();
+                for (k, &e) in own.iter().enumerate() {
+                    let (s, c) = (TAU * harmonic as f64 * values[0] * (k as f64 - middle) * step_s).sin_cos();
                     sin += (e - mean) * s;
                     cos += (e - mean) * c;
                 }
                 cos.atan2(sin)
             })
-            .collect()
+        };
+        (0..parts).flat_map(phases).collect()
     }
 }
 
-/// Time from the first sample of the signals to the middle of the record.
-fn middle_s(signals: &Signals<'_>, n: usize) -> f64 {
-    0.5 * (signals.run_in + n) as f64 * signals.period_s
-}
+/// Parts of a record that have phases of their own, seconds: the line wanders by tens of millihertz, and a frequency that is
+/// missed by as much keeps its phase in a second.
+const PART_S: f64 = 1.0;

@@ -299,9 +299,9 @@ pub trait Effect: Send + Sync {
         }
     }
 
-    /// How many numbers belong to one record alone.
-    fn own_numbers(&self) -> usize {
-        0
+    /// Whether numbers of it belong to one record alone.
+    fn has_own_numbers(&self) -> bool {
+        false
     }
 
     /// Numbers that belong to one record alone (phases of the mains), from what the rest leaves unexplained of it.

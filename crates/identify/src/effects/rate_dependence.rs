@@ -4,7 +4,7 @@ use super::{Bounds, Description, Effect, Facts, Named, Place, Scene};
 use crate::family::Family;
 use hysteron_core::envelope::Envelope;
 
-pub(super) struct RateDependence;
+pub(crate) struct RateDependence;
 
 static DESCRIPTION: Description = Description {
     name: "rate-dependence",
@@ -66,5 +66,34 @@ impl Effect for RateDependence {
             alpha_s: values[0],
             beta_s: values[1],
         })
+    }
+}
+
+/// Alpha and beta of a family that has them, as a link of the chain that is fitted with the effects; no effect of its own.
+pub(crate) struct OfFamily;
+
+static OF_FAMILY: Description = Description {
+    name: "envelope of the family",
+    equation: "the paper's eq. 9, for all plays",
+    ..DESCRIPTION
+};
+
+impl Effect for OfFamily {
+    fn description(&self) -> &'static Description {
+        &OF_FAMILY
+    }
+
+    fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
+        Ok(vec![Bounds::new(0.0, LARGEST_S, facts.finest_period_s, 0.0); 2])
+    }
+
+    fn free(&self, values: &[f64], bounds: &mut [Bounds]) {
+        for (b, &value) in bounds.iter_mut().zip(values) {
+            (b.min, b.max) = (b.min.min(value), b.max.max(value));
+        }
+    }
+
+    fn envelope(&self, values: &[f64]) -> Option<Envelope<f64>> {
+        RateDependence.envelope(values)
     }
 }

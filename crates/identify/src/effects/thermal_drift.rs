@@ -108,8 +108,8 @@ impl Effect for ThermalDrift {
         }
     }
 
-    fn own_numbers(&self) -> usize {
-        1
+    fn has_own_numbers(&self) -> bool {
+        true
     }
 
     /// Where the record finds the stage: a body warms while nothing is recorded, and one that lags its temperature is not
