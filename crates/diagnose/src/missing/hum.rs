@@ -18,6 +18,8 @@ pub(crate) struct Hum {
     pub of: usize,
     /// Mean squared error that it takes from each record.
     pub taken_um2: Vec<f64>,
+    /// What records too short to tell may hold of it: a stretch of a line may have twice its mean power.
+    pub untold_um2: Vec<f64>,
 }
 
 const HARMONICS: usize = 5;
@@ -73,7 +75,10 @@ pub(crate) fn find(traces: &Traces, residuals: &[Vec<f64>], noise_um: f64) -> Op
         contrast = contrast.max(ratio);
     }
     amplitudes.sort_by(f64::total_cmp);
+    let median_um2 = amplitudes.get(amplitudes.len() / 2).map_or(0.0, |a| a * a / 2.0);
+    let untold = |&taken: &f64| if taken > 0.0 { 0.0 } else { 2.0 * median_um2 };
     Some(Hum {
+        untold_um2: taken_um2.iter().map(untold).collect(),
         frequency_hz,
         amplitude_um: amplitudes.get(amplitudes.len() / 2).copied().unwrap_or(0.0),
         contrast,

@@ -49,8 +49,8 @@ pub(crate) const MATTERS_PERCENT: f64 = 0.3;
 pub(crate) struct Judge {
     floor_um2: f64,
     start: Vec<f64>,
-    /// Mean squares that were taken from the records before.
-    taken_before: Vec<f64>,
+    /// A hum that was taken from the records before the search.
+    hum: Option<Hum>,
     /// Effects in the chain before anything was found.
     given: usize,
     moves: Vec<bool>,
@@ -78,7 +78,7 @@ impl Judge {
         Self {
             floor_um2: floor_um2(bench),
             start: start.held_out.clone(),
-            taken_before: Vec::new(),
+            hum: None,
             given: start.effects.len(),
             moves: bench.traces.each.iter().map(|t| t.stroke_um > 0.0).collect(),
             stroke_um2: bench.traces.each.iter().map(|t| t.stroke_um.powi(2)).collect(),
@@ -176,26 +176,22 @@ impl Judge {
         trial.is_some_and(|t| self.excess(&t.held_out) > 0.05 * self.excess(&self.start))
     }
 
-    /// Counts what was taken from the records before the search among what is explained.
-    pub(crate) fn taken_before(&mut self, taken_um2: &[f64]) {
-        self.taken_before = taken_um2.to_vec();
+    /// Counts a hum that was taken from the records before the search among what is explained.
+    pub(crate) fn without(&mut self, hum: Hum) {
+        self.hum = Some(hum);
     }
 
     /// Whether what was found takes most of the structure, and so much that no larger thing than itself can be left.
     pub(crate) fn explains_enough(&self, last: &Trial, left_percent: f64) -> bool {
-        let taken = self.taken_before.iter().chain(std::iter::repeat(&0.0));
-        let start: Vec<f64> = self
-            .start
-            .iter()
-            .zip(taken)
-            .map(|(start, taken)| start + taken)
-            .collect();
+        let (mut start, mut left) = (self.start.clone(), last.held_out.clone());
+        if let Some(hum) = &self.hum {
+            start.iter_mut().zip(&hum.taken_um2).for_each(|(s, t)| *s += t);
+            left.iter_mut()
+                .zip(&hum.untold_um2)
+                .for_each(|(l, t)| *l = (*l - t).max(0.0));
+        }
         let was = self.excess(&start);
-        let share = if was > 0.0 {
-            1.0 - self.excess(&last.held_out) / was
-        } else {
-            1.0
-        };
+        let share = if was > 0.0 { 1.0 - self.excess(&left) / was } else { 1.0 };
         share
             > if left_percent > MUCH_LEFT_PERCENT {
                 LARGE_SHARE

@@ -95,7 +95,7 @@ pub(crate) fn search(
     let floor = noise::noise_floor(&humless);
     let without = Traces::new(&humless, &states, floor.rms_um);
     let mut searched = look(&without, floor.rms_um, (0.6, 0.95));
-    searched.judge.taken_before(&hum.hum.taken_um2);
+    searched.judge.without(hum.hum);
     conclude(model, searched, before, reasons, Some(hum.entry), progress)
 }
 
