@@ -118,6 +118,18 @@ pub struct Unexplained {
     pub locked_to: Vec<Lock>,
 }
 
+impl Diagnosis {
+    /// The delay that was found where one is named, seconds.
+    pub fn delay_s(&self) -> Option<f64> {
+        let named = || self.also_possible.iter().chain(&self.further).chain([&self.verdict]);
+        if !named().any(|name| name == "delay") {
+            return None;
+        }
+        let entry = self.ranking.iter().find(|entry| entry.effect == "delay")?;
+        entry.parameters.iter().find(|p| p.name == "delay").map(|p| p.value)
+    }
+}
+
 /// The answer of `diagnose`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosis {
@@ -136,6 +148,9 @@ pub struct Diagnosis {
     pub cannot_answer: Vec<String>,
     /// Noise floor, micrometres rms.
     pub noise_rms_um: f64,
+    /// Delay of the controller's own, as the recordings say: a model needs it, the stage has no part in it.
+    #[serde(default)]
+    pub known_delay_s: Option<f64>,
     /// Errors of the given model.
     pub before: Before,
     /// Error of a hysteresis of free shape, nothing else added, percent of peak to peak.

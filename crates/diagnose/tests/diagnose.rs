@@ -90,10 +90,12 @@ fn model(dataset: &Dataset) -> Model {
 
 #[test]
 fn val_a_delay_is_named_with_its_size() {
-    let dataset = delayed(1);
+    let mut dataset = delayed(1);
+    dataset.known.delay_s = Some(30e-6);
     let found = diagnose(&dataset, &model(&dataset), &|_, _| {});
     assert_eq!(found.verdict, "delay", "{:#?}", found.ranking);
-    let delay_s = found.ranking[0].parameters[0].value;
+    assert_eq!(found.known_delay_s, Some(30e-6));
+    let delay_s = found.delay_s().unwrap();
     // At 200 Hz the position moves by up to 6 um/ms: 0.1 % of the stroke, the coarseness of the free shape, is 1.6 us.
     assert!((delay_s - 80e-6).abs() < 1.6e-6, "{delay_s}");
     let before = found.before.validate_percent.unwrap();

@@ -447,16 +447,35 @@ fn val_thermal_drift_of_unknown_temperature() {
 
 #[test]
 fn val_mains_hum() {
-    let added = added("mains-hum", |stage| {
-        stage.mains_hum = Some(MainsHum {
-            frequency_hz: 50.03,
-            amplitudes_um: vec![0.12, 0.0, 0.05],
+    for frequency_hz in [50.03, 59.91] {
+        let added = added("mains-hum", |stage| {
+            stage.mains_hum = Some(MainsHum {
+                frequency_hz,
+                amplitudes_um: vec![0.12, 0.0, 0.05],
+            });
         });
-    });
-    // Half a second of the quiet record resolves 0.05 Hz at this noise.
-    assert!((value(&added, "mains-hum", "frequency") - 50.03).abs() < 0.01);
-    close(value(&added, "mains-hum", "amplitude_1"), 0.12, 0.03);
-    close(value(&added, "mains-hum", "amplitude_3"), 0.05, 0.05);
+        // Half a second of the quiet record resolves 0.05 Hz at this noise.
+        assert!((value(&added, "mains-hum", "frequency") - frequency_hz).abs() < 0.01);
+        close(value(&added, "mains-hum", "amplitude_1"), 0.12, 0.03);
+        close(value(&added, "mains-hum", "amplitude_3"), 0.05, 0.05);
+    }
+}
+
+#[test]
+fn regress_an_envelope_that_imitated_a_lag_gives_way_to_the_lag() {
+    let mut lagging = stage();
+    lagging.amplifier.lag_s = 120e-6;
+    let dataset = record(&lagging);
+    let model = fit(&dataset, &FitOptions::new(Family::Mrpi), &|_| {}).unwrap().model;
+    let added = add_effect(&dataset, &model, "first-order-lag", &|_| {}).unwrap();
+    let widest = |model: &Model| model.envelope.map(|e| e.alpha_s.max(e.beta_s)).unwrap();
+    assert!(widest(&model) > 60e-6, "{:?}", model.envelope);
+    assert!(widest(&added.model) < 10e-6, "{:?}", added.model.envelope);
+    assert!(added.after.validate_percent.unwrap() < 0.2 * added.before.validate_percent.unwrap());
+    // Another family of plays keeps the rate dependence, as an effect.
+    let shaped = add_effect(&dataset, &model, "hysteresis-shape", &|_| {}).unwrap().model;
+    assert_eq!(shaped.envelope, None);
+    assert!(shaped.effects.iter().any(|effect| effect.name == "rate-dependence"));
 }
 
 #[test]

@@ -35,6 +35,15 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
             list(&diagnosis.further, "and")
         ));
     }
+    if let (Some(found_s), Some(known_s)) = (diagnosis.delay_s(), diagnosis.known_delay_s) {
+        let us = |seconds: f64| 1e6 * seconds;
+        lines.push(format!(
+            "Of these {:.1}\u{a0}us of delay {:.1}\u{a0}us are the controller's own, as the recordings say: the stage has no part in \
+             them, but a model of these recordings needs them.",
+            us(found_s),
+            us(known_s.min(found_s))
+        ));
+    }
     if !diagnosis.shape_determined {
         lines.push(
             "These records leave the inside of the loops open, so the model's own plays stood in for a hysteresis of free \

@@ -72,6 +72,13 @@ pub(crate) fn search(
     own: &[UserEffect],
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> Diagnosis {
+    Diagnosis {
+        known_delay_s: dataset.known.delay_s,
+        ..answer(dataset, model, own, progress)
+    }
+}
+
+fn answer(dataset: &Dataset, model: &Model, own: &[UserEffect], progress: &(dyn Fn(f64, &str) + Sync)) -> Diagnosis {
     progress(0.0, "model");
     let simulated = traces::initial_states(dataset, model);
     let states: Vec<_> = simulated.iter().map(|s| s.0).collect();
@@ -617,6 +624,7 @@ fn conclude(
         shape_determined: bench.base.shape == Shape::Free,
         cannot_answer: reasons,
         noise_rms_um: bench.noise_um,
+        known_delay_s: None,
         before,
         free_shape: Before {
             identify_percent: Some(start.identify_percent),
