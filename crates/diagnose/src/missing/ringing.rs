@@ -2,6 +2,7 @@
 
 use crate::diagnosis::{EffectParameter, Level, RankedEffect};
 use crate::missing::bench::{Bench, Trial};
+use hysteron_identify::family::peak_to_peak;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 
@@ -38,8 +39,10 @@ pub(crate) fn find(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>], left
         let steps = (trace.from + 1..trace.len()).filter(|&k| (trace.drive[k] - trace.drive[k - 1]).abs() > 2.0 * STEP);
         for k in steps.take(8) {
             // The first samples after a step are the stage's delay and the sensor's: the ring is in what follows.
-            let window = &residual[(k + 2).min(residual.len())..(k + WINDOW).min(residual.len())];
-            if window.len() < 40 {
+            let after = (k + 2).min(residual.len())..(k + WINDOW).min(residual.len());
+            let window = &residual[after.clone()];
+            // A drive that moves on, by half a step, leaves errors of its own.
+            if window.len() < 40 || peak_to_peak(&trace.drive[after]) > STEP {
                 continue;
             }
             if let Some(ring) = fit(window, trace.period_s, bench.noise_um)
