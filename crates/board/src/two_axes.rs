@@ -1,10 +1,10 @@
 //! Two axes: their image in QEMU, the simulated stage with both, and the same here.
 
 use crate::emulator::Emulator;
-use crate::{BoardError, Machine, Recording, broken};
+use crate::{BoardError, Machine, Recording, banks, broken};
 use hysteron_firmware::law::Law;
 use hysteron_firmware::two_axes::TwoAxes;
-use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello, Input, Order, Setup};
+use hysteron_firmware::wire::{FRAME_BYTES, Frame, Hello, Input, Order, Setup};
 use hysteron_plant::{Converter, CrossCoupling, Stage, StageConfig, StageError};
 use std::io::{Read, Write};
 use std::path::Path;
@@ -91,7 +91,7 @@ pub fn drive_both_here<X: Law, Y: Law>(axes: &mut TwoAxes<X, Y>, ticks: u32, rig
 /// An image of two axes in QEMU, for any number of runs.
 pub struct TwoAxisSession {
     emulator: Emulator,
-    hellos: [Hello; 2],
+    banks: [Vec<Hello>; 2],
 }
 
 impl TwoAxisSession {
@@ -104,21 +104,13 @@ impl TwoAxisSession {
             return Err(BoardError::NoImage(image.to_owned()));
         }
         let mut emulator = Emulator::start(machine, image, patience)?;
-        let mut said = [[0; HELLO_BYTES]; 2];
-        let read = emulator.from_board.read_exact(said.as_flattened_mut());
-        read.map_err(|source| broken(&emulator, 0, source))?;
-        match said.map(|bytes| Hello::from_bytes(&bytes)) {
-            [Some(x), Some(y)] => Ok(Self {
-                emulator,
-                hellos: [x, y],
-            }),
-            _ => Err(BoardError::OtherVersion),
-        }
+        let banks = [banks(&mut emulator)?, banks(&mut emulator)?];
+        Ok(Self { emulator, banks })
     }
 
-    /// What the image said of each axis' table.
-    pub fn hellos(&self) -> &[Hello; 2] {
-        &self.hellos
+    /// What the image said of each axis' tables, from bank 0 on.
+    pub fn banks(&self) -> &[Vec<Hello>; 2] {
+        &self.banks
     }
 
     /// Runs both axes against the stage, a pair of codes each way a tick.

@@ -222,3 +222,38 @@ fn val_board_run_records_what_compare_takes() {
     answered(&["compare", &board, &model]);
     assert!(refused(&run).contains("already"), "a recording is not replaced unasked");
 }
+
+/// The recording says which of the image's tables ran, and a bank that it has not is refused with what to do.
+#[test]
+fn val_board_run_takes_a_bank() {
+    let image = root().join("firmware/target/images/tables/banks");
+    let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
+    if !image.is_file() || emulator.is_err() {
+        assert!(
+            std::env::var_os("HYSTERON_EMULATOR").is_none(),
+            "no image or no emulator"
+        );
+        eprintln!("skipped: no image or no qemu-system-arm; run `cargo xtask test`");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let board = folder.path().join("board").display().to_string();
+    let image = image.display().to_string();
+    let run = |bank: &'static str| {
+        let words = "board run --emulator mps2-an386 --stage 739 --seconds 0.02 --low 3 --high 13 --bank";
+        let mut words: Vec<String> = words.split(' ').map(str::to_owned).collect();
+        words.extend([bank, "--image", &image, "-o", &board].map(str::to_owned));
+        words
+    };
+    let of = |words: &[String]| answered(&words.iter().map(String::as_str).collect::<Vec<_>>());
+    let text = fs::read_to_string(root().join("firmware/tables/tracking-739.toml")).unwrap();
+    let bytes = hysteron_table::hash(&text).map(|byte| format!("{byte:02x}"));
+    let named = format!("bank 1 of 2, table {}", bytes.concat());
+    let said = of(&run("1"));
+    assert!(said.contains(&named), "{said}");
+    let dataset = read_dataset(Path::new(&board)).unwrap();
+    assert!(dataset.description.ends_with(&named), "{}", dataset.description);
+    let other = run("2");
+    let said = refused(&other.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(said.contains("bank 2: the image has 2 (0 to 1)"), "{said}");
+}

@@ -3,12 +3,14 @@
 //! `hysteron export` writes it, the firmware's build script reads it; both check it here and nowhere else.
 #![forbid(unsafe_code)]
 
+mod banks;
 mod check;
 mod constants;
 mod controller;
 pub mod gains;
 mod inverse;
 
+pub use banks::{MOST_BANKS, constants_of_banks};
 pub use check::Sweep;
 pub use controller::{Controller, Feedback, Hum};
 pub use inverse::Inverse;

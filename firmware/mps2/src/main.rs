@@ -10,6 +10,7 @@ use cortex_m_rt::{entry, exception};
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::monitor::{Fault, WATCHDOG_SAMPLES};
+use hysteron_firmware::parameters::Parameters;
 use hysteron_firmware::wire::{FRAME_BYTES, Frame, INPUT_BYTES, Input, Order, SETUP_BYTES, Setup, Summary};
 use hysteron_firmware::{Board, table, tick};
 use mps2::semihosting::{self, File};
@@ -62,17 +63,28 @@ struct Loop {
 }
 
 /// Shared between `main`, before the timer starts and after [`DONE`], and the interrupt, between.
-struct Shared(UnsafeCell<MaybeUninit<Loop>>);
+struct Shared<T>(UnsafeCell<MaybeUninit<T>>);
 // SAFETY: main and the interrupt never use it at the same time, as said above; there is one core.
-unsafe impl Sync for Shared {}
-static LOOP: Shared = Shared(UnsafeCell::new(MaybeUninit::uninit()));
+unsafe impl<T> Sync for Shared<T> {}
+static LOOP: Shared<Loop> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
+
+/// The tables, as compiled in: made before the first run, which takes longer than a tick may, and read after that.
+type Banks = [Parameters<table::Law>; table::BANKS];
+static BANKS: Shared<Banks> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 static DONE: AtomicBool = AtomicBool::new(false);
 
 #[entry]
 fn main() -> ! {
     let to_host = File::open(c"from-board", semihosting::WRITE);
     let mut from_host = File::open(c"to-board", semihosting::READ);
-    to_host.write(&table::hello().to_bytes());
+    let Ok(banks) = table::banks() else {
+        semihosting::exit(false);
+    };
+    // SAFETY: nobody has it yet, and it is not written again.
+    let banks: &'static Banks = unsafe { (*BANKS.0.get()).write(banks) };
+    for hello in table::hellos() {
+        to_host.write(&hello.to_bytes());
+    }
     loop {
         let mut setup = [0; SETUP_BYTES];
         from_host.read(&mut setup);
@@ -81,19 +93,16 @@ fn main() -> ! {
             semihosting::exit(true);
         }
         let summary = if setup.clocked {
-            run(&setup, &mut from_host, &to_host)
+            run(banks, &setup, &mut from_host, &to_host)
         } else {
-            run_unclocked(&setup, &mut from_host, &to_host)
+            run_unclocked(banks, &setup, &mut from_host, &to_host)
         };
         to_host.write(&summary.to_bytes());
     }
 }
 
 /// One run, from the safe level to the safe level.
-fn run(setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
-    let Ok(parameters) = table::parameters() else {
-        semihosting::exit(false);
-    };
+fn run(banks: &'static Banks, setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
     let board = Emulated {
         from_host: from_host.again(),
         to_host: to_host.again(),
@@ -109,7 +118,7 @@ fn run(setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
     };
     let control = Loop {
         board,
-        controller: Controller::new(parameters, setup),
+        controller: Controller::new(banks[0], setup).with_banks(banks),
         setup: *setup,
         done: 0,
         edge: 0,
@@ -132,11 +141,8 @@ fn run(setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
 const BATCH: usize = 64;
 
 /// One run without the sample clock: the same ticks, as fast as they come. A tick that is held up makes the next one late.
-fn run_unclocked(setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
-    let Ok(parameters) = table::parameters() else {
-        semihosting::exit(false);
-    };
-    let mut controller = Controller::new(parameters, setup);
+fn run_unclocked(banks: &'static Banks, setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
+    let mut controller = Controller::new(banks[0], setup).with_banks(banks);
     let mut late = false;
     let mut left = setup.ticks as usize;
     let mut inputs = [[0; INPUT_BYTES]; BATCH];

@@ -4,19 +4,38 @@
 #![no_std]
 #![no_main]
 
+use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
 use cortex_m_rt::entry;
 use hysteron_firmware::controller::Controller;
+use hysteron_firmware::parameters::Parameters;
 use hysteron_firmware::two_axes::TwoAxes;
 use hysteron_firmware::wire::{INPUT_BYTES, Input, Order, SETUP_BYTES, Setup};
 use hysteron_firmware::{table, table_y};
 use mps2::semihosting::{self, File};
 
+/// The tables of both axes, as compiled in: made once, before the first run.
+struct Banks {
+    x: [Parameters<table::Law>; table::BANKS],
+    y: [Parameters<table_y::Law>; table_y::BANKS],
+}
+struct Shared(UnsafeCell<MaybeUninit<Banks>>);
+// SAFETY: main alone uses it.
+unsafe impl Sync for Shared {}
+static BANKS: Shared = Shared(UnsafeCell::new(MaybeUninit::uninit()));
+
 #[entry]
 fn main() -> ! {
     let to_host = File::open(c"from-board", semihosting::WRITE);
     let mut from_host = File::open(c"to-board", semihosting::READ);
-    to_host.write(&table::hello().to_bytes());
-    to_host.write(&table_y::hello().to_bytes());
+    let (Ok(x), Ok(y)) = (table::banks(), table_y::banks()) else {
+        semihosting::exit(false);
+    };
+    // SAFETY: nobody has it yet, and it is not written again.
+    let banks: &'static Banks = unsafe { (*BANKS.0.get()).write(Banks { x, y }) };
+    for hello in table::hellos().into_iter().chain(table_y::hellos()) {
+        to_host.write(&hello.to_bytes());
+    }
     loop {
         let setups = [(); 2].map(|()| {
             let mut bytes = [0; SETUP_BYTES];
@@ -26,15 +45,14 @@ fn main() -> ! {
         if setups[0].ticks == 0 {
             semihosting::exit(true);
         }
-        run(&setups, &mut from_host, &to_host);
+        run(banks, &setups, &mut from_host, &to_host);
     }
 }
 
-fn run(setups: &[Setup; 2], from_host: &mut File, to_host: &File) {
-    let (Ok(x), Ok(y)) = (table::parameters(), table_y::parameters()) else {
-        semihosting::exit(false);
-    };
-    let mut axes = TwoAxes::new(Controller::new(x, &setups[0]), Controller::new(y, &setups[1]));
+fn run(banks: &'static Banks, setups: &[Setup; 2], from_host: &mut File, to_host: &File) {
+    let x = Controller::new(banks.x[0], &setups[0]).with_banks(&banks.x);
+    let y = Controller::new(banks.y[0], &setups[1]).with_banks(&banks.y);
+    let mut axes = TwoAxes::new(x, y);
     let mut late = false;
     for _ in 0..setups[0].ticks {
         let inputs = [(); 2].map(|()| {

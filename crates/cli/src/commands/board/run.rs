@@ -6,7 +6,7 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::{Args, ValueEnum};
-use hysteron_board::{Machine, Outcome, Recording, Request, Shape};
+use hysteron_board::{Change, Hello, Machine, Outcome, Recording, Request, Shape};
 use hysteron_data::{Dataset, Known};
 use hysteron_plant::Stage;
 use std::path::PathBuf;
@@ -27,6 +27,9 @@ pub(crate) struct RunArgs {
     /// The firmware's image; by default firmware/target/images/EMULATOR
     #[arg(long, value_name = "FILE")]
     pub image: Option<PathBuf>,
+    /// Which of the image's tables runs, from 0 on
+    #[arg(long, default_value_t = 0)]
+    pub bank: u8,
     /// What a period of the reference looks like
     #[arg(long, value_enum, default_value_t = ShapeName::Sine)]
     pub shape: ShapeName,
@@ -130,7 +133,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, CliError> {
     let stage = Stage::new(&args.stage.config(), args.seed)?;
     let bar = progress::bar("running");
     let patience = Duration::from_secs(args.patience);
-    let (outcome, recording) = hysteron_board::run(machine, &image, stage, &request, patience, &mut |share| {
+    // An image begins with bank 0.
+    let changes = Vec::from_iter((args.bank > 0).then_some(Change::Bank(args.bank)));
+    let asked = (&request, &changes[..]);
+    let (outcome, recording) = hysteron_board::run(machine, &image, stage, asked, patience, &mut |share| {
         progress::advance(&bar, share);
     })?;
     bar.finish_and_clear();
@@ -145,11 +151,11 @@ fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
     Dataset {
         name: format!("{}-board", args.stage.name()),
         description: format!(
-            "{} in QEMU at the simulated stage {}, seed {}, table {}",
+            "{} in QEMU at the simulated stage {}, seed {}, {}",
             args.emulator.machine().name(),
             args.stage.name(),
             args.seed,
-            hex(&outcome.hello.hash)
+            table(outcome)
         ),
         known: Known {
             delay_s: Some(config.known_delay_s()),
@@ -174,6 +180,15 @@ fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
     }
 }
 
+/// Which table ran.
+fn table(outcome: &Outcome) -> String {
+    let Hello { hash, bank, banks, .. } = &outcome.hello;
+    match banks {
+        1 => format!("table {}", hex(hash)),
+        _ => format!("bank {bank} of {banks}, table {}", hex(hash)),
+    }
+}
+
 /// Instructions in one period of the timer's 25 MHz at `-icount shift=3`: 40 ns of 8 ns each.
 const INSTRUCTIONS_A_COUNT: u64 = 5;
 
@@ -186,7 +201,7 @@ fn report(args: &RunArgs, outcome: &Outcome, recording: &Recording) -> String {
     format!(
         "{ticks} ticks, {} overruns, {} edges lost, latency {} to {} instructions, tick {} to {}, mean {:.0} (to {INSTRUCTIONS_A_COUNT})\n\
          {fault}later half of the run: sensor off the reference by {rms_um:.4} um rms, {:.2} % of peak to peak\n\
-         table {}\nwritten to {}\n",
+         {}\nwritten to {}\n",
         timing.overruns,
         timing.lost,
         instructions(timing.latency_min.into()),
@@ -195,7 +210,7 @@ fn report(args: &RunArgs, outcome: &Outcome, recording: &Recording) -> String {
         instructions(timing.tick_max.into()),
         instructions(timing.tick_sum) as f64 / ticks.max(1) as f64,
         100.0 * rms_um / f64::from(outcome.setup.high_um - outcome.setup.low_um),
-        hex(&outcome.hello.hash),
+        table(outcome),
         args.output.display(),
     )
 }
