@@ -70,6 +70,11 @@ pub(crate) fn compare() -> Result<(), String> {
         build_named(&folder, BOARDS[0], &name, &name)?;
     }
     build_banks(&folder)?;
+    for ((_, core), name) in BOARDS.into_iter().zip(["in-guest", "in-guest-m7"]) {
+        let built = build_image("guest", core, Path::new(TABLE))?;
+        let image = folder.join(name);
+        std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
+    }
     let limits = &crate::firmware_image::COMPLETE;
     for (_, name) in COMPLETE {
         let image = build_named(&folder, BOARDS[0], name, name)?;
@@ -160,7 +165,7 @@ pub(crate) fn refuses_panics() -> Result<(), String> {
 fn words(program: &str, core: &str) -> Vec<String> {
     let package = match program {
         "blocks" => "bench",
-        "xy" => "mps2",
+        "xy" | "guest" => "mps2",
         other => other,
     };
     let flags = format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]");

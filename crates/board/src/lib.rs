@@ -347,10 +347,24 @@ impl Session {
             ticks: u32::try_from(inputs.len()).unwrap_or(u32::MAX),
             ..*setup
         };
+        self.exchange_all(&setup, inputs)
+    }
+
+    /// Runs an image that has its stage within (`firmware/mps2`'s `guest`) on a setup that is not `clocked`: the frames of its ticks.
+    ///
+    /// # Errors
+    /// An exchange that breaks off.
+    pub fn watch(&mut self, setup: &Setup) -> Result<Vec<Frame>, BoardError> {
+        Ok(self.exchange_all(setup, &[])?.0)
+    }
+
+    /// Sends setup and inputs, and takes the frames of all ticks, neither waiting for the other.
+    fn exchange_all(&mut self, setup: &Setup, inputs: &[Input]) -> Result<(Vec<Frame>, Summary), BoardError> {
         let mut bytes = setup.to_bytes().to_vec();
         bytes.extend(inputs.iter().flat_map(Input::to_bytes));
         let mut to_board = self.emulator.to_board.try_clone()?;
-        let mut answers = vec![0; inputs.len() * FRAME_BYTES + SUMMARY_BYTES];
+        let length = setup.ticks as usize * FRAME_BYTES;
+        let mut answers = vec![0; length + SUMMARY_BYTES];
         let from_board = &mut self.emulator.from_board;
         let exchanged = std::thread::scope(|scope| {
             let writer = scope.spawn(move || to_board.write_all(&bytes));
@@ -359,7 +373,7 @@ impl Session {
             writer.join().unwrap_or(Ok(())).and(read)
         });
         exchanged.map_err(|source| broken(&self.emulator, setup.ticks, source))?;
-        let (frames, summary) = answers.split_at(inputs.len() * FRAME_BYTES);
+        let (frames, summary) = answers.split_at(length);
         let mut last = [0; SUMMARY_BYTES];
         last.copy_from_slice(summary);
         let frames = frames.chunks_exact(FRAME_BYTES).map(|chunk| {
