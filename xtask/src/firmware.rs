@@ -27,6 +27,9 @@ const BANKS: [&str; 2] = ["tracking-8k", "tracking-739"];
 /// Where the processor enters the emulator's images by itself while the loop runs; the second comes on top of the first.
 const EMULATED_ENTRIES: [&str; 2] = ["mps2::sample_clock", "NonMaskableInt"];
 
+/// The same of the image of both axes.
+const BOTH_ENTRIES: [&str; 1] = ["xy::sample_clock"];
+
 /// Smallest code of an image: an image that was linked without its linker script has two bytes of it.
 pub(crate) const SMALLEST_BYTES: u64 = 4096;
 
@@ -126,12 +129,13 @@ fn build_banks(folder: &Path) -> Result<(), String> {
 }
 
 /// Builds the image of both axes.
-fn build_both(image: &Path, (_, core): (&str, &str)) -> Result<(), String> {
+fn build_both(image: &Path, (board, core): (&str, &str)) -> Result<(), String> {
     let [x, y] = AXES.map(|(axis, _)| PathBuf::from(format!("firmware/tables/{axis}.toml")));
     let built = build_with("xy", core, &[&x], &[&y])?;
     let copied = std::fs::copy(&built, image);
     copied.map_err(|error| format!("{}: {error}", image.display()))?;
-    Ok(())
+    let name = format!("{board}, two axes");
+    crate::firmware_image::check(&name, image, &BOTH_ENTRIES, &crate::firmware_image::BOTH)
 }
 
 /// Whether an image with a reachable panic is refused by the linker, for that reason: it must be.

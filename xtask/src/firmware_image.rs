@@ -50,6 +50,15 @@ pub(crate) const COMPLETE: Limits = Limits {
     bank_flash: 32_000,
 };
 
+/// The emulator's images of both axes, each with a complete law.
+pub(crate) const BOTH: Limits = Limits {
+    flash: 73_000,
+    memory: 10_200,
+    stack: 3_000,
+    bank_memory: 3_700,
+    bank_flash: 64_000,
+};
+
 /// Words in a function's name that may not be reached.
 const FORBIDDEN: [&str; 7] = [
     "panic",

@@ -7,6 +7,7 @@ pub mod host;
 pub mod rig;
 pub mod telemetry;
 pub mod two_axes;
+pub mod upload;
 
 pub use hysteron_firmware::trajectory::Shape;
 pub use hysteron_firmware::tuning::Change;
@@ -14,6 +15,7 @@ pub use hysteron_firmware::wire::Hello;
 pub use rig::{Bench, Recording, Remembering, Rig, drive_here};
 
 use emulator::Emulator;
+use hysteron_firmware::trajectory::TABLE_POINTS;
 use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Input, MAGIC, SUMMARY_BYTES, Setup, Summary};
 use hysteron_plant::{Stage, StageError};
 use std::io::{Read, Write};
@@ -78,6 +80,26 @@ pub enum BoardError {
         tick: u32,
         /// The change.
         what: &'static str,
+    },
+    /// A line of a reference that is no position.
+    #[error("line {line}: `{found}` is no position in micrometres; a reference is a file with one number a line")]
+    Point {
+        /// Its number, from 1.
+        line: usize,
+        /// What is there.
+        found: String,
+    },
+    /// A reference of another length than the board's table.
+    #[error("a reference has {TABLE_POINTS} points, one a line; here are {found}")]
+    Points {
+        /// Points that there are.
+        found: usize,
+    },
+    /// A reference that stands still.
+    #[error("all points of the reference are {um} um; give one that moves")]
+    Flat {
+        /// Where.
+        um: f64,
     },
     /// A setup that makes no sense.
     #[error("{name} = {value} must lie in {min} to {max}")]
@@ -255,6 +277,9 @@ fn within(name: &'static str, value: f64, min: f64, max: f64) -> Result<(), Boar
     Err(BoardError::Setup { name, value, min, max })
 }
 
+/// An instruction is 8 ns of virtual time: 2500 in the 20 us of a tick.
+const SHIFT: u8 = 3;
+
 /// An image in QEMU, for any number of runs.
 pub struct Session {
     emulator: Emulator,
@@ -297,7 +322,7 @@ impl Session {
         if !image.is_file() {
             return Err(BoardError::NoImage(image.to_owned()));
         }
-        let mut emulator = Emulator::start(machine, image, patience)?;
+        let mut emulator = Emulator::start(machine, image, SHIFT, patience)?;
         let banks = banks(&mut emulator)?;
         Ok(Self { emulator, banks })
     }

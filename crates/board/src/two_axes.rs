@@ -4,7 +4,7 @@ use crate::emulator::Emulator;
 use crate::{BoardError, Machine, Recording, banks, broken};
 use hysteron_firmware::law::Law;
 use hysteron_firmware::two_axes::TwoAxes;
-use hysteron_firmware::wire::{FRAME_BYTES, Frame, Hello, Input, Order, Setup};
+use hysteron_firmware::wire::{FRAME_BYTES, Frame, Hello, Input, Order, SUMMARY_BYTES, Setup, Summary};
 use hysteron_plant::{Converter, CrossCoupling, Stage, StageConfig, StageError};
 use std::io::{Read, Write};
 use std::path::Path;
@@ -88,6 +88,10 @@ pub fn drive_both_here<X: Law, Y: Law>(axes: &mut TwoAxes<X, Y>, ticks: u32, rig
     }
 }
 
+/// An instruction is 4 ns of virtual time, 5000 in the 20 us of a tick: two complete laws with every effect, monitors and references take
+/// more than the 2500 that the image of one axis has.
+const SHIFT: u8 = 2;
+
 /// An image of two axes in QEMU, for any number of runs.
 pub struct TwoAxisSession {
     emulator: Emulator,
@@ -103,7 +107,7 @@ impl TwoAxisSession {
         if !image.is_file() {
             return Err(BoardError::NoImage(image.to_owned()));
         }
-        let mut emulator = Emulator::start(machine, image, patience)?;
+        let mut emulator = Emulator::start(machine, image, SHIFT, patience)?;
         let banks = [banks(&mut emulator)?, banks(&mut emulator)?];
         Ok(Self { emulator, banks })
     }
@@ -113,11 +117,12 @@ impl TwoAxisSession {
         &self.banks
     }
 
-    /// Runs both axes against the stage, a pair of codes each way a tick.
+    /// Runs both axes against the stage, a pair of codes each way a tick: by the sample clock where the first setup is `clocked`, and the
+    /// times that it then takes.
     ///
     /// # Errors
     /// An exchange that breaks off, or a frame that is missing.
-    pub fn run(&mut self, setups: &[Setup; 2], rig: &mut TwoAxisRig) -> Result<(), BoardError> {
+    pub fn run(&mut self, setups: &[Setup; 2], rig: &mut TwoAxisRig) -> Result<Summary, BoardError> {
         let emulator = &mut self.emulator;
         let sent = setups.map(|setup| setup.to_bytes());
         let begun = emulator.to_board.write_all(sent.as_flattened());
@@ -137,6 +142,9 @@ impl TwoAxisSession {
             }
             rig.outputs(&frames);
         }
-        Ok(())
+        let mut summary = [0; SUMMARY_BYTES];
+        let read = emulator.from_board.read_exact(&mut summary);
+        read.map_err(|source| broken(emulator, setups[0].ticks, source))?;
+        Ok(Summary::from_bytes(&summary))
     }
 }

@@ -6,10 +6,11 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::{Args, ValueEnum};
+use hysteron_board::upload::Upload;
 use hysteron_board::{Change, Hello, Machine, Outcome, Recording, Request, Shape};
 use hysteron_data::{Dataset, Known};
 use hysteron_plant::Stage;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 #[derive(Args)]
@@ -33,6 +34,9 @@ pub(crate) struct RunArgs {
     /// What a period of the reference looks like
     #[arg(long, value_enum, default_value_t = ShapeName::Sine)]
     pub shape: ShapeName,
+    /// A reference of one's own instead: one period in a file of 256 positions, micrometres, one a line
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["shape", "low", "high"])]
+    pub trajectory: Option<PathBuf>,
     /// Frequency of the reference, hertz
     #[arg(long, default_value_t = 100.0)]
     pub hz: f64,
@@ -118,10 +122,12 @@ impl EmulatorName {
 
 pub(crate) fn run(args: &RunArgs) -> Result<Done, CliError> {
     let machine = args.emulator.machine();
+    let upload = args.trajectory.as_ref().map(|path| upload(path)).transpose()?;
+    let given_um = args.low.zip(args.high).map(|(low, high)| [low, high]);
     let request = Request {
-        shape: args.shape.shape(),
+        shape: upload.map_or(args.shape.shape(), |_| Shape::Table),
         frequency_hz: args.hz,
-        range_um: args.low.zip(args.high).map(|(low, high)| [low, high]),
+        range_um: upload.map_or(given_um, |upload| Some(upload.range_um)),
         seconds: args.seconds,
         feedforward: !args.no_feedforward,
         feedback: !args.no_feedback,
@@ -134,7 +140,8 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, CliError> {
     let bar = progress::bar("running");
     let patience = Duration::from_secs(args.patience);
     // An image begins with bank 0.
-    let changes = Vec::from_iter((args.bank > 0).then_some(Change::Bank(args.bank)));
+    let mut changes = Vec::from_iter((args.bank > 0).then_some(Change::Bank(args.bank)));
+    changes.extend(upload.iter().flat_map(Upload::changes));
     let asked = (&request, &changes[..]);
     let (outcome, recording) = hysteron_board::run(machine, &image, stage, asked, patience, &mut |share| {
         progress::advance(&bar, share);
@@ -144,6 +151,14 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, CliError> {
     write(&dataset(args, &outcome, recording), &args.output, args.overwrite)?;
     output::print(&text)?;
     Ok(Done::Answered)
+}
+
+fn upload(path: &Path) -> Result<Upload, CliError> {
+    let text = std::fs::read_to_string(path).map_err(|source| CliError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    Upload::parse(&text).map_err(|source| CliError::Option(format!("{}: {source}", path.display())))
 }
 
 fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
@@ -167,7 +182,10 @@ fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
             file: "run.csv".to_owned(),
             excitation: format!(
                 "reference {} {} Hz, {} to {} um",
-                args.shape.words(),
+                match &args.trajectory {
+                    Some(path) => path.display().to_string(),
+                    None => args.shape.words().to_owned(),
+                },
                 args.hz,
                 outcome.setup.low_um,
                 outcome.setup.high_um
