@@ -1,9 +1,10 @@
 //! Checks the parameter table and turns it, and one period of a cosine, into constants.
 //!
-//! `HYSTERON_TABLE` names another table than `firmware/tables/paper-rate-mrpi.toml`, by a full path; `HYSTERON_TABLE_Y` that of a second
-//! axis.
+//! `HYSTERON_TABLE` names other tables than `firmware/tables/paper-rate-mrpi.toml`, by full paths as `PATH` lists them: the image's
+//! banks, from bank 0 on. `HYSTERON_TABLE_Y` names those of a second axis, as many.
 
-use std::{env, fs, path::Path, process::exit};
+use std::path::{Path, PathBuf};
+use std::{env, fs, process::exit};
 
 /// Intervals of the cosine: straight lines between them are off by at most (2 pi / 1024)^2 / 8 = 4.7e-6 of the amplitude.
 const COSINE_INTERVALS: usize = 1024;
@@ -11,8 +12,14 @@ const COSINE_INTERVALS: usize = 1024;
 fn main() {
     let first = env::var("HYSTERON_TABLE").unwrap_or_else(|_| "../tables/paper-rate-mrpi.toml".to_owned());
     let second = env::var("HYSTERON_TABLE_Y").unwrap_or_else(|_| first.clone());
-    let mut source = constants(&first);
-    write("table_y.rs", &constants(&second));
+    let (mut source, banks) = constants(&first);
+    let (source_y, banks_y) = constants(&second);
+    if banks != banks_y {
+        refuse(&format!(
+            "HYSTERON_TABLE names {banks} tables and HYSTERON_TABLE_Y {banks_y}; both axes change their bank by one order"
+        ));
+    }
+    write("table_y.rs", &source_y);
     let turn = |i: usize| 2.0 * std::f64::consts::PI * i as f64 / COSINE_INTERVALS as f64;
     let cosine: Vec<String> = (0..=COSINE_INTERVALS)
         .map(|i| format!("{:?}", turn(i).cos() as f32))
@@ -27,17 +34,33 @@ fn main() {
     println!("cargo::rerun-if-env-changed=HYSTERON_TABLE_Y");
 }
 
-/// A table, checked, as Rust source.
-fn constants(path: &str) -> String {
-    println!("cargo::rerun-if-changed={path}");
-    let Ok(text) = fs::read_to_string(path) else {
+/// Tables, checked, as Rust source, and how many they are.
+fn constants(paths: &str) -> (String, usize) {
+    let paths: Vec<PathBuf> = env::split_paths(paths).collect();
+    let texts: Vec<String> = paths.iter().map(|path| read(path)).collect();
+    let read = paths.iter().zip(&texts).map(|(path, text)| {
+        let table = hysteron_table::Table::parse(text);
+        let table = table.unwrap_or_else(|error| refuse(&format!("{}: {error}", path.display())));
+        (table, text.as_str())
+    });
+    let tables: Vec<_> = read.collect();
+    let source = hysteron_table::constants_of_banks(&tables).unwrap_or_else(|(place, error)| {
+        let path = paths
+            .get(place)
+            .map_or_else(String::new, |path| path.display().to_string());
+        refuse(&format!("{path}: {error}"))
+    });
+    (source, tables.len())
+}
+
+fn read(path: &Path) -> String {
+    println!("cargo::rerun-if-changed={}", path.display());
+    fs::read_to_string(path).unwrap_or_else(|_| {
         refuse(&format!(
-            "cannot read the table {path}; write one with `hysteron export`"
-        ));
-    };
-    let table = hysteron_table::Table::parse(&text);
-    let source = table.and_then(|table| table.constants(&text));
-    source.unwrap_or_else(|error| refuse(&format!("{path}: {error}")))
+            "cannot read the table {}; write one with `hysteron export`",
+            path.display()
+        ))
+    })
 }
 
 fn write(name: &str, source: &str) {

@@ -21,35 +21,44 @@ const COMPLETE: [(&str, &str); 2] = [("8k", "tracking-8k"), ("739", "tracking-73
 /// The tables of the axes of a stage with both: the complete laws, and what of the other's motion reaches each.
 const AXES: [(&str, &str); 2] = [("tracking-x", "0.01"), ("tracking-y", "-0.006")];
 
+/// The tables of the image with two.
+const BANKS: [&str; 2] = ["tracking-8k", "tracking-739"];
+
 /// Where the processor enters the emulator's images by itself while the loop runs; the second comes on top of the first.
 const EMULATED_ENTRIES: [&str; 2] = ["mps2::sample_clock", "NonMaskableInt"];
+
+/// The same of the image of both axes.
+const BOTH_ENTRIES: [&str; 1] = ["xy::sample_clock"];
 
 /// Smallest code of an image: an image that was linked without its linker script has two bytes of it.
 pub(crate) const SMALLEST_BYTES: u64 = 4096;
 
-/// Builds the images with a table.
-pub(crate) fn build(table: Option<&str>) -> Result<(), String> {
-    build_into(Path::new(table.unwrap_or(TABLE)), Path::new(IMAGES))
+/// Builds the images with tables, by default [`TABLE`]: bank 0 is the first.
+pub(crate) fn build(tables: &[String]) -> Result<(), String> {
+    let tables: Vec<&Path> = match tables {
+        [] => vec![Path::new(TABLE)],
+        tables => tables.iter().map(Path::new).collect(),
+    };
+    build_into(&tables, Path::new(IMAGES))
 }
 
-fn build_into(table: &Path, folder: &Path) -> Result<(), String> {
+fn build_into(tables: &[&Path], folder: &Path) -> Result<(), String> {
     std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     for (board, core) in BOARDS {
-        let built = build_image("mps2", core, table)?;
+        let built = build_with("mps2", core, tables, &[])?;
         let image = folder.join(board);
         std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
-        crate::firmware_image::check(board, &image, &EMULATED_ENTRIES, limits(table))?;
+        crate::firmware_image::check(board, &image, &EMULATED_ENTRIES, &limits(tables))?;
     }
     Ok(())
 }
 
-/// What an image with a table may take.
-fn limits(table: &Path) -> &'static crate::firmware_image::Limits {
-    let complete = std::fs::read_to_string(table).is_ok_and(|text| text.contains("\n[controller]\n"));
-    if complete {
-        &crate::firmware_image::COMPLETE
-    } else {
-        &crate::firmware_image::EMULATED
+/// What an image with tables may take.
+fn limits(tables: &[&Path]) -> crate::firmware_image::Limits {
+    let complete = |table: &Path| std::fs::read_to_string(table).is_ok_and(|text| text.contains("\n[controller]\n"));
+    match tables.first() {
+        Some(table) if complete(table) => crate::firmware_image::COMPLETE.with_banks(tables.len()),
+        _ => crate::firmware_image::EMULATED.with_banks(tables.len()),
     }
 }
 
@@ -62,6 +71,12 @@ pub(crate) fn compare() -> Result<(), String> {
     });
     for name in paper {
         build_named(&folder, BOARDS[0], &name, &name)?;
+    }
+    build_banks(&folder)?;
+    for ((_, core), name) in BOARDS.into_iter().zip(["in-guest", "in-guest-m7"]) {
+        let built = build_image("guest", core, Path::new(TABLE))?;
+        let image = folder.join(name);
+        std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
     }
     let limits = &crate::firmware_image::COMPLETE;
     for (_, name) in COMPLETE {
@@ -95,13 +110,32 @@ fn build_named(folder: &Path, (_, core): (&str, &str), table: &str, name: &str) 
     Ok(image)
 }
 
+/// Builds the image with two tables, for the tests that change from one to the other.
+fn build_banks(folder: &Path) -> Result<(), String> {
+    let paths = BANKS.map(|name| PathBuf::from(format!("firmware/tables/{name}.toml")));
+    let tables = [paths[0].as_path(), paths[1].as_path()];
+    for ((board, core), name) in BOARDS.into_iter().zip(["banks", "banks-m7"]) {
+        let built = build_with("mps2", core, &tables, &[])?;
+        let image = folder.join(name);
+        std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
+        crate::firmware_image::check(
+            &format!("{board}, two tables"),
+            &image,
+            &EMULATED_ENTRIES,
+            &limits(&tables),
+        )?;
+    }
+    Ok(())
+}
+
 /// Builds the image of both axes.
-fn build_both(image: &Path, (_, core): (&str, &str)) -> Result<(), String> {
+fn build_both(image: &Path, (board, core): (&str, &str)) -> Result<(), String> {
     let [x, y] = AXES.map(|(axis, _)| PathBuf::from(format!("firmware/tables/{axis}.toml")));
-    let built = build_with("xy", core, &x, Some(&y))?;
+    let built = build_with("xy", core, &[&x], &[&y])?;
     let copied = std::fs::copy(&built, image);
     copied.map_err(|error| format!("{}: {error}", image.display()))?;
-    Ok(())
+    let name = format!("{board}, two axes");
+    crate::firmware_image::check(&name, image, &BOTH_ENTRIES, &crate::firmware_image::BOTH)
 }
 
 /// Whether an image with a reachable panic is refused by the linker, for that reason: it must be.
@@ -135,7 +169,7 @@ pub(crate) fn refuses_panics() -> Result<(), String> {
 fn words(program: &str, core: &str) -> Vec<String> {
     let package = match program {
         "blocks" => "bench",
-        "xy" => "mps2",
+        "xy" | "guest" => "mps2",
         other => other,
     };
     let flags = format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]");
@@ -150,7 +184,7 @@ fn words(program: &str, core: &str) -> Vec<String> {
 
 /// Builds a program of the firmware's workspace for a core, with a table in it; returns its image.
 pub(crate) fn build_image(program: &str, core: &str, table: &Path) -> Result<PathBuf, String> {
-    build_with(program, core, table, None)
+    build_with(program, core, &[table], &[])
 }
 
 /// A table's full path, as the build script of the application takes it.
@@ -164,9 +198,21 @@ fn full_path(table: &Path) -> Result<String, String> {
     Ok(path.display().to_string())
 }
 
-fn build_with(program: &str, core: &str, table: &Path, of_y: Option<&Path>) -> Result<PathBuf, String> {
-    let table = full_path(table)?;
-    let of_y = of_y.map(full_path).transpose()?;
+/// Several full paths, as `PATH` has them.
+fn full_paths(tables: &[&Path]) -> Result<String, String> {
+    let paths = tables.iter().map(|table| full_path(table));
+    let paths: Vec<String> = paths.collect::<Result<_, _>>()?;
+    let joined = std::env::join_paths(&paths).map_err(|error| format!("{}: {error}", paths.join(", ")))?;
+    joined
+        .into_string()
+        .map_err(|_| "the tables' folder's name is not UTF-8".to_owned())
+}
+
+/// As [`build_image`], with a table a bank, and of a second axis as many or none.
+fn build_with(program: &str, core: &str, tables: &[&Path], of_y: &[&Path]) -> Result<PathBuf, String> {
+    let table = full_paths(tables)?;
+    let of_y = full_paths(of_y)?;
+    let of_y = Some(of_y.as_str()).filter(|paths| !paths.is_empty());
     let words = words(program, core);
     let arguments: Vec<&str> = words.iter().map(String::as_str).collect();
     // RUSTFLAGS would replace the flags above.
@@ -176,7 +222,7 @@ fn build_with(program: &str, core: &str, table: &Path, of_y: Option<&Path>) -> R
         &arguments,
         &[
             ("HYSTERON_TABLE", Some(&table)),
-            ("HYSTERON_TABLE_Y", of_y.as_deref()),
+            ("HYSTERON_TABLE_Y", of_y),
             ("HYSTERON_CORE", Some(core)),
             ("RUSTFLAGS", None),
             ("CARGO_TARGET_DIR", None),
@@ -277,7 +323,7 @@ const TABLES: [(&str, &[&str], [&str; 2]); 2] = [
 
 /// Builds the images and shows a run of each.
 pub(crate) fn show() -> Result<(), String> {
-    build(None)?;
+    build(&[])?;
     for (board, _) in BOARDS {
         let out = format!("firmware/target/run-{board}");
         run(

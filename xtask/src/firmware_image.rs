@@ -15,20 +15,48 @@ pub(crate) struct Limits {
     flash: u32,
     memory: u32,
     stack: u32,
+    /// What each further table adds: memory for its numbers as the controller takes them, flash for the code that makes them.
+    bank_memory: u32,
+    bank_flash: u32,
+}
+
+impl Limits {
+    /// Those of an image with so many tables.
+    pub(crate) fn with_banks(&self, banks: usize) -> Self {
+        let further = u32::try_from(banks.saturating_sub(1)).unwrap_or(u32::MAX);
+        Self {
+            flash: self.flash.saturating_add(further.saturating_mul(self.bank_flash)),
+            memory: self.memory.saturating_add(further.saturating_mul(self.bank_memory)),
+            ..*self
+        }
+    }
 }
 
 /// The emulator's images.
 pub(crate) const EMULATED: Limits = Limits {
     flash: 33_000,
-    memory: 1_300,
+    memory: 1_700,
     stack: 1200,
+    bank_memory: 380,
+    bank_flash: 3_500,
 };
 
 /// The emulator's images with a complete law; 54 kB of flash with every effect in it.
 pub(crate) const COMPLETE: Limits = Limits {
     flash: 62_000,
-    memory: 3_500,
+    memory: 5_200,
     stack: 3_000,
+    bank_memory: 1_850,
+    bank_flash: 32_000,
+};
+
+/// The emulator's images of both axes, each with a complete law.
+pub(crate) const BOTH: Limits = Limits {
+    flash: 73_000,
+    memory: 10_200,
+    stack: 3_000,
+    bank_memory: 3_700,
+    bank_flash: 64_000,
 };
 
 /// Words in a function's name that may not be reached.

@@ -17,7 +17,8 @@ usage: cargo xtask <command>
   calibrate   verdicts on hundreds of simulated stages with hidden effects, as the README quotes them; takes cases an
           effect and strength (default 4) and the first seed (default 1000)
   firmware run      build the images, run each in the emulator against the simulated stage
-  firmware build    build the images for the emulator's boards; takes a table, by default firmware/tables/paper-rate-mrpi.toml
+  firmware build    build the images for the emulator's boards; takes tables, by default firmware/tables/paper-rate-mrpi.toml:
+                    several become banks that the host changes between
   firmware bench    instructions of one control tick in the emulator, beside the same algorithm in C by gcc -O3
   firmware compare  every controller on every reference, in the emulator and on the host, bit by bit, as one table
   firmware boards   build the images of nucleo-h743zi and nucleo-g474re, and check what can be checked without a board
@@ -37,7 +38,7 @@ fn main() -> ExitCode {
         Some("test") => test(),
         Some("bench") => cargo(&["bench", "--workspace"]),
         Some("calibrate") => calibrate(&words.collect::<Vec<_>>()),
-        Some("firmware") => firmware(words.next().as_deref(), words.next().as_deref()),
+        Some("firmware") => firmware(words.next().as_deref(), &words.collect::<Vec<_>>()),
         Some("fuzz") => fuzz(words.next().as_deref().unwrap_or("60")),
         Some("help" | "--help" | "-h") => {
             print!("{HELP}");
@@ -71,10 +72,10 @@ fn calibrate(words: &[String]) -> Result<(), String> {
     cargo(&all)
 }
 
-fn firmware(what: Option<&str>, table: Option<&str>) -> Result<(), String> {
+fn firmware(what: Option<&str>, tables: &[String]) -> Result<(), String> {
     install_target()?;
     match what {
-        Some("build") => firmware::build(table),
+        Some("build") => firmware::build(tables),
         Some("tables") => firmware::tables(),
         Some("bench") => install_emulator()
             .and_then(|()| install_compiler())
@@ -114,7 +115,7 @@ fn test() -> Result<(), String> {
     ])?;
     firmware::refuses_panics()?;
     firmware::compare()?;
-    firmware::build(None)?;
+    firmware::build(&[])?;
     firmware_bench::bench()?;
     firmware_boards::boards()?;
     // No member of the workspace: its tests run on the host all the same.

@@ -142,7 +142,7 @@ fn two_axes() -> Result<usize, Box<dyn Error>> {
     };
     let setups = [setup(0, Shape::Triangle, 100.0)?, setup(1, Shape::Sine, 10.0)?];
     let (mut there, mut here) = (rig.clone(), rig);
-    session.run(&setups, &mut there)?;
+    let timing = session.run(&setups, &mut there)?;
     let mut axes = TwoAxes::new(
         Controller::new(complete(&tables[0])?, &setups[0]),
         Controller::new(complete(&tables[1])?, &setups[1]),
@@ -155,9 +155,14 @@ fn two_axes() -> Result<usize, Box<dyn Error>> {
     let [x_percent, y_percent] =
         [0, 1].map(|axis| 100.0 * there.recordings[axis].rms_um() / (COMPLETE_UM[1] - COMPLETE_UM[0]));
     println!(
-        "\nboth axes, closed: X a triangle of 100 Hz {x_percent:.3} %, Y a sine of 10 Hz {y_percent:.3} %; {} of {} frames equal",
+        "\nboth axes, closed: X a triangle of 100 Hz {x_percent:.3} %, Y a sine of 10 Hz {y_percent:.3} %; {} of {} frames equal; by the sample \
+         clock {} overruns, {} edges lost, a tick of both up to {} instructions",
         2 * setups[0].ticks as usize - different,
-        2 * setups[0].ticks
+        2 * setups[0].ticks,
+        timing.overruns,
+        timing.lost,
+        // Counts of 40 ns, 4 ns an instruction.
+        10 * timing.tick_max
     );
     Ok(different)
 }

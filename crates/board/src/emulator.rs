@@ -28,7 +28,8 @@ struct Guard {
 const LOOK: Duration = Duration::from_millis(20);
 
 impl Emulator {
-    pub(crate) fn start(machine: Machine, image: &Path, patience: Duration) -> Result<Self, BoardError> {
+    /// An instruction takes 2^`shift` ns of virtual time.
+    pub(crate) fn start(machine: Machine, image: &Path, shift: u8, patience: Duration) -> Result<Self, BoardError> {
         let image = image.canonicalize()?;
         let folder = tempfile::tempdir()?;
         let (to, from) = (folder.path().join("to-board"), folder.path().join("from-board"));
@@ -63,8 +64,8 @@ impl Emulator {
                 "none",
             ])
             .args(["-semihosting-config", "enable=on,target=native"])
-            // One instruction is 8 ns of virtual time, which does not follow the wall clock: the same run every time.
-            .args(["-icount", "shift=3,sleep=off", "-kernel"])
+            // Virtual time does not follow the wall clock: the same run every time.
+            .args(["-icount", &format!("shift={shift},sleep=off"), "-kernel"])
             .arg(&image)
             .current_dir(folder.path())
             .stdin(Stdio::null())

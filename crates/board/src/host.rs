@@ -84,12 +84,14 @@ fn with_law<L>(table: &Table, law: L) -> Result<Parameters<L>, TableError> {
     })
 }
 
-/// What an image says of the table of a file.
+/// What an image with no other table says of the table of a file.
 pub fn hello(table: &Table, text: &str) -> Hello {
     Hello {
         hash: hash(text),
         sample_rate_hz: table.sample_rate_hz as f32,
         input_min_um: table.input_min_um as f32,
         input_max_um: table.input_max_um as f32,
+        bank: 0,
+        banks: 1,
     }
 }

@@ -7,12 +7,16 @@ pub mod host;
 pub mod rig;
 pub mod telemetry;
 pub mod two_axes;
+pub mod upload;
 
 pub use hysteron_firmware::trajectory::Shape;
+pub use hysteron_firmware::tuning::Change;
+pub use hysteron_firmware::wire::Hello;
 pub use rig::{Bench, Recording, Remembering, Rig, drive_here};
 
 use emulator::Emulator;
-use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello, Input, SUMMARY_BYTES, Setup, Summary};
+use hysteron_firmware::trajectory::TABLE_POINTS;
+use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Input, MAGIC, SUMMARY_BYTES, Setup, Summary};
 use hysteron_plant::{Stage, StageError};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -57,6 +61,45 @@ pub enum BoardError {
         got: u32,
         /// The number that was due.
         wanted: u32,
+    },
+    /// A bank that the image has not.
+    #[error(
+        "bank {bank}: the image has {banks} (0 to {}); build one with more tables: cargo xtask firmware build A.toml B.toml",
+        banks - 1
+    )]
+    NoBank {
+        /// What was asked for.
+        bank: u8,
+        /// Tables of the image.
+        banks: usize,
+    },
+    /// A change that the board did not take.
+    #[error("the board refused, at tick {tick}, {what}; the loop was not started")]
+    Refused {
+        /// The tick that said so.
+        tick: u32,
+        /// The change.
+        what: &'static str,
+    },
+    /// A line of a reference that is no position.
+    #[error("line {line}: `{found}` is no position in micrometres; a reference is a file with one number a line")]
+    Point {
+        /// Its number, from 1.
+        line: usize,
+        /// What is there.
+        found: String,
+    },
+    /// A reference of another length than the board's table.
+    #[error("a reference has {TABLE_POINTS} points, one a line; here are {found}")]
+    Points {
+        /// Points that there are.
+        found: usize,
+    },
+    /// A reference that stands still.
+    #[error("all points of the reference are {um} um; give one that moves")]
+    Flat {
+        /// Where.
+        um: f64,
     },
     /// A setup that makes no sense.
     #[error("{name} = {value} must lie in {min} to {max}")]
@@ -181,7 +224,7 @@ pub struct Request {
 /// What a run of the emulator ends with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
-    /// What the image said of itself.
+    /// What the image said of the table that ran.
     pub hello: Hello,
     /// What it was asked for.
     pub setup: Setup,
@@ -234,10 +277,40 @@ fn within(name: &'static str, value: f64, min: f64, max: f64) -> Result<(), Boar
     Err(BoardError::Setup { name, value, min, max })
 }
 
+/// An instruction is 8 ns of virtual time: 2500 in the 20 us of a tick.
+const SHIFT: u8 = 3;
+
 /// An image in QEMU, for any number of runs.
 pub struct Session {
     emulator: Emulator,
-    hello: Hello,
+    /// Of every bank; at least one.
+    banks: Vec<Hello>,
+}
+
+/// What an image says first of its tables, or of those of one axis.
+fn banks(emulator: &mut Emulator) -> Result<Vec<Hello>, BoardError> {
+    let mut banks: Vec<Hello> = Vec::new();
+    loop {
+        let mut said = [0; HELLO_BYTES];
+        let (version, rest) = said.split_at_mut(MAGIC.len());
+        // Another version's hello may be shorter: waiting for the rest of it would take all of the patience.
+        let read = emulator.from_board.read_exact(version);
+        read.map_err(|source| broken(emulator, 0, source))?;
+        if version != MAGIC {
+            return Err(BoardError::OtherVersion);
+        }
+        let read = emulator.from_board.read_exact(rest);
+        read.map_err(|source| broken(emulator, 0, source))?;
+        let hello = Hello::from_bytes(&said).ok_or(BoardError::OtherVersion)?;
+        let first = banks.first().unwrap_or(&hello);
+        if usize::from(hello.bank) != banks.len() || hello.banks != first.banks || hello.bank >= hello.banks {
+            return Err(BoardError::OtherVersion);
+        }
+        banks.push(hello);
+        if banks.len() == usize::from(hello.banks) {
+            return Ok(banks);
+        }
+    }
 }
 
 impl Session {
@@ -249,17 +322,19 @@ impl Session {
         if !image.is_file() {
             return Err(BoardError::NoImage(image.to_owned()));
         }
-        let mut emulator = Emulator::start(machine, image, patience)?;
-        let mut said = [0; HELLO_BYTES];
-        let read = emulator.from_board.read_exact(&mut said);
-        read.map_err(|source| broken(&emulator, 0, source))?;
-        let hello = Hello::from_bytes(&said).ok_or(BoardError::OtherVersion)?;
-        Ok(Self { emulator, hello })
+        let mut emulator = Emulator::start(machine, image, SHIFT, patience)?;
+        let banks = banks(&mut emulator)?;
+        Ok(Self { emulator, banks })
     }
 
-    /// What the image said of itself.
+    /// What the image said of the table that it begins with, bank 0.
     pub fn hello(&self) -> &Hello {
-        &self.hello
+        &self.banks[0]
+    }
+
+    /// What it said of each of its tables, from bank 0 on.
+    pub fn banks(&self) -> &[Hello] {
+        &self.banks
     }
 
     /// Runs it against a bench. Each tick the image gets a code and an order and answers with a frame; virtual time stands still
@@ -273,7 +348,7 @@ impl Session {
         bench: &mut dyn Bench,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Summary, BoardError> {
-        let (stage_hz, table_hz) = (bench.sample_rate_hz(), f64::from(self.hello.sample_rate_hz));
+        let (stage_hz, table_hz) = (bench.sample_rate_hz(), f64::from(self.hello().sample_rate_hz));
         if (stage_hz / table_hz - 1.0).abs() > 1e-6 {
             return Err(BoardError::OtherRate { stage_hz, table_hz });
         }
@@ -297,10 +372,24 @@ impl Session {
             ticks: u32::try_from(inputs.len()).unwrap_or(u32::MAX),
             ..*setup
         };
+        self.exchange_all(&setup, inputs)
+    }
+
+    /// Runs an image that has its stage within (`firmware/mps2`'s `guest`) on a setup that is not `clocked`: the frames of its ticks.
+    ///
+    /// # Errors
+    /// An exchange that breaks off.
+    pub fn watch(&mut self, setup: &Setup) -> Result<Vec<Frame>, BoardError> {
+        Ok(self.exchange_all(setup, &[])?.0)
+    }
+
+    /// Sends setup and inputs, and takes the frames of all ticks, neither waiting for the other.
+    fn exchange_all(&mut self, setup: &Setup, inputs: &[Input]) -> Result<(Vec<Frame>, Summary), BoardError> {
         let mut bytes = setup.to_bytes().to_vec();
         bytes.extend(inputs.iter().flat_map(Input::to_bytes));
         let mut to_board = self.emulator.to_board.try_clone()?;
-        let mut answers = vec![0; inputs.len() * FRAME_BYTES + SUMMARY_BYTES];
+        let length = setup.ticks as usize * FRAME_BYTES;
+        let mut answers = vec![0; length + SUMMARY_BYTES];
         let from_board = &mut self.emulator.from_board;
         let exchanged = std::thread::scope(|scope| {
             let writer = scope.spawn(move || to_board.write_all(&bytes));
@@ -309,7 +398,7 @@ impl Session {
             writer.join().unwrap_or(Ok(())).and(read)
         });
         exchanged.map_err(|source| broken(&self.emulator, setup.ticks, source))?;
-        let (frames, summary) = answers.split_at(inputs.len() * FRAME_BYTES);
+        let (frames, summary) = answers.split_at(length);
         let mut last = [0; SUMMARY_BYTES];
         last.copy_from_slice(summary);
         let frames = frames.chunks_exact(FRAME_BYTES).map(|chunk| {
@@ -341,24 +430,44 @@ pub fn drive(
     let mut session = Session::start(machine, image, patience)?;
     let setup = request.setup(session.hello())?;
     let summary = session.run(&setup, bench, progress)?;
-    let hello = session.hello;
+    let hello = *session.hello();
     Ok(Outcome { hello, setup, summary })
 }
 
-/// As [`drive`], against a simulated stage: start, the request, stop, and what was recorded.
+/// As [`drive`], against a simulated stage: changes at the safe level, start, the request, stop, and what was recorded from the start on.
+///
+/// The request is one of the table of the last [`Change::Bank`], or of bank 0.
 ///
 /// # Errors
-/// As [`drive`].
+/// As [`drive`]; a bank that the image has not, a change that it refuses.
 pub fn run(
     machine: Machine,
     image: &Path,
     stage: Stage,
-    request: &Request,
+    (request, changes): (&Request, &[Change]),
     patience: Duration,
     progress: &mut dyn FnMut(f64),
 ) -> Result<(Outcome, Recording), BoardError> {
-    let mut rig = Rig::new(stage, request.seconds);
-    let outcome = drive(machine, image, request, &mut rig, patience, progress)?;
+    let mut session = Session::start(machine, image, patience)?;
+    let bank = changes.iter().rev().find_map(|change| match change {
+        Change::Bank(bank) => Some(*bank),
+        _ => None,
+    });
+    let (bank, banks) = (bank.unwrap_or(0), session.banks().len());
+    let Some(&hello) = session.banks().get(usize::from(bank)) else {
+        return Err(BoardError::NoBank { bank, banks });
+    };
+    let mut rig = Rig::new(stage, request.seconds).after(changes);
+    let setup = request.setup(&hello)?;
+    let setup = Setup {
+        ticks: setup.ticks + rig.changing_ticks(),
+        ..setup
+    };
+    let summary = session.run(&setup, &mut rig, progress)?;
+    if let Some((tick, what)) = rig.refused() {
+        return Err(BoardError::Refused { tick, what });
+    }
+    let outcome = Outcome { hello, setup, summary };
     Ok((outcome, rig.recording))
 }
 

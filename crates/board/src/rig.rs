@@ -2,7 +2,8 @@
 
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::law::Law;
-use hysteron_firmware::wire::{Frame, Input, Mode, Order};
+use hysteron_firmware::tuning::Change;
+use hysteron_firmware::wire::{Frame, Input, Mode, Order, REFUSED};
 use hysteron_plant::Stage;
 
 /// The other side of the converters.
@@ -49,8 +50,13 @@ impl Recording {
 pub struct Rig {
     /// The stage.
     pub stage: Stage,
-    /// What it and the board did.
+    /// What it and the board did, from the start on.
     pub recording: Recording,
+    /// What the board is asked for before that.
+    changes: Vec<Change>,
+    orders: Vec<Order>,
+    /// The tick that refused a change.
+    refused: Option<u32>,
     stop_at: u32,
 }
 
@@ -61,8 +67,37 @@ impl Rig {
         Self {
             stage,
             recording: Recording::default(),
+            changes: Vec::new(),
+            orders: Vec::new(),
+            refused: None,
             stop_at,
         }
+    }
+
+    /// Asks for changes first, and starts when they are made; does not where one is refused.
+    #[must_use]
+    pub fn after(self, changes: &[Change]) -> Self {
+        Self {
+            changes: changes.to_vec(),
+            orders: changes.iter().flat_map(Change::orders).collect(),
+            ..self
+        }
+    }
+
+    /// Ticks that the changes take.
+    pub fn changing_ticks(&self) -> u32 {
+        self.orders.len() as u32
+    }
+
+    /// The tick and the name of a change that was refused.
+    pub fn refused(&self) -> Option<(u32, &'static str)> {
+        let refused = self.refused?;
+        let mut end = 0;
+        let change = self.changes.iter().find(|change| {
+            end += change.orders().count() as u32;
+            refused < end
+        });
+        Some((refused, change.map_or("a change", Change::name)))
     }
 }
 
@@ -74,9 +109,13 @@ impl Bench for Rig {
     fn input(&mut self, number: u32) -> Input {
         let sample = self.stage.sample();
         let adc = u16::try_from(sample.position_code).unwrap_or(u16::MAX);
+        if let Some(&order) = self.orders.get(number as usize) {
+            return Input { adc, order };
+        }
         self.recording.adc.push(adc);
         self.recording.position_um.push(sample.position_um);
-        let order = match number {
+        let order = match number - self.changing_ticks() {
+            _ if self.refused.is_some() => Order::None,
             0 => Order::Start,
             n if n == self.stop_at => Order::Stop,
             _ => Order::None,
@@ -89,6 +128,12 @@ impl Bench for Rig {
         let dac = config.dac.unwrap_or(hysteron_plant::Converter::BIPOLAR_16_BIT);
         let voltage_v = dac.v_from_code(u32::from(frame.dac)) * config.amplifier.gain;
         self.stage.step_code(u32::from(frame.dac));
+        if frame.number < self.changing_ticks() {
+            if frame.flags & REFUSED != 0 {
+                self.refused.get_or_insert(frame.number);
+            }
+            return;
+        }
         self.recording.voltage_v.push(voltage_v);
         self.recording.frames.push(*frame);
     }

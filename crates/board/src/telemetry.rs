@@ -5,7 +5,7 @@ use hysteron_core::codes::{AdcCode, Converter};
 use hysteron_firmware::telemetry::{
     ABOUT_BYTES, About, Found, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample, find, order_packet,
 };
-use hysteron_firmware::wire::Order;
+use hysteron_firmware::wire::{Hello, Order};
 use std::fs::File;
 use std::io::{Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
@@ -34,7 +34,7 @@ const UNHEARD_TICKS: u32 = 50_000;
 /// What was recorded from a board.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Capture {
-    /// The board, its table, its codes.
+    /// The board, its codes, and the first of its tables that it described.
     pub about: About,
     /// What came without a gap, in order.
     pub pieces: Vec<Piece>,
@@ -42,11 +42,13 @@ pub struct Capture {
     pub counts: Counts,
 }
 
-/// Samples without a gap between them.
-#[derive(Debug, Clone, PartialEq, Default)]
+/// Samples without a gap between them, of one table.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Piece {
     /// Ticks from the first sample of the capture.
     pub start_tick: u64,
+    /// The table that ran, all of the piece.
+    pub table: Hello,
     /// Its samples.
     pub recording: Recording,
 }
@@ -73,7 +75,8 @@ pub struct Counts {
 pub struct Collector {
     /// Bytes whose packet has not ended.
     rest: Vec<u8>,
-    about: Option<About>,
+    /// Of each table, as they come.
+    abouts: Vec<About>,
     pieces: Vec<(u64, Vec<Sample>)>,
     counts: Counts,
 }
@@ -114,19 +117,36 @@ impl Collector {
     }
 
     fn about(&mut self, about: About) -> Result<(), BoardError> {
-        // Compared as it was sent: a number that is none equals itself, too.
-        match &self.about {
-            Some(first) if first.to_packet() != about.to_packet() => Err(BoardError::OtherBoard),
-            _ => {
-                self.about = Some(about);
-                Ok(())
+        // Compared as they were sent: a number that is none equals itself, too.
+        for known in &self.abouts {
+            // Of another table, all but what it is.
+            let hello = if known.hello.bank == about.hello.bank {
+                known.hello
+            } else {
+                Hello {
+                    sample_rate_hz: known.hello.sample_rate_hz,
+                    banks: known.hello.banks,
+                    ..about.hello
+                }
+            };
+            if (About { hello, ..*known }).to_packet() != about.to_packet() {
+                return Err(BoardError::OtherBoard);
             }
         }
+        if self.of_bank(about.hello.bank).is_none() {
+            self.abouts.push(about);
+        }
+        Ok(())
+    }
+
+    fn of_bank(&self, bank: u8) -> Option<&About> {
+        self.abouts.iter().find(|about| about.hello.bank == bank)
     }
 
     fn sample(&mut self, sample: Sample) -> Result<(), BoardError> {
         let number = sample.frame.number;
         let last = self.pieces.last().and_then(|(_, samples)| samples.last());
+        let one_table = last.is_some_and(|last| last.frame.bank() == sample.frame.bank());
         let follows = match last.map(|last| number.wrapping_sub(last.frame.number)) {
             Some(1) => true,
             // Half of the counter's range on: it has been set back. So has one that says the same number twice.
@@ -147,6 +167,7 @@ impl Collector {
             }
             None => false,
         };
+        let follows = follows && one_table;
         let tick = self.ticks();
         self.counts.samples += 1;
         match self.pieces.last_mut() {
@@ -177,12 +198,12 @@ impl Collector {
 
     /// Rate of the loop, hertz, once the board has described itself.
     fn rate_hz(&self) -> Option<f64> {
-        Some(f64::from(self.about?.hello.sample_rate_hz))
+        Some(f64::from(self.abouts.first()?.hello.sample_rate_hz))
     }
 
     /// Whether the stream is none of ours.
     fn foreign(&self) -> bool {
-        self.counts.samples == 0 && self.about.is_none() && self.counts.foreign_bytes > MOST_FOREIGN_BYTES
+        self.counts.samples == 0 && self.abouts.is_empty() && self.counts.foreign_bytes > MOST_FOREIGN_BYTES
     }
 
     /// The recording.
@@ -197,7 +218,7 @@ impl Collector {
             return Err(BoardError::NoSamples { bytes });
         }
         let samples = self.counts.samples;
-        let about = self.about.ok_or(BoardError::NoAbout { samples })?;
+        let about = *self.abouts.first().ok_or(BoardError::NoAbout { samples })?;
         let [adc, dac] = [about.adc_um, about.dac_v].map(|[min, top]| Converter::new(f64::from(min), f64::from(top)));
         let (Ok(adc), Ok(dac)) = (adc, dac) else {
             return Err(BoardError::Senseless("converters' ranges"));
@@ -205,21 +226,30 @@ impl Collector {
         if !(about.hello.sample_rate_hz > 0.0 && about.hello.sample_rate_hz <= 1e9) {
             return Err(BoardError::Senseless("sample rate"));
         }
-        let piece = |(start_tick, samples): (u64, Vec<Sample>)| Piece {
-            start_tick,
-            recording: Recording {
-                frames: samples.iter().map(|sample| sample.frame).collect(),
-                adc: samples.iter().map(|sample| sample.adc).collect(),
-                position_um: samples.iter().map(|sample| adc.volts(AdcCode(sample.adc))).collect(),
-                voltage_v: samples
-                    .iter()
-                    .map(|sample| dac.volts(AdcCode(sample.frame.dac)))
-                    .collect(),
-            },
+        let table = |samples: &[Sample]| {
+            let about = samples.first().and_then(|sample| self.of_bank(sample.frame.bank()));
+            about.map(|about| about.hello).ok_or(BoardError::NoAbout {
+                samples: self.counts.samples,
+            })
+        };
+        let piece = |(start_tick, samples): &(u64, Vec<Sample>)| -> Result<Piece, BoardError> {
+            Ok(Piece {
+                start_tick: *start_tick,
+                table: table(samples)?,
+                recording: Recording {
+                    frames: samples.iter().map(|sample| sample.frame).collect(),
+                    adc: samples.iter().map(|sample| sample.adc).collect(),
+                    position_um: samples.iter().map(|sample| adc.volts(AdcCode(sample.adc))).collect(),
+                    voltage_v: samples
+                        .iter()
+                        .map(|sample| dac.volts(AdcCode(sample.frame.dac)))
+                        .collect(),
+                },
+            })
         };
         Ok(Capture {
             about,
-            pieces: self.pieces.into_iter().map(piece).collect(),
+            pieces: self.pieces.iter().map(piece).collect::<Result<_, _>>()?,
             counts: self.counts,
         })
     }

@@ -1,10 +1,10 @@
 //! Two axes: their image in QEMU, the simulated stage with both, and the same here.
 
 use crate::emulator::Emulator;
-use crate::{BoardError, Machine, Recording, broken};
+use crate::{BoardError, Machine, Recording, banks, broken};
 use hysteron_firmware::law::Law;
 use hysteron_firmware::two_axes::TwoAxes;
-use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello, Input, Order, Setup};
+use hysteron_firmware::wire::{FRAME_BYTES, Frame, Hello, Input, Order, SUMMARY_BYTES, Setup, Summary};
 use hysteron_plant::{Converter, CrossCoupling, Stage, StageConfig, StageError};
 use std::io::{Read, Write};
 use std::path::Path;
@@ -88,10 +88,14 @@ pub fn drive_both_here<X: Law, Y: Law>(axes: &mut TwoAxes<X, Y>, ticks: u32, rig
     }
 }
 
+/// An instruction is 4 ns of virtual time, 5000 in the 20 us of a tick: two complete laws with every effect, monitors and references take
+/// more than the 2500 that the image of one axis has.
+const SHIFT: u8 = 2;
+
 /// An image of two axes in QEMU, for any number of runs.
 pub struct TwoAxisSession {
     emulator: Emulator,
-    hellos: [Hello; 2],
+    banks: [Vec<Hello>; 2],
 }
 
 impl TwoAxisSession {
@@ -103,29 +107,22 @@ impl TwoAxisSession {
         if !image.is_file() {
             return Err(BoardError::NoImage(image.to_owned()));
         }
-        let mut emulator = Emulator::start(machine, image, patience)?;
-        let mut said = [[0; HELLO_BYTES]; 2];
-        let read = emulator.from_board.read_exact(said.as_flattened_mut());
-        read.map_err(|source| broken(&emulator, 0, source))?;
-        match said.map(|bytes| Hello::from_bytes(&bytes)) {
-            [Some(x), Some(y)] => Ok(Self {
-                emulator,
-                hellos: [x, y],
-            }),
-            _ => Err(BoardError::OtherVersion),
-        }
+        let mut emulator = Emulator::start(machine, image, SHIFT, patience)?;
+        let banks = [banks(&mut emulator)?, banks(&mut emulator)?];
+        Ok(Self { emulator, banks })
     }
 
-    /// What the image said of each axis' table.
-    pub fn hellos(&self) -> &[Hello; 2] {
-        &self.hellos
+    /// What the image said of each axis' tables, from bank 0 on.
+    pub fn banks(&self) -> &[Vec<Hello>; 2] {
+        &self.banks
     }
 
-    /// Runs both axes against the stage, a pair of codes each way a tick.
+    /// Runs both axes against the stage, a pair of codes each way a tick: by the sample clock where the first setup is `clocked`, and the
+    /// times that it then takes.
     ///
     /// # Errors
     /// An exchange that breaks off, or a frame that is missing.
-    pub fn run(&mut self, setups: &[Setup; 2], rig: &mut TwoAxisRig) -> Result<(), BoardError> {
+    pub fn run(&mut self, setups: &[Setup; 2], rig: &mut TwoAxisRig) -> Result<Summary, BoardError> {
         let emulator = &mut self.emulator;
         let sent = setups.map(|setup| setup.to_bytes());
         let begun = emulator.to_board.write_all(sent.as_flattened());
@@ -145,6 +142,9 @@ impl TwoAxisSession {
             }
             rig.outputs(&frames);
         }
-        Ok(())
+        let mut summary = [0; SUMMARY_BYTES];
+        let read = emulator.from_board.read_exact(&mut summary);
+        read.map_err(|source| broken(emulator, setups[0].ticks, source))?;
+        Ok(Summary::from_bytes(&summary))
     }
 }

@@ -236,6 +236,8 @@ fn hello() -> Hello {
         sample_rate_hz: table::SAMPLE_RATE_HZ,
         input_min_um: table::INPUT_MIN_UM,
         input_max_um: table::INPUT_MAX_UM,
+        bank: 0,
+        banks: 1,
     }
 }
 

@@ -32,7 +32,7 @@ fn sine(frequency_hz: f64, feedforward: bool, feedback: bool, seconds: f64) -> R
 
 fn in_emulator(machine: Machine, image: &Path, config: &StageConfig, request: &Request) -> (Outcome, Recording) {
     let stage = Stage::new(config, 7).unwrap();
-    hysteron_board::run(machine, image, stage, request, PATIENCE, &mut |_| {}).unwrap()
+    hysteron_board::run(machine, image, stage, (request, &[]), PATIENCE, &mut |_| {}).unwrap()
 }
 
 /// The same application and stage in one process.
@@ -185,6 +185,8 @@ fn hello() -> Hello {
         sample_rate_hz: 5e4,
         input_min_um: 0.0,
         input_max_um: 2.5,
+        bank: 0,
+        banks: 1,
     }
 }
 
@@ -220,7 +222,7 @@ fn failure(image: &Path) -> String {
     let request = sine(100.0, true, true, 0.1);
     let patience = Duration::from_secs(2);
     let error: BoardError =
-        hysteron_board::run(Machine::Mps2An386, image, stage, &request, patience, &mut |_| {}).unwrap_err();
+        hysteron_board::run(Machine::Mps2An386, image, stage, (&request, &[]), patience, &mut |_| {}).unwrap_err();
     error.to_string()
 }
 

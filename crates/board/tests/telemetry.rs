@@ -7,7 +7,7 @@ use hysteron_firmware::telemetry::{
     ABOUT_BYTES, About, Found, Orders, SAMPLE_BYTES, Sample, checksum, find, order_packet,
 };
 use hysteron_firmware::tuning::Change;
-use hysteron_firmware::wire::{Frame, Mode, Order, flags};
+use hysteron_firmware::wire::{Frame, Hello, Mode, Order, flags};
 use proptest::prelude::*;
 use std::io::Write;
 
@@ -178,6 +178,57 @@ fn val_a_recording_begins_when_somebody_listens() {
     );
     let counts = capture.counts;
     assert_eq!((counts.unheard, counts.samples, counts.lost), (100, 12, 999_990));
+}
+
+/// An image with two tables: each piece has its own, by the frames; a change is no loss.
+#[test]
+fn val_every_piece_has_the_table_that_ran() {
+    let of_bank = |bank: u8| {
+        let mut about = About::of("nucleo-h743zi");
+        about.hello = Hello {
+            hash: [bank + 1; 32],
+            bank,
+            banks: 2,
+            ..about.hello
+        };
+        about
+    };
+    let samples = |bank: u16, numbers: std::ops::Range<u32>| -> Vec<u8> {
+        let packets = numbers.map(|number| {
+            let mut sample = sample(number);
+            sample.frame.flags |= bank << 13;
+            sample.to_packet()
+        });
+        packets.flatten().collect()
+    };
+    let abouts = [of_bank(0), of_bank(1)]
+        .map(|about| about.to_packet().to_vec())
+        .concat();
+    let stream = [
+        abouts.clone(),
+        samples(0, 0..50),
+        samples(1, 50..90),
+        abouts,
+        samples(0, 90..99),
+    ]
+    .concat();
+    let capture = collect(&stream, 100).unwrap();
+    let tables: Vec<(u64, u8)> = capture
+        .pieces
+        .iter()
+        .map(|piece| (piece.start_tick, piece.table.hash[0]))
+        .collect();
+    assert_eq!(tables, [(0, 1), (50, 2), (90, 1)]);
+    assert_eq!((capture.counts.samples, capture.counts.lost), (99, 0));
+    // Samples of a table that nothing is known of.
+    let stream = [of_bank(0).to_packet().to_vec(), samples(1, 0..9)].concat();
+    let said = collect(&stream, 100).err().unwrap().to_string();
+    assert!(said.starts_with("9 samples came and no description"), "{said}");
+    // Another board's second table.
+    let mut other = of_bank(1);
+    other.adc_um = [0.0, 1.0];
+    let stream = [of_bank(0).to_packet(), other.to_packet()].concat();
+    assert!(matches!(collect(&stream, 100), Err(BoardError::OtherBoard)));
 }
 
 #[test]

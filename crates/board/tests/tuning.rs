@@ -3,44 +3,19 @@
 #![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 
 mod common;
+mod scripted;
 
 use common::image;
-use hysteron_board::{Bench, Machine, Request, Rig, Session, Shape, drive_here};
+use hysteron_board::{Machine, Request, Rig, Session, Shape, drive_here};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::monitor::Fault;
 use hysteron_firmware::table;
 use hysteron_firmware::trajectory::{CHUNK_POINTS, TABLE_POINTS};
 use hysteron_firmware::tuning::Change;
-use hysteron_firmware::wire::{ACCEPTED, Frame, Hello, Input, Mode, Order, REFUSED, Setup};
+use hysteron_firmware::wire::{ACCEPTED, Frame, Hello, Mode, Order, REFUSED, Setup};
 use hysteron_plant::{Stage, preset};
+use scripted::{Scripted, answers};
 use std::time::Duration;
-
-/// The stage, and orders by tick.
-struct Scripted {
-    rig: Rig,
-    orders: Vec<Order>,
-    inputs: Vec<Input>,
-}
-
-impl Bench for Scripted {
-    fn sample_rate_hz(&self) -> f64 {
-        self.rig.sample_rate_hz()
-    }
-
-    fn input(&mut self, number: u32) -> Input {
-        let order = self.orders.get(number as usize).copied().unwrap_or(Order::None);
-        let input = Input {
-            order,
-            ..self.rig.input(number)
-        };
-        self.inputs.push(input);
-        input
-    }
-
-    fn output(&mut self, frame: &Frame) {
-        self.rig.output(frame);
-    }
-}
 
 /// A run here with changes at ticks, and, where there is an emulator, the same frames from it.
 fn run(ticks: u32, script: &[(usize, Order)], changes: &[(usize, Change)]) -> Vec<Frame> {
@@ -49,6 +24,8 @@ fn run(ticks: u32, script: &[(usize, Order)], changes: &[(usize, Change)]) -> Ve
         sample_rate_hz: table::SAMPLE_RATE_HZ,
         input_min_um: table::INPUT_MIN_UM,
         input_max_um: table::INPUT_MAX_UM,
+        bank: 0,
+        banks: 1,
     };
     let request = Request {
         shape: Shape::Sine,
@@ -63,21 +40,8 @@ fn run(ticks: u32, script: &[(usize, Order)], changes: &[(usize, Change)]) -> Ve
         clocked: false,
         ..request.setup(&hello).unwrap()
     };
-    let mut orders = vec![Order::None; ticks as usize];
-    for &(tick, order) in script {
-        orders[tick] = order;
-    }
-    for (tick, change) in changes {
-        for (k, order) in change.orders().enumerate() {
-            orders[tick + k] = order;
-        }
-    }
     let rig = Rig::new(Stage::new(&preset::paper_rate(), 3).unwrap(), request.seconds);
-    let mut bench = Scripted {
-        rig,
-        orders,
-        inputs: Vec::new(),
-    };
+    let mut bench = Scripted::new(rig, ticks, script, changes);
     let mut controller = Controller::new(table::parameters().unwrap(), &setup);
     drive_here(&mut controller, ticks, &mut bench);
     let frames = bench.rig.recording.frames;
@@ -90,11 +54,6 @@ fn run(ticks: u32, script: &[(usize, Order)], changes: &[(usize, Change)]) -> Ve
         }
     }
     frames
-}
-
-fn answers(frames: &[Frame]) -> Vec<(u32, u16)> {
-    let of = |frame: &Frame| (frame.number, frame.flags & (ACCEPTED | REFUSED));
-    frames.iter().map(of).filter(|answer| answer.1 != 0).collect()
 }
 
 const fn gains(proportional_v_per_um: f32, integral_v_per_um_s: f32) -> Change {

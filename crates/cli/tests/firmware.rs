@@ -222,3 +222,96 @@ fn val_board_run_records_what_compare_takes() {
     answered(&["compare", &board, &model]);
     assert!(refused(&run).contains("already"), "a recording is not replaced unasked");
 }
+
+/// The recording says which of the image's tables ran, and a bank that it has not is refused with what to do.
+#[test]
+fn val_board_run_takes_a_bank() {
+    let image = root().join("firmware/target/images/tables/banks");
+    let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
+    if !image.is_file() || emulator.is_err() {
+        assert!(
+            std::env::var_os("HYSTERON_EMULATOR").is_none(),
+            "no image or no emulator"
+        );
+        eprintln!("skipped: no image or no qemu-system-arm; run `cargo xtask test`");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let board = folder.path().join("board").display().to_string();
+    let image = image.display().to_string();
+    let run = |bank: &'static str| {
+        let words = "board run --emulator mps2-an386 --stage 739 --seconds 0.02 --low 3 --high 13 --bank";
+        let mut words: Vec<String> = words.split(' ').map(str::to_owned).collect();
+        words.extend([bank, "--image", &image, "-o", &board].map(str::to_owned));
+        words
+    };
+    let of = |words: &[String]| answered(&words.iter().map(String::as_str).collect::<Vec<_>>());
+    let text = fs::read_to_string(root().join("firmware/tables/tracking-739.toml")).unwrap();
+    let bytes = hysteron_table::hash(&text).map(|byte| format!("{byte:02x}"));
+    let named = format!("bank 1 of 2, table {}", bytes.concat());
+    let said = of(&run("1"));
+    assert!(said.contains(&named), "{said}");
+    let dataset = read_dataset(Path::new(&board)).unwrap();
+    assert!(dataset.description.ends_with(&named), "{}", dataset.description);
+    let other = run("2");
+    let said = refused(&other.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(said.contains("bank 2: the image has 2 (0 to 1)"), "{said}");
+}
+
+/// A reference from a file comes back point by point in what the board recorded; what is none is refused by its line.
+#[test]
+fn val_board_run_follows_a_reference_from_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (file, board) = (path("raster.csv"), path("board"));
+    let run = |image: &str| {
+        // A point a tick: 50 kHz / 256.
+        let words = "board run --emulator mps2-an386 --stage paper-rate --seconds 0.05 --hz 195.3125 --no-feedback";
+        let mut words: Vec<String> = words.split(' ').map(str::to_owned).collect();
+        words.extend(["--trajectory", &file, "--image", image, "-o", &board].map(str::to_owned));
+        words
+    };
+    let refusal = |text: &str| {
+        fs::write(&file, text).unwrap();
+        let words = run("no-image");
+        refused(&words.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    let said = refusal("reference_um\n1\n1.5\ntwo\n");
+    assert!(said.contains("line 4: `two` is no position in micrometres"), "{said}");
+    let said = refusal("1\n2\n");
+    assert!(
+        said.contains("a reference has 256 points, one a line; here are 2"),
+        "{said}"
+    );
+    let said = refusal(&"1.5\n".repeat(256));
+    assert!(said.contains("all points of the reference are 1.5 um"), "{said}");
+    let said = refusal("1\nNaN\n");
+    assert!(said.contains("line 2: `NaN`"), "{said}");
+    // Up with the square of the time, and down.
+    let points: Vec<f64> = (0..256)
+        .map(|i| 2.0 - 1.5 * (f64::from(i - 128) / 128.0).powi(2))
+        .collect();
+    let lines = points.iter().map(|um| format!("{um}\n"));
+    fs::write(&file, "reference_um\n".to_owned() + &lines.collect::<String>()).unwrap();
+    let image = root().join("firmware/target/images/mps2-an386");
+    let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
+    if !image.is_file() || emulator.is_err() {
+        assert!(
+            std::env::var_os("HYSTERON_EMULATOR").is_none(),
+            "no image or no emulator"
+        );
+        eprintln!("skipped: no image or no qemu-system-arm; run `cargo xtask test`");
+        return;
+    }
+    let words = run(&image.display().to_string());
+    answered(&words.iter().map(String::as_str).collect::<Vec<_>>());
+    let dataset = read_dataset(Path::new(&board)).unwrap();
+    let reference_um = dataset.records[0].reference_um.as_ref().unwrap();
+    // From the tick on that leaves the first point, until the stop.
+    let start = reference_um.windows(2).position(|pair| pair[0] != pair[1]).unwrap();
+    for (k, found_um) in reference_um[start..2500].iter().enumerate() {
+        // Half a share of 1.5 um, and the roundings of f32.
+        let off_um = (found_um - points[k % 256]).abs();
+        assert!(off_um < 1.5 / 65_535.0 / 2.0 + 1e-6, "{k}: {found_um}");
+    }
+}

@@ -132,6 +132,7 @@ fn val_a_recording_with_losses() {
     is("restarts", 0);
     is("fault", Fault::SensorStuck as u64);
     assert_eq!(answer["board"], "nucleo-g474re");
+    assert_eq!(answer["tables_sha256"].as_array().map(Vec::len), Some(1));
     let dataset = read_dataset(&place).unwrap();
     let shapes: Vec<(&str, usize)> = dataset
         .records

@@ -3,7 +3,7 @@
 use crate::envelope::Envelope;
 use crate::error::{ParamError, finite, in_range};
 use crate::play;
-use crate::real::Real;
+use crate::real::{Real, rarely};
 use crate::thresholds::Thresholds;
 
 /// Largest magnitude of an input limit: no volt is larger, and 1e9 um are a kilometre. With it a rate stays below
@@ -127,10 +127,20 @@ impl<T: Real, const N: usize> PlayBank<T, N> {
     /// The input as used and its rate.
     #[inline(always)]
     pub(crate) fn admit(&self, state: &mut InputState<T>, input: T) -> (T, T) {
+        let last = state.last;
+        // The usual way. What is stored between the two comparisons keeps them two branches, which take fewer instructions than their
+        // conjunction; a NaN takes the first.
+        if input >= self.input_min {
+            state.last = input;
+            if input <= self.input_max && state.seen & STARTED != 0 {
+                return (input, (input - last) * self.sample_rate_hz);
+            }
+        }
+        rarely();
         let finite = input.is_finite();
-        let input = self.clamped(if finite { input } else { state.last });
+        let input = self.clamped(if finite { input } else { last });
         // The first input is its own predecessor.
-        let last = if state.seen & STARTED != 0 { state.last } else { input };
+        let last = if state.seen & STARTED != 0 { last } else { input };
         state.last = input;
         state.seen |= if finite { STARTED } else { FAULT };
         (input, (input - last) * self.sample_rate_hz)

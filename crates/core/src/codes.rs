@@ -67,7 +67,8 @@ macro_rules! impl_to_code {
         impl ToCode for $type {
             #[inline(always)]
             fn to_code(self) -> u16 {
-                self as u16
+                // A conversion that saturates, and one instruction for the range; `as u16` compares twice as floating-point numbers.
+                (self as i32).clamp(0, 65_535) as u16
             }
             #[inline(always)]
             fn from_code(code: u16) -> Self {

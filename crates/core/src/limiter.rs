@@ -1,7 +1,7 @@
 //! Range and slew limits of a command.
 
 use crate::error::{ParamError, finite, in_range};
-use crate::real::Real;
+use crate::real::{Real, rarely};
 
 /// Keeps a command within a range and its changes within a slew rate.
 ///
@@ -80,9 +80,19 @@ impl<T: Real> Limiter<T> {
     /// As [`Self::step`] with [`Self::room`] known already.
     #[inline(always)]
     pub(crate) fn step_within(&self, state: &mut LimiterState<T>, (lowest, highest): (T, T), command: T) -> T {
-        let wanted = if command.is_finite() { command } else { state.last };
+        let last = state.last;
+        // The usual way, in two branches as in `PlayBank::admit`.
+        if command >= lowest {
+            state.last = command;
+            if command <= highest {
+                state.limited = false;
+                return command;
+            }
+        }
+        rarely();
+        state.limited = true;
+        let wanted = if command.is_finite() { command } else { last };
         let allowed = lowest.select_max(wanted).select_min(highest);
-        state.limited = allowed != command;
         state.last = allowed;
         allowed
     }

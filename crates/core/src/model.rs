@@ -39,8 +39,12 @@ pub(crate) use impl_at_rest;
 /// Both slices have the same length.
 #[inline(always)]
 pub(crate) fn dot<T: Real>(coefficients: &[T], values: &[T]) -> T {
-    let (mut even, mut odd) = (T::ZERO, T::ZERO);
-    for (c, x) in coefficients.chunks_exact(2).zip(values.chunks_exact(2)) {
+    let mut pairs = coefficients.chunks_exact(2).zip(values.chunks_exact(2));
+    let (mut even, mut odd) = match pairs.next() {
+        Some((c, x)) => (c[0] * x[0], c[1] * x[1]),
+        None => (T::ZERO, T::ZERO),
+    };
+    for (c, x) in pairs {
         even += c[0] * x[0];
         odd += c[1] * x[1];
     }

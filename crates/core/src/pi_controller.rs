@@ -1,7 +1,7 @@
 //! The proportional plus integral controller (eq. 14) with anti-windup and bumpless start.
 
 use crate::error::{ParamError, in_range};
-use crate::real::Real;
+use crate::real::{Real, rarely};
 
 /// Largest gain.
 const LARGEST_GAIN: f64 = 1e12;
@@ -58,24 +58,27 @@ impl<T: Real> PiController<T> {
     /// limiter that they come from does that. An error that is not finite or above 1e25 counts as 0.
     #[inline(always)]
     pub fn step(&self, state: &mut PiState<T>, error: T, lowest: T, highest: T) -> T {
-        // A NaN fails the comparison.
-        let error = if error.magnitude() <= T::from_f64(LARGEST_ERROR) {
-            error
-        } else {
-            T::ZERO
-        };
+        // A NaN fails the comparison; it counts as no error.
+        let usable = error.magnitude() <= T::from_f64(LARGEST_ERROR);
+        if !usable {
+            rarely();
+            return T::ZERO + state.integral;
+        }
         let proportional = self.proportional * error;
         let wanted = state.integral + self.integral_a_sample * error;
         let integral = if error > T::ZERO {
-            wanted.select_min(state.integral.select_max(highest - proportional))
+            wanted.select_below(highest - proportional, state.integral)
         } else {
-            wanted.select_max(state.integral.select_min(lowest - proportional))
+            wanted.select_above(lowest - proportional, state.integral)
         };
         // Matters only where the room is none (infinite or NaN).
-        if integral.magnitude() <= T::from_f64(LARGEST_INTEGRAL) {
-            state.integral = integral;
+        let bounded = integral.magnitude() <= T::from_f64(LARGEST_INTEGRAL);
+        if !bounded {
+            rarely();
+            return proportional + state.integral;
         }
-        proportional + state.integral
+        state.integral = integral;
+        proportional + integral
     }
 
     /// Sets the integral so that the next output is `output` at `error`: switching on without a bump.

@@ -50,6 +50,24 @@ pub trait Real:
         if self < other { self } else { other }
     }
 
+    /// `self.select_min(other.select_max(limit))` for an `other` that is at most `self`: one comparison where `self` is below `limit`.
+    #[inline(always)]
+    fn select_below(self, limit: Self, other: Self) -> Self {
+        #[cfg(feature = "max-instruction")]
+        return self.instruction_min(other.instruction_max(limit));
+        #[cfg(not(feature = "max-instruction"))]
+        if self < limit { self } else { other.select_max(limit) }
+    }
+
+    /// `self.select_max(other.select_min(limit))` for an `other` that is at least `self`: one comparison where `self` is above `limit`.
+    #[inline(always)]
+    fn select_above(self, limit: Self, other: Self) -> Self {
+        #[cfg(feature = "max-instruction")]
+        return self.instruction_max(other.instruction_min(limit));
+        #[cfg(not(feature = "max-instruction"))]
+        if self > limit { self } else { other.select_min(limit) }
+    }
+
     /// The larger by the processor's instruction (`vmaxnm` of Cortex-M7, M33, M55), where it has one.
     #[cfg(feature = "max-instruction")]
     fn instruction_max(self, other: Self) -> Self;
@@ -60,6 +78,11 @@ pub trait Real:
     /// Absolute value, one instruction.
     fn magnitude(self) -> Self;
 }
+
+/// Marks the branch that it is called in as one that is hardly ever taken: the compiler then keeps it a branch, out of the way.
+#[cold]
+#[inline]
+pub(crate) fn rarely() {}
 
 macro_rules! impl_real {
     ($type:ty) => {

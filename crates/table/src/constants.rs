@@ -105,6 +105,8 @@ pub fn hello() -> crate::wire::Hello {
         sample_rate_hz: SAMPLE_RATE_HZ,
         input_min_um: INPUT_MIN_UM,
         input_max_um: INPUT_MAX_UM,
+        bank: BANK,
+        banks: BANKS as u8,
     }
 }
 ";
@@ -120,7 +122,7 @@ use hysteron_core::law_numbers::{CreepNumbers, FeedbackNumbers, HumNumbers, Inve
 
 impl Table {
     /// The constants that the firmware includes: one `pub const` a field, the functions that build the inverse from them, and the
-    /// hash of `text`, the table's file.
+    /// hash of `text`, the table's file. `BANK` and `BANKS`, which they use, [`crate::constants_of_banks`] adds.
     ///
     /// Those of a complete law are in `f64`, as [`LawNumbers`] has them, from which the core makes its `f32`.
     ///

@@ -5,7 +5,7 @@
 use hysteron_core::bank::PlayState;
 use hysteron_core::model::Hysteresis;
 use hysteron_core::surroundings::LoopInput;
-use hysteron_table::{Controller, Family, Table, hash};
+use hysteron_table::{Controller, Family, MOST_BANKS, Table, constants_of_banks, hash};
 
 const GOOD: &str = include_str!("../../../firmware/tables/paper-rate-mrpi.toml");
 
@@ -37,6 +37,68 @@ fn val_constants_are_the_nearest_f32() {
 fn val_one_changed_digit_changes_the_hash() {
     assert_ne!(hash(GOOD.as_bytes().escape_ascii().to_string().as_str()), hash(GOOD));
     assert_ne!(hash(&GOOD.replacen('1', "2", 1)), hash(GOOD));
+}
+
+/// Tables of one image: what they may not differ in is refused by its name, and what is each one's own is taken.
+#[test]
+fn refuse_tables_that_do_not_fit_together() {
+    let first = Table::parse(GOOD).unwrap();
+    let refused = |change: &dyn Fn(&mut Table)| {
+        let mut other = first.clone();
+        change(&mut other);
+        other.fits(&first).unwrap_err().to_string()
+    };
+    assert_eq!(
+        refused(&|table| table.family = Family::Wrpi),
+        "family = wrpi: must be mrpi as in the image's first table"
+    );
+    assert_eq!(
+        refused(&|table| table.thresholds_um.truncate(9)),
+        "thresholds_um = 9 values: must be 10 as in the image's first table"
+    );
+    assert_eq!(
+        refused(&|table| table.controller = Table::parse(COMPLETE).unwrap().controller),
+        "controller = present: the image's first table has none; give tables with a complete law, or tables without"
+    );
+    type Field = fn(&mut Table) -> &mut f64;
+    let fields: [(&str, Field); 10] = [
+        ("sample_rate_hz", |table| &mut table.sample_rate_hz),
+        ("output_min_v", |table| &mut table.output_min_v),
+        ("output_max_v", |table| &mut table.output_max_v),
+        ("safe_v", |table| &mut table.safe_v),
+        ("slew_v_per_s", |table| &mut table.slew_v_per_s),
+        ("ramp_v_per_s", |table| &mut table.ramp_v_per_s),
+        ("dac_min_v", |table| &mut table.dac_min_v),
+        ("dac_top_v", |table| &mut table.dac_top_v),
+        ("adc_min_um", |table| &mut table.adc_min_um),
+        ("adc_top_um", |table| &mut table.adc_top_um),
+    ];
+    for (name, field) in fields {
+        let said = refused(&|table| *field(table) += 0.5);
+        let its = *field(&mut first.clone());
+        assert_eq!(
+            said,
+            format!("{name} = {}: must be {its} as in the image's first table", its + 0.5)
+        );
+    }
+    const OTHER: &str = include_str!("../../../firmware/tables/paper-delay-mrpi.toml");
+    let other = Table::parse(OTHER).unwrap();
+    let both = [(first.clone(), GOOD), (other, OTHER)];
+    let source = constants_of_banks(&both).unwrap();
+    for text in [GOOD, OTHER] {
+        assert!(source.contains(&format!("HASH: [u8; 32] = {:?};", hash(text))));
+    }
+    let bad = Table {
+        safe_v: 1.0,
+        ..first.clone()
+    };
+    let (place, error) = constants_of_banks(&[(first.clone(), GOOD), (bad, GOOD)]).unwrap_err();
+    assert_eq!(
+        (place, error.to_string().as_str()),
+        (1, "safe_v = 1: must be 0 as in the image's first table")
+    );
+    let (_, error) = constants_of_banks(&vec![(first, GOOD); MOST_BANKS + 1]).unwrap_err();
+    assert_eq!(error.to_string(), "tables = 9: an image has room for 8");
 }
 
 /// The table with each play split into `parts`, evenly up to the next threshold, of equal weights.

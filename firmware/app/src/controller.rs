@@ -5,7 +5,7 @@ use crate::monitor::{Fault, Monitor, MonitorState, Tick};
 use crate::parameters::Parameters;
 use crate::trajectory::{Trajectory, Uploaded};
 use crate::tuning::{Change, Mailbox};
-use crate::wire::{ACCEPTED, REFUSED};
+use crate::wire::{ACCEPTED, BANK_BIT, REFUSED};
 use crate::wire::{Frame, Input, Mode, Order, Setup, flags};
 use hysteron_core::codes::AdcCode;
 use hysteron_core::limiter::LimiterState;
@@ -18,7 +18,12 @@ use hysteron_core::pi_controller::PiController;
 /// but a new [`Order::Start`] lets it rise again.
 #[derive(Debug, Clone)]
 pub struct Controller<L: Law> {
+    /// In force: those of a bank, with what was changed since it was selected.
     parameters: Parameters<L>,
+    /// As they were compiled in.
+    banks: &'static [Parameters<L>],
+    /// The number of the bank in force, at its place in a frame's flags.
+    bank_flags: u16,
     state: L::State,
     ramp: LimiterState<f32>,
     monitor: Monitor,
@@ -41,7 +46,7 @@ pub struct Controller<L: Law> {
 }
 
 impl<L: Law> Controller<L> {
-    /// The controller at its safe level.
+    /// The controller at its safe level, with one table.
     pub fn new(mut parameters: Parameters<L>, setup: &Setup) -> Self {
         let trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
         let uploaded = Uploaded::default();
@@ -75,7 +80,17 @@ impl<L: Law> Controller<L> {
             command_v: parameters.safe_v,
             number: 0,
             parameters,
+            banks: &[],
+            bank_flags: 0,
         }
+    }
+
+    /// Gives it the tables that [`Change::Bank`] selects from; the first is the one that it has.
+    ///
+    /// They have one rate, safe level, command and slew, and the same converters: the build has seen to that.
+    #[must_use]
+    pub fn with_banks(self, banks: &'static [Parameters<L>]) -> Self {
+        Self { banks, ..self }
     }
 
     /// One tick. Total: whatever comes in, the command stays within its limits and never moves faster than its slew.
@@ -105,7 +120,7 @@ impl<L: Law> Controller<L> {
             reference_um,
             command_v: self.command_v,
             dac: self.parameters.dac.code(self.command_v).0,
-            flags: flags(limited, self.mode, self.fault) | answer,
+            flags: flags(limited, self.mode, self.fault) | self.bank_flags | answer,
         };
         self.number = self.number.wrapping_add(1);
         frame
@@ -198,17 +213,29 @@ impl<L: Law> Controller<L> {
                 let setup = self.setup;
                 self.uploaded.put(chunk, shares) && self.set_up(&setup)
             }
+            Some(Change::Bank(bank)) if off => self.select(bank),
             _ => false,
         };
         if accepted { ACCEPTED } else { REFUSED }
     }
 
+    /// Another table, at the safe level; refuses a bank that there is not, and one whose range the reference leaves.
+    fn select(&mut self, bank: u8) -> bool {
+        let setup = self.setup;
+        match self.banks.get(usize::from(bank)) {
+            Some(other) if allows(other.range_um, &setup) => {
+                put(&mut self.parameters, other);
+                self.bank_flags = u16::from(bank) << BANK_BIT;
+                self.set_up(&setup)
+            }
+            _ => false,
+        }
+    }
+
     /// Another setup, at the safe level; refuses a reference outside the table's range or above a tenth of the sample rate.
+    #[inline(never)]
     fn set_up(&mut self, setup: &Setup) -> bool {
-        let [min_um, max_um] = self.parameters.range_um;
-        // A NaN fails the comparisons.
-        let inside = setup.low_um >= min_um && setup.low_um < setup.high_um && setup.high_um <= max_um;
-        if !inside || setup.phase_step > u32::MAX / 10 {
+        if !allows(self.parameters.range_um, setup) {
             return false;
         }
         let frequency_hz = setup.frequency_hz(self.parameters.sample_rate_hz);
@@ -297,6 +324,18 @@ impl<L: Law> Controller<L> {
         }
         (self.first_um, limited)
     }
+}
+
+/// A function of its own, whose arguments do not overlap: otherwise it is a `memmove`, 1.6 kB of the fastest memory.
+#[inline(never)]
+fn put<P: Copy>(place: &mut P, new: &P) {
+    *place = *new;
+}
+
+/// Whether a table of this range can be asked for a reference. A NaN fails the comparisons.
+fn allows([min_um, max_um]: [f32; 2], setup: &Setup) -> bool {
+    let inside = setup.low_um >= min_um && setup.low_um < setup.high_um && setup.high_um <= max_um;
+    inside && setup.phase_step <= u32::MAX / 10
 }
 
 /// The share of the feedback: 1 up to a frequency, in a straight line to 0 at twice it; the law brings it into 0 to 1.

@@ -45,7 +45,7 @@ pub struct Step {
 }
 
 /// A control law as the controller runs it.
-pub trait Law: Copy + core::fmt::Debug {
+pub trait Law: Copy + core::fmt::Debug + 'static {
     /// What it remembers.
     type State: Clone + core::fmt::Debug;
 
@@ -98,7 +98,7 @@ pub struct PaperState<S> {
     first_um: f32,
 }
 
-impl<I: AtRest<f32> + Copy + core::fmt::Debug> Law for Paper<I>
+impl<I: AtRest<f32> + Copy + core::fmt::Debug + 'static> Law for Paper<I>
 where
     I::State: Clone + core::fmt::Debug,
 {

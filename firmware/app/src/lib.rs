@@ -12,6 +12,7 @@ pub mod kept;
 pub mod law;
 pub mod monitor;
 pub mod parameters;
+pub mod small_stage;
 pub mod table;
 pub mod table_y;
 pub mod telemetry;

@@ -18,13 +18,18 @@ const ORDER: u8 = b'O';
 const AROUND: usize = 4;
 /// Letters of a board's name.
 const NAME_BYTES: usize = 16;
+/// Length of the converters' ranges.
+const RANGE_BYTES: usize = 16;
+/// Place of the converters' ranges in an [`About`]'s packet, and of the name behind them.
+const RANGES: usize = 2 + HELLO_BYTES;
+const NAME: usize = RANGES + RANGE_BYTES;
 /// Length of an [`About`]'s packet.
-pub const ABOUT_BYTES: usize = AROUND + HELLO_BYTES + 16 + NAME_BYTES;
+pub const ABOUT_BYTES: usize = AROUND + HELLO_BYTES + RANGE_BYTES + NAME_BYTES;
 /// Length of a [`Sample`]'s packet: 1.1 MB a second at 50 kHz.
 pub const SAMPLE_BYTES: usize = AROUND + FRAME_BYTES + 2;
 /// Length of an [`Order`]'s packet.
 pub const ORDER_BYTES: usize = AROUND + 2;
-/// Samples from one [`About`] to the next: whoever comes late waits 0.16 s.
+/// Samples from the [`About`]s of all tables to the next: whoever comes late waits 0.16 s.
 pub const SAMPLES_AN_ABOUT: u32 = 8192;
 
 /// A tick: the frame, and the sensor's code that it answers.
@@ -36,7 +41,7 @@ pub struct Sample {
     pub adc: u16,
 }
 
-/// Which board with which table sends, and what its codes mean.
+/// Which board with which table sends, and what its codes mean; one for each table in the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct About {
     /// The table.
@@ -65,19 +70,22 @@ pub enum Found {
 }
 
 impl About {
-    /// Of the table that is compiled in.
+    /// Of each table that is compiled in.
+    pub fn all(board: &str) -> [Self; table::BANKS] {
+        table::hellos().map(|hello| Self {
+            hello,
+            ..Self::of(board)
+        })
+    }
+
+    /// Of the first table that is compiled in; the converters of the others are the same.
     pub fn of(board: &str) -> Self {
         let mut name = [0; NAME_BYTES];
         name.iter_mut()
             .zip(board.bytes())
             .for_each(|(place, byte)| *place = byte);
         Self {
-            hello: Hello {
-                hash: table::HASH,
-                sample_rate_hz: table::SAMPLE_RATE_HZ,
-                input_min_um: table::INPUT_MIN_UM,
-                input_max_um: table::INPUT_MAX_UM,
-            },
+            hello: table::hello(),
             adc_um: [table::ADC_MIN_UM, table::ADC_TOP_UM],
             dac_v: [table::DAC_MIN_V, table::DAC_TOP_V],
             name,
@@ -95,22 +103,22 @@ impl About {
     pub fn to_packet(&self) -> [u8; ABOUT_BYTES] {
         let mut packet = [0; ABOUT_BYTES];
         packet[1] = ABOUT;
-        packet[2..54].copy_from_slice(&self.hello.to_bytes());
+        packet[2..RANGES].copy_from_slice(&self.hello.to_bytes());
         let numbers = [self.adc_um[0], self.adc_um[1], self.dac_v[0], self.dac_v[1]];
-        for (place, number) in packet[54..70].chunks_exact_mut(4).zip(numbers) {
+        for (place, number) in packet[RANGES..NAME].chunks_exact_mut(4).zip(numbers) {
             place.copy_from_slice(&number.to_le_bytes());
         }
-        packet[70..86].copy_from_slice(&self.name);
+        packet[NAME..NAME + NAME_BYTES].copy_from_slice(&self.name);
         close(packet)
     }
 
     fn from_packet(packet: &[u8; ABOUT_BYTES]) -> Option<Self> {
-        let number = |i: usize| f32::from_le_bytes(core::array::from_fn(|k| packet[54 + 4 * i + k]));
+        let number = |i: usize| f32::from_le_bytes(core::array::from_fn(|k| packet[RANGES + 4 * i + k]));
         Some(Self {
             hello: Hello::from_bytes(&core::array::from_fn(|i| packet[2 + i]))?,
             adc_um: [number(0), number(1)],
             dac_v: [number(2), number(3)],
-            name: core::array::from_fn(|i| packet[70 + i]),
+            name: core::array::from_fn(|i| packet[NAME + i]),
         })
     }
 }

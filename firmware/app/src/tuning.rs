@@ -38,6 +38,9 @@ pub enum Change {
         /// Its points, from 0 at the lowest position to 65535 at the highest.
         shares: [u16; CHUNK_POINTS],
     },
+    /// Another of the tables in the image, with the gains that it came with; at the safe level only, since the plays begin anew. Refused
+    /// where the reference does not lie in that table's range.
+    Bank(u8),
 }
 
 /// Longest change.
@@ -85,12 +88,24 @@ impl Mailbox {
                     u16::from_le_bytes(core::array::from_fn(|k| b.get(1 + 2 * i + k).copied().unwrap_or(0)))
                 }),
             }),
+            (4, 1) => Some(Change::Bank(b[0])),
             _ => None,
         }
     }
 }
 
 impl Change {
+    /// What it is, in words.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Gains { .. } => "other gains",
+            Self::Trajectory { .. } => "another reference",
+            Self::Parts { .. } => "other parts",
+            Self::Chunk { .. } => "points of a reference",
+            Self::Bank(_) => "another table",
+        }
+    }
+
     /// The orders of the host that make it: the last is [`Order::Apply`], whose tick answers.
     pub fn orders(&self) -> impl Iterator<Item = Order> + use<> {
         let mut bytes = [0; MOST_BYTES];
@@ -126,6 +141,10 @@ impl Change {
                 }
                 (3, 17)
             }
+            Self::Bank(bank) => {
+                bytes[0] = bank;
+                (4, 1)
+            }
         };
         let sent = bytes.into_iter().take(length).map(Order::Byte);
         sent.chain(core::iter::once(Order::Apply(kind)))
@@ -157,6 +176,7 @@ mod tests {
                 chunk: 31,
                 shares: [0, 1, 2, 3, 0x1234, 5, 6, 65_535],
             },
+            Change::Bank(5),
         ];
         for change in changes {
             let mut mailbox = Mailbox::default();

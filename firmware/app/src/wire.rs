@@ -4,7 +4,7 @@ use crate::monitor::Fault;
 use crate::trajectory::Shape;
 
 /// First bytes of a hello; another version has others.
-pub const MAGIC: [u8; 8] = *b"HYSTERN4";
+pub const MAGIC: [u8; 8] = *b"HYSTERN5";
 /// Bit of [`Frame::flags`]: the limiter changed the command.
 pub const LIMITED: u16 = 1;
 /// Bit of [`Frame::flags`]: the change that came with this tick is in force.
@@ -13,12 +13,16 @@ pub const ACCEPTED: u16 = 2;
 pub const REFUSED: u16 = 4;
 /// Place of the [`Mode`] in [`Frame::flags`].
 const MODE_BIT: u16 = 4;
-/// Place of the fault's number in [`Frame::flags`].
+/// Place of the fault's number in [`Frame::flags`]; five bits.
 const FAULT_BIT: u16 = 8;
+/// Place of the bank in [`Frame::flags`]; the last three bits.
+pub(crate) const BANK_BIT: u16 = 13;
+/// Most tables in an image: what three bits can tell apart.
+pub const MOST_BANKS: usize = 1 << (16 - BANK_BIT);
 /// Length of an input.
 pub const INPUT_BYTES: usize = 4;
 /// Length of a hello.
-pub const HELLO_BYTES: usize = 52;
+pub const HELLO_BYTES: usize = 56;
 /// Length of a setup.
 pub const SETUP_BYTES: usize = 20;
 /// Length of a frame.
@@ -26,7 +30,7 @@ pub const FRAME_BYTES: usize = 16;
 /// Length of a summary.
 pub const SUMMARY_BYTES: usize = 32;
 
-/// What the board says first: which table it holds, and what the host has to know of it.
+/// What the board says first, once for each table that it holds: which it is, and what the host has to know of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hello {
     /// SHA-256 of the table's file.
@@ -37,6 +41,10 @@ pub struct Hello {
     pub input_min_um: f32,
     /// Highest reference.
     pub input_max_um: f32,
+    /// Which bank the table is in, from 0 on; the board begins with bank 0.
+    pub bank: u8,
+    /// How many there are; so many hellos come.
+    pub banks: u8,
 }
 
 /// What the host asks for.
@@ -116,7 +124,7 @@ pub struct Frame {
     pub command_v: f32,
     /// The converter's code.
     pub dac: u16,
-    /// [`LIMITED`], [`ACCEPTED`], [`REFUSED`], [`Frame::mode`] and [`Frame::fault`].
+    /// [`LIMITED`], [`ACCEPTED`], [`REFUSED`], [`Frame::mode`], [`Frame::fault`] and [`Frame::bank`].
     pub flags: u16,
 }
 
@@ -153,7 +161,9 @@ impl Hello {
         bytes[8..40].copy_from_slice(&self.hash);
         bytes[40..44].copy_from_slice(&self.sample_rate_hz.to_le_bytes());
         bytes[44..48].copy_from_slice(&self.input_min_um.to_le_bytes());
-        bytes[48..].copy_from_slice(&self.input_max_um.to_le_bytes());
+        bytes[48..52].copy_from_slice(&self.input_max_um.to_le_bytes());
+        bytes[52] = self.bank;
+        bytes[53] = self.banks;
         bytes
     }
 
@@ -165,6 +175,8 @@ impl Hello {
             sample_rate_hz: f32::from_le_bytes(word(bytes, 40)),
             input_min_um: f32::from_le_bytes(word(bytes, 44)),
             input_max_um: f32::from_le_bytes(word(bytes, 48)),
+            bank: bytes[52],
+            banks: bytes[53],
         })
     }
 }
@@ -261,7 +273,12 @@ impl Frame {
 
     /// The latched fault.
     pub fn fault(&self) -> Option<Fault> {
-        Fault::from_code((self.flags >> FAULT_BIT) as u8)
+        Fault::from_code((self.flags >> FAULT_BIT) as u8 & 31)
+    }
+
+    /// The bank of the table that is in force.
+    pub fn bank(&self) -> u8 {
+        (self.flags >> BANK_BIT) as u8
     }
 
     /// As bytes.
@@ -336,6 +353,8 @@ mod tests {
             sample_rate_hz: 5e4,
             input_min_um: -1.5,
             input_max_um: 2.5,
+            bank: 2,
+            banks: 3,
         };
         assert_eq!(Hello::from_bytes(&hello.to_bytes()), Some(hello));
         assert_eq!(Hello::from_bytes(&[0; HELLO_BYTES]), None);
@@ -359,9 +378,12 @@ mod tests {
         };
         assert_eq!(Frame::from_bytes(&frame.to_bytes()), frame);
         assert_eq!((frame.mode(), frame.fault()), (Mode::Off, None));
-        let flags = flags(true, Mode::Falling, Some(Fault::Overrun));
-        let frame = Frame { flags, ..frame };
-        assert_eq!((frame.mode(), frame.fault()), (Mode::Falling, Some(Fault::Overrun)));
+        for (bank, fault) in (0..MOST_BANKS as u16).zip(Fault::ALL.into_iter().rev()) {
+            let flags = flags(true, Mode::Falling, Some(fault)) | bank << BANK_BIT;
+            let frame = Frame { flags, ..frame };
+            assert_eq!((frame.mode(), frame.fault()), (Mode::Falling, Some(fault)));
+            assert_eq!(u16::from(frame.bank()), bank);
+        }
         let orders = [
             Order::None,
             Order::Start,

@@ -4,4 +4,5 @@
 
 pub mod semihosting;
 pub mod timer;
+pub mod timing;
 pub mod watchdog;

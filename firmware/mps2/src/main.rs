@@ -10,9 +10,11 @@ use cortex_m_rt::{entry, exception};
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::monitor::{Fault, WATCHDOG_SAMPLES};
+use hysteron_firmware::parameters::Parameters;
 use hysteron_firmware::wire::{FRAME_BYTES, Frame, INPUT_BYTES, Input, Order, SETUP_BYTES, Setup, Summary};
 use hysteron_firmware::{Board, table, tick};
 use mps2::semihosting::{self, File};
+use mps2::timing::{Entry, Timing};
 use mps2::{timer, watchdog};
 
 /// Converters that are a process on the host. Virtual time stands still while it is waited for.
@@ -54,25 +56,32 @@ struct Loop {
     board: Emulated,
     controller: Controller<table::Law>,
     setup: Setup,
-    /// Ticks done.
-    done: u32,
-    /// The second counter at the last edge.
-    edge: u32,
-    summary: Summary,
+    timing: Timing,
 }
 
 /// Shared between `main`, before the timer starts and after [`DONE`], and the interrupt, between.
-struct Shared(UnsafeCell<MaybeUninit<Loop>>);
+struct Shared<T>(UnsafeCell<MaybeUninit<T>>);
 // SAFETY: main and the interrupt never use it at the same time, as said above; there is one core.
-unsafe impl Sync for Shared {}
-static LOOP: Shared = Shared(UnsafeCell::new(MaybeUninit::uninit()));
+unsafe impl<T> Sync for Shared<T> {}
+static LOOP: Shared<Loop> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
+
+/// The tables, as compiled in: made before the first run, which takes longer than a tick may, and read after that.
+type Banks = [Parameters<table::Law>; table::BANKS];
+static BANKS: Shared<Banks> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 static DONE: AtomicBool = AtomicBool::new(false);
 
 #[entry]
 fn main() -> ! {
     let to_host = File::open(c"from-board", semihosting::WRITE);
     let mut from_host = File::open(c"to-board", semihosting::READ);
-    to_host.write(&table::hello().to_bytes());
+    let Ok(banks) = table::banks() else {
+        semihosting::exit(false);
+    };
+    // SAFETY: nobody has it yet, and it is not written again.
+    let banks: &'static Banks = unsafe { (*BANKS.0.get()).write(banks) };
+    for hello in table::hellos() {
+        to_host.write(&hello.to_bytes());
+    }
     loop {
         let mut setup = [0; SETUP_BYTES];
         from_host.read(&mut setup);
@@ -81,19 +90,16 @@ fn main() -> ! {
             semihosting::exit(true);
         }
         let summary = if setup.clocked {
-            run(&setup, &mut from_host, &to_host)
+            run(banks, &setup, &mut from_host, &to_host)
         } else {
-            run_unclocked(&setup, &mut from_host, &to_host)
+            run_unclocked(banks, &setup, &mut from_host, &to_host)
         };
         to_host.write(&summary.to_bytes());
     }
 }
 
 /// One run, from the safe level to the safe level.
-fn run(setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
-    let Ok(parameters) = table::parameters() else {
-        semihosting::exit(false);
-    };
+fn run(banks: &'static Banks, setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
     let board = Emulated {
         from_host: from_host.again(),
         to_host: to_host.again(),
@@ -102,18 +108,11 @@ fn run(setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
         read_at: 0,
         written_at: 0,
     };
-    let summary = Summary {
-        latency_min: u32::MAX,
-        tick_min: u32::MAX,
-        ..Summary::default()
-    };
     let control = Loop {
         board,
-        controller: Controller::new(parameters, setup),
+        controller: Controller::new(banks[0], setup).with_banks(banks),
         setup: *setup,
-        done: 0,
-        edge: 0,
-        summary,
+        timing: Timing::default(),
     };
     // SAFETY: the timer does not run.
     unsafe { (*LOOP.0.get()).write(control) };
@@ -125,18 +124,15 @@ fn run(setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
         core::hint::spin_loop();
     }
     // SAFETY: initialised above; the timer has been stopped by the interrupt.
-    unsafe { (*LOOP.0.get()).assume_init_ref() }.summary
+    *unsafe { (*LOOP.0.get()).assume_init_ref() }.timing.summary()
 }
 
 /// Ticks that are exchanged at once where no clock is waited for.
 const BATCH: usize = 64;
 
 /// One run without the sample clock: the same ticks, as fast as they come. A tick that is held up makes the next one late.
-fn run_unclocked(setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
-    let Ok(parameters) = table::parameters() else {
-        semihosting::exit(false);
-    };
-    let mut controller = Controller::new(parameters, setup);
+fn run_unclocked(banks: &'static Banks, setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
+    let mut controller = Controller::new(banks[0], setup).with_banks(banks);
     let mut late = false;
     let mut left = setup.ticks as usize;
     let mut inputs = [[0; INPUT_BYTES]; BATCH];
@@ -164,27 +160,14 @@ fn run_unclocked(setup: &Setup, from_host: &mut File, to_host: &File) -> Summary
 /// Deadline: the next edge, 20 us. It is the only interrupt. Shared: [`LOOP`], see there. On overrun (the next edge has come before
 /// the end) it counts and goes on with that edge at once; edges missed altogether are counted by the second timer.
 extern "C" fn sample_clock() {
-    let entered = timer::elapsed();
-    let edge = timer::count().wrapping_sub(entered);
-    timer::acknowledge();
+    let entry = Entry::now();
     // SAFETY: written before the timer was started; main does not touch it before DONE.
     let control = unsafe { (*LOOP.0.get()).assume_init_mut() };
     tick(&mut control.board, &mut control.controller);
     let cost = control.board.written_at.wrapping_sub(control.board.read_at);
-    let (setup, summary) = (&control.setup, &mut control.summary);
-    if control.done > 0 {
-        let edges = (edge.wrapping_sub(control.edge) + timer::PERIOD / 2) / timer::PERIOD;
-        summary.lost += edges.saturating_sub(1);
-    }
-    control.edge = edge;
-    summary.latency_min = summary.latency_min.min(entered);
-    summary.latency_max = summary.latency_max.max(entered);
-    summary.tick_min = summary.tick_min.min(cost);
-    summary.tick_max = summary.tick_max.max(cost);
-    summary.tick_sum += u64::from(cost);
-    control.done += 1;
+    control.timing.tick(entry, cost);
     #[cfg(feature = "panic-on-purpose")]
-    assert!(control.done < u32::MAX, "on purpose");
+    assert!(control.timing.done() < u32::MAX, "on purpose");
     match control.board.order {
         Order::Stall(edges) => timer::wait_for_edges(u32::from(edges)),
         Order::Hang => loop {
@@ -192,12 +175,9 @@ extern "C" fn sample_clock() {
         },
         _ => {}
     }
-    control.board.late = timer::pending();
-    if control.board.late {
-        summary.overruns += 1;
-    }
+    control.board.late = control.timing.late();
     watchdog::feed();
-    if control.done >= setup.ticks {
+    if control.timing.done() >= control.setup.ticks {
         timer::stop();
         watchdog::stop();
         DONE.store(true, Ordering::Release);
@@ -214,12 +194,13 @@ unsafe fn NonMaskableInt() {
     // SAFETY: written before the watchdog was started; the interrupt that this one has taken it from does not go on.
     let control = unsafe { (*LOOP.0.get()).assume_init_mut() };
     control.controller.trip(Fault::Watchdog);
+    let mut done = control.timing.done();
     loop {
         let before = timer::count();
         tick(&mut control.board, &mut control.controller);
-        control.done += 1;
-        if control.done >= control.setup.ticks {
-            control.board.to_host.write(&control.summary.to_bytes());
+        done += 1;
+        if done >= control.setup.ticks {
+            control.board.to_host.write(&control.timing.summary().to_bytes());
             semihosting::exit(true);
         }
         while timer::count().wrapping_sub(before) < timer::PERIOD {}

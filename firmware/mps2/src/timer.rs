@@ -57,11 +57,14 @@ pub fn stop() {
     acknowledge();
 }
 
-/// Periods of 40 ns since the last edge.
+/// Periods of 40 ns since the last edge, which is the counter's 0; its reload comes one later.
 #[inline(always)]
 pub fn elapsed() -> u32 {
     // SAFETY: reading the counter changes nothing.
-    LAST - unsafe { read_volatile(VALUE) }.min(LAST)
+    match unsafe { read_volatile(VALUE) }.min(LAST) {
+        0 => 0,
+        left => PERIOD - left,
+    }
 }
 
 /// Clears the interrupt.

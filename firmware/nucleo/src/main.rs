@@ -28,6 +28,7 @@ use embassy_stm32::spi::{Spi, mode::Master};
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::monitor::Fault;
+use hysteron_firmware::parameters::Parameters;
 use hysteron_firmware::telemetry::{About, Orders, SAMPLES_AN_ABOUT, Sample};
 use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::wire::{Frame, Input, Order, Setup};
@@ -106,6 +107,8 @@ struct Shared<T>(UnsafeCell<MaybeUninit<T>>);
 // SAFETY: main and the interrupt never use it at the same time, as said above, or it is an atomic; there is one core.
 unsafe impl<T> Sync for Shared<T> {}
 static LOOP: Shared<Loop> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
+/// The tables, as compiled in; read alone once the timer runs.
+static BANKS: Shared<[Parameters<table::Law>; table::BANKS]> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 static RUNNING: AtomicBool = AtomicBool::new(false);
 
 /// What main asks of the controller: the order's number and value, as on the wire. One a tick.
@@ -150,14 +153,17 @@ fn main() -> ! {
     core.DWT.enable_cycle_counter();
     #[cfg(feature = "h743zi")]
     cache_instructions(&mut core);
-    let Ok(parameters) = table::parameters() else {
-        defmt::panic!("the table is refused");
+    let Ok(banks) = table::banks() else {
+        defmt::panic!("a table is refused");
     };
+    // SAFETY: the timer does not run yet, and it is not written again.
+    let banks: &'static [_; table::BANKS] = unsafe { (*BANKS.0.get()).write(banks) };
+    let parameters = banks[0];
     let Some(clock) = CHIP.sample_clock(table::SAMPLE_RATE_HZ) else {
         defmt::panic!("TIM6 cannot make {=f32} Hz", table::SAMPLE_RATE_HZ);
     };
     settle(&mut board, parameters.dac.code(parameters.safe_v));
-    let mut controller = Controller::new(parameters, &setup());
+    let mut controller = Controller::new(parameters, &setup()).with_banks(banks);
     if board.reset.watchdog {
         controller.trip(Fault::Watchdog);
     }
@@ -173,7 +179,9 @@ fn main() -> ! {
     // SAFETY: the timer does not run yet.
     unsafe { (*LOOP.0.get()).write(control) };
     RUNNING.store(true, Ordering::Release);
-    defmt::info!("table {=[u8]:02x}", table::HASH);
+    for hello in table::hellos() {
+        defmt::info!("bank {=u8}: table {=[u8]:02x}", hello.bank, hello.hash);
+    }
     board.watchdog.unleash();
     converter::start(&board.timer, clock);
 
@@ -251,7 +259,7 @@ fn settle(board: &mut Parts, safe: DacCode) {
 /// Every tick, to channel 1.
 struct Telemetry {
     channel: UpChannel,
-    about: About,
+    abouts: [About; table::BANKS],
     sent: u32,
     /// Nothing is sent until the buffer is empty: what gets through is in one piece of 58 ms, not in shreds.
     waiting: bool,
@@ -261,7 +269,7 @@ impl Telemetry {
     fn new(channel: UpChannel) -> Self {
         Self {
             channel,
-            about: About::of(CHIP.board),
+            abouts: About::all(CHIP.board),
             sent: 0,
             waiting: false,
         }
@@ -273,7 +281,9 @@ impl Telemetry {
         }
         self.waiting = false;
         if self.sent.is_multiple_of(SAMPLES_AN_ABOUT) {
-            self.write(&self.about.to_packet());
+            for about in self.abouts {
+                self.write(&about.to_packet());
+            }
         }
         self.write(&sample.to_packet());
         self.sent = self.sent.wrapping_add(1);
@@ -290,6 +300,7 @@ impl Telemetry {
 struct Log {
     seen: u32,
     fault: Option<Fault>,
+    bank: u8,
 }
 
 impl Log {
@@ -302,6 +313,10 @@ impl Log {
                 self.fault.map_or(0, |fault| fault as u8),
                 frame.number
             );
+        }
+        if frame.bank() != self.bank {
+            self.bank = frame.bank();
+            defmt::info!("bank {=u8} from tick {=u32} on", self.bank, frame.number);
         }
         if self.seen.is_multiple_of(50_000) {
             defmt::info!(

@@ -42,7 +42,8 @@ pub(crate) struct RecordArgs {
 #[derive(Serialize)]
 struct Answer {
     board: String,
-    table_sha256: String,
+    /// Of the tables that ran, in their order.
+    tables_sha256: Vec<String>,
     seconds: f64,
     samples: u64,
     lost: u64,
@@ -90,10 +91,12 @@ fn answer(captured: &Capture) -> Answer {
     let about = &captured.about;
     let counts = captured.counts;
     let mut frames = captured.pieces.iter().flat_map(|piece| &piece.recording.frames);
+    let mut tables: Vec<String> = captured.pieces.iter().map(|piece| hex(&piece.table.hash)).collect();
+    tables.dedup();
     let budget = BOARDS.iter().find(|budget| budget.board == about.board());
     Answer {
         board: about.board().to_owned(),
-        table_sha256: hex(&about.hello.hash),
+        tables_sha256: tables,
         seconds: (counts.samples + counts.lost) as f64 / f64::from(about.hello.sample_rate_hz),
         samples: counts.samples,
         lost: counts.lost,
@@ -109,6 +112,7 @@ fn answer(captured: &Capture) -> Answer {
 
 fn dataset(captured: Capture, answer: &Answer) -> Dataset {
     let period_s = 1.0 / f64::from(captured.about.hello.sample_rate_hz);
+    let several = answer.tables_sha256.len() > 1;
     let pieces = captured.pieces.into_iter().enumerate().map(|(i, piece)| {
         let references = piece.recording.frames.iter().map(|frame| frame.reference_um);
         let [low, high] = references.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], um| {
@@ -116,7 +120,13 @@ fn dataset(captured: Capture, answer: &Answer) -> Dataset {
         });
         record(Piece {
             file: format!("run-{:03}.csv", i + 1),
-            excitation: format!("reference of the board, {low} to {high} um"),
+            excitation: format!(
+                "reference of the board, {low} to {high} um{}",
+                match several {
+                    true => format!(", bank {}, table {}", piece.table.bank, hex(&piece.table.hash)),
+                    false => String::new(),
+                }
+            ),
             start_s: piece.start_tick as f64 * period_s,
             period_s,
             recording: piece.recording,
@@ -125,11 +135,11 @@ fn dataset(captured: Capture, answer: &Answer) -> Dataset {
     Dataset {
         name: format!("{}-recording", name(&answer.board)),
         description: format!(
-            "recorded from {}: {} samples, {} lost, table {}",
+            "recorded from {}: {} samples, {} lost, {}",
             name(&answer.board),
             answer.samples,
             answer.lost,
-            answer.table_sha256
+            tables(answer)
         ),
         known: Known {
             delay_s: answer.known_delay_s,
@@ -138,6 +148,11 @@ fn dataset(captured: Capture, answer: &Answer) -> Dataset {
         records: pieces.collect(),
         notices: Vec::new(),
     }
+}
+
+fn tables(answer: &Answer) -> String {
+    let plural = if answer.tables_sha256.len() > 1 { "s" } else { "" };
+    format!("table{plural} {}", answer.tables_sha256.join(", then "))
 }
 
 fn name(board: &str) -> &str {
@@ -176,5 +191,5 @@ fn text(args: &RecordArgs, answer: &Answer, fault: &str) -> String {
         Some(delay_s) => format!("known delay {:.1} us, computed\n", 1e6 * delay_s),
         None => "no known delay of this board: measure it, and write it to dataset.toml, [known] delay_s\n".to_owned(),
     };
-    text + &format!("table {}\nwritten to {}\n", answer.table_sha256, args.output.display())
+    text + &format!("{}\nwritten to {}\n", tables(answer), args.output.display())
 }

@@ -6,10 +6,11 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::{Args, ValueEnum};
-use hysteron_board::{Machine, Outcome, Recording, Request, Shape};
+use hysteron_board::upload::Upload;
+use hysteron_board::{Change, Hello, Machine, Outcome, Recording, Request, Shape};
 use hysteron_data::{Dataset, Known};
 use hysteron_plant::Stage;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 #[derive(Args)]
@@ -27,9 +28,15 @@ pub(crate) struct RunArgs {
     /// The firmware's image; by default firmware/target/images/EMULATOR
     #[arg(long, value_name = "FILE")]
     pub image: Option<PathBuf>,
+    /// Which of the image's tables runs, from 0 on
+    #[arg(long, default_value_t = 0)]
+    pub bank: u8,
     /// What a period of the reference looks like
     #[arg(long, value_enum, default_value_t = ShapeName::Sine)]
     pub shape: ShapeName,
+    /// A reference of one's own instead: one period in a file of 256 positions, micrometres, one a line
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["shape", "low", "high"])]
+    pub trajectory: Option<PathBuf>,
     /// Frequency of the reference, hertz
     #[arg(long, default_value_t = 100.0)]
     pub hz: f64,
@@ -115,10 +122,12 @@ impl EmulatorName {
 
 pub(crate) fn run(args: &RunArgs) -> Result<Done, CliError> {
     let machine = args.emulator.machine();
+    let upload = args.trajectory.as_ref().map(|path| upload(path)).transpose()?;
+    let given_um = args.low.zip(args.high).map(|(low, high)| [low, high]);
     let request = Request {
-        shape: args.shape.shape(),
+        shape: upload.map_or(args.shape.shape(), |_| Shape::Table),
         frequency_hz: args.hz,
-        range_um: args.low.zip(args.high).map(|(low, high)| [low, high]),
+        range_um: upload.map_or(given_um, |upload| Some(upload.range_um)),
         seconds: args.seconds,
         feedforward: !args.no_feedforward,
         feedback: !args.no_feedback,
@@ -130,7 +139,11 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, CliError> {
     let stage = Stage::new(&args.stage.config(), args.seed)?;
     let bar = progress::bar("running");
     let patience = Duration::from_secs(args.patience);
-    let (outcome, recording) = hysteron_board::run(machine, &image, stage, &request, patience, &mut |share| {
+    // An image begins with bank 0.
+    let mut changes = Vec::from_iter((args.bank > 0).then_some(Change::Bank(args.bank)));
+    changes.extend(upload.iter().flat_map(Upload::changes));
+    let asked = (&request, &changes[..]);
+    let (outcome, recording) = hysteron_board::run(machine, &image, stage, asked, patience, &mut |share| {
         progress::advance(&bar, share);
     })?;
     bar.finish_and_clear();
@@ -140,16 +153,24 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, CliError> {
     Ok(Done::Answered)
 }
 
+fn upload(path: &Path) -> Result<Upload, CliError> {
+    let text = std::fs::read_to_string(path).map_err(|source| CliError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    Upload::parse(&text).map_err(|source| CliError::Option(format!("{}: {source}", path.display())))
+}
+
 fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
     let config = args.stage.config();
     Dataset {
         name: format!("{}-board", args.stage.name()),
         description: format!(
-            "{} in QEMU at the simulated stage {}, seed {}, table {}",
+            "{} in QEMU at the simulated stage {}, seed {}, {}",
             args.emulator.machine().name(),
             args.stage.name(),
             args.seed,
-            hex(&outcome.hello.hash)
+            table(outcome)
         ),
         known: Known {
             delay_s: Some(config.known_delay_s()),
@@ -161,7 +182,10 @@ fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
             file: "run.csv".to_owned(),
             excitation: format!(
                 "reference {} {} Hz, {} to {} um",
-                args.shape.words(),
+                match &args.trajectory {
+                    Some(path) => path.display().to_string(),
+                    None => args.shape.words().to_owned(),
+                },
                 args.hz,
                 outcome.setup.low_um,
                 outcome.setup.high_um
@@ -171,6 +195,15 @@ fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
             recording,
         })],
         notices: Vec::new(),
+    }
+}
+
+/// Which table ran.
+fn table(outcome: &Outcome) -> String {
+    let Hello { hash, bank, banks, .. } = &outcome.hello;
+    match banks {
+        1 => format!("table {}", hex(hash)),
+        _ => format!("bank {bank} of {banks}, table {}", hex(hash)),
     }
 }
 
@@ -186,7 +219,7 @@ fn report(args: &RunArgs, outcome: &Outcome, recording: &Recording) -> String {
     format!(
         "{ticks} ticks, {} overruns, {} edges lost, latency {} to {} instructions, tick {} to {}, mean {:.0} (to {INSTRUCTIONS_A_COUNT})\n\
          {fault}later half of the run: sensor off the reference by {rms_um:.4} um rms, {:.2} % of peak to peak\n\
-         table {}\nwritten to {}\n",
+         {}\nwritten to {}\n",
         timing.overruns,
         timing.lost,
         instructions(timing.latency_min.into()),
@@ -195,7 +228,7 @@ fn report(args: &RunArgs, outcome: &Outcome, recording: &Recording) -> String {
         instructions(timing.tick_max.into()),
         instructions(timing.tick_sum) as f64 / ticks.max(1) as f64,
         100.0 * rms_um / f64::from(outcome.setup.high_um - outcome.setup.low_um),
-        hex(&outcome.hello.hash),
+        table(outcome),
         args.output.display(),
     )
 }
