@@ -41,8 +41,9 @@ pub(crate) fn find(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>], left
             // The first samples after a step are the stage's delay and the sensor's: the ring is in what follows.
             let after = (k + 2).min(residual.len())..(k + WINDOW).min(residual.len());
             let window = &residual[after.clone()];
-            // A drive that moves on, by half a step, leaves errors of its own.
-            if window.len() < 40 || peak_to_peak(&trace.drive[after]) > STEP {
+            // A drive that moves on by more than the step leaves errors of its own.
+            let step = (trace.drive[k] - trace.drive[k - 1]).abs();
+            if window.len() < 40 || peak_to_peak(&trace.drive[after]) > step {
                 continue;
             }
             if let Some(ring) = fit(window, trace.period_s, bench.noise_um)
