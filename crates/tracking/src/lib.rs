@@ -20,5 +20,6 @@ pub mod rehearsal;
 pub mod response;
 pub mod robustness;
 pub mod run;
+pub mod scans;
 
 pub use error::TrackingError;

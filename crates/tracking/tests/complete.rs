@@ -5,12 +5,14 @@
 use hysteron_core::surroundings::LoopInput;
 use hysteron_identify::control::ControlModel;
 use hysteron_plant::{StageConfig, preset};
+use hysteron_tracking::bench::{Bench as Places, compare};
 use hysteron_tracking::campaign::{Campaign, campaign};
 use hysteron_tracking::complete;
 use hysteron_tracking::design::{CompleteLaw, Controller, ReferenceKind};
 use hysteron_tracking::figures::judge;
 use hysteron_tracking::reference::Shape;
 use hysteron_tracking::robustness::robustness;
+use hysteron_tracking::scans::SHARES;
 use std::sync::LazyLock;
 
 /// A stage with what was recorded on it and the controller designed from that alone.
@@ -294,4 +296,44 @@ fn refuse_records_that_lack_a_kind() {
         "cannot identify for control: the dataset has no hold (a record named hold..); `hysteron campaign` records what \
          is needed"
     );
+}
+
+/// Scans of both axes: each axis within the limit of its own references, and a fifth of what couples where the law is told of the
+/// other axis.
+#[test]
+fn val_scans_of_both_axes_are_tracked() {
+    let bench = Places {
+        stage: &SLOW.stage,
+        seed: 4711,
+        range_um: [3.0, 13.0],
+        first_mode_hz: Some(739.0),
+    };
+    let report = compare("739", &bench, &SLOW.controller, false).unwrap();
+    for (share, wanted) in report.measured_shares.iter().zip(SHARES) {
+        // A mode above the 10 Hz of the measurement, and creep: some percent of the share.
+        assert!((share / wanted - 1.0).abs() < 0.05, "{share} {wanted}");
+    }
+    for scan in ["raster", "spiral"] {
+        let of = |name: &str, loop_kind: &str| {
+            let found = report
+                .scans
+                .iter()
+                .find(|run| run.scan == scan && run.name == name && run.loop_kind == loop_kind);
+            found.unwrap().clone()
+        };
+        let told = of("complete feedforward", "open");
+        let closed = of("complete feedforward + feedback", "closed");
+        let untold = of("complete feedforward, not told of the other axis", "open");
+        for (axis, told, untold) in [
+            ("x", told.x_percent, untold.x_percent),
+            ("y", told.y_percent, untold.y_percent),
+        ] {
+            assert!(told < 0.2 * untold, "{scan}, {axis}: {told} % told, {untold} % not");
+        }
+        // The limit of a triangle of 100 Hz, and of a sine in closed loop.
+        for run in [&told, &closed] {
+            assert!(run.x_percent <= 0.11 && run.y_percent <= 0.11, "{scan}: {run:?}");
+        }
+        assert!(closed.path_percent <= 0.08 && closed.path_percent <= closed.x_percent.hypot(closed.y_percent));
+    }
 }

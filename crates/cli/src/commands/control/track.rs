@@ -8,6 +8,7 @@ use clap::Args;
 use hysteron_tracking::bench::{Bench, ControllerFigures, SHAPES, TrackReport, compare};
 use hysteron_tracking::design::Controller;
 use hysteron_tracking::robustness::{RobustnessRow, robustness};
+use hysteron_tracking::scans::LINES_HZ;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -112,6 +113,38 @@ fn text(report: &TrackReport) -> String {
     );
     for controller in &report.controllers {
         text.push_str(&line(controller, widest));
+    }
+    text + &scans_text(report)
+}
+
+/// The table of the scans.
+fn scans_text(report: &TrackReport) -> String {
+    let [x, y] = report.measured_shares;
+    let mut text = format!(
+        "\nSCANS of both axes at {LINES_HZ} lines a second, the same controller on each; {:.2} and {:.2} % of the other's motion reach\n\
+         each axis, as measured first. Error of each axis at the same instant, distance from the path (late along it is none)\n\n",
+        100.0 * x,
+        100.0 * y
+    );
+    let widest = report.scans.iter().map(|scan| scan.name.len()).max().unwrap_or(0);
+    // Writing to a String does not fail.
+    let _ = writeln!(
+        text,
+        "{:<7} {:<widest$} {:<6} {:>8} {:>8} {:>8} {:>12}",
+        "", "", "loop", "x, %", "y, %", "path, %", "largest, nm"
+    );
+    for scan in &report.scans {
+        let _ = writeln!(
+            text,
+            "{:<7} {:<widest$} {:<6} {:>8.3} {:>8.3} {:>8.3} {:>12.1}",
+            scan.scan,
+            scan.name,
+            scan.loop_kind,
+            scan.x_percent,
+            scan.y_percent,
+            scan.path_percent,
+            scan.path_largest_nm
+        );
     }
     text
 }
