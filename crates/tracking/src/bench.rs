@@ -5,6 +5,7 @@ use crate::design::{CompleteLaw, Controller};
 use crate::error::TrackingError;
 use crate::experiment::{self, sines};
 use crate::figures::judge;
+use crate::learning::LearnedReference;
 use crate::paper::{IDENTIFIED_HZ, RECORD_S, Reading};
 use crate::reference::{Reference, Shape};
 use crate::response::{Response, line_response};
@@ -91,6 +92,9 @@ pub struct TrackReport {
     pub position: &'static str,
     /// The controllers.
     pub controllers: Vec<ControllerFigures>,
+    /// Iterative learning of references that repeat, open loop; empty where none was asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub learned: Vec<LearnedReference>,
     /// The same on scans of both axes, which couple.
     pub scans: Vec<ScanFigures>,
     /// Sample period of the histories, seconds.
@@ -175,6 +179,7 @@ pub fn compare(
     Ok(TrackReport {
         scans: scans(bench, &contenders, measured_shares)?,
         measured_shares,
+        learned: Vec::new(),
         period_s: bench.period_s(),
         stage: name.to_owned(),
         first_mode_hz: bench.first_mode_hz,

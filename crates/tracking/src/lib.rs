@@ -14,6 +14,7 @@ pub mod error;
 pub mod experiment;
 pub mod figures;
 pub mod formulas;
+pub mod learning;
 pub mod paper;
 pub mod reference;
 pub mod rehearsal;

@@ -10,6 +10,7 @@ use hysteron_tracking::campaign::{Campaign, campaign};
 use hysteron_tracking::complete;
 use hysteron_tracking::design::{CompleteLaw, Controller, ReferenceKind};
 use hysteron_tracking::figures::judge;
+use hysteron_tracking::learning::{LEARNED, learn_references};
 use hysteron_tracking::reference::Shape;
 use hysteron_tracking::robustness::robustness;
 use hysteron_tracking::scans::SHARES;
@@ -336,4 +337,54 @@ fn val_scans_of_both_axes_are_tracked() {
         }
         assert!(closed.path_percent <= 0.08 && closed.path_percent <= closed.x_percent.hypot(closed.y_percent));
     }
+}
+
+/// A reference that repeats is learned: to three times less at least where the error lies in the law's band, never to more, and it
+/// stops by itself.
+#[test]
+fn val_references_that_repeat_are_learned() {
+    let places = |stage| Places {
+        stage,
+        seed: 4711,
+        range_um: [3.0, 13.0],
+        first_mode_hz: None,
+    };
+    let learned = learn_references(&places(&SLOW.stage), &SLOW.controller, 12).unwrap();
+    assert_eq!(learned.len(), LEARNED.len());
+    for reference in &learned {
+        let (first, kept) = (reference.iterations[0], reference.iterations[reference.kept]);
+        assert!(kept.true_percent < first.true_percent, "{reference:?}");
+        // Twelve corrections were allowed; noise ends it before.
+        assert!(reference.iterations.len() < 13, "{reference:?}");
+        assert!(
+            reference.stopped.starts_with("the error no longer falls"),
+            "{reference:?}"
+        );
+        if ["10", "100", "500"].contains(&reference.name.as_str()) {
+            assert!(3.0 * kept.true_percent < first.true_percent, "{reference:?}");
+        }
+    }
+    // The gain of the stage 10 % off, which feedforward alone leaves at 8.8 %: learned as well.
+    let mut changed = SLOW.stage.clone();
+    changed.hysteresis.stroke_um *= 1.1;
+    let learned = learn_references(&places(&changed), &SLOW.controller, 12).unwrap();
+    let hundred = learned.iter().find(|reference| reference.name == "100").unwrap();
+    let (first, kept) = (hundred.iterations[0], hundred.iterations[hundred.kept]);
+    assert!(first.true_percent > 5.0 && kept.true_percent < 0.02, "{hundred:?}");
+}
+
+#[test]
+fn refuse_to_learn_live_references() {
+    let live = Controller::design(&FAST.campaign.model, ReferenceKind::Live).unwrap();
+    let places = Places {
+        stage: &FAST.stage,
+        seed: 1,
+        range_um: [3.0, 13.0],
+        first_mode_hz: None,
+    };
+    let refused = learn_references(&places, &live, 3).unwrap_err().to_string();
+    assert!(
+        refused.contains("known ahead and repeats") && refused.contains("--reference previewed"),
+        "{refused}"
+    );
 }

@@ -48,12 +48,22 @@ pub(super) fn page(report: &TrackReport, controller: &Controller, args: &TrackAr
     if args.alone {
         command.push_str(" --alone");
     }
-    page.section(
+    if let Some(most) = args.iterations {
+        command.push_str(&format!(" --iterations {most}"));
+    }
+    page = page.section(
         Section::new("Errors")
             .with(Block::Table(table(report)))
             .with(Block::Gallery(pictures(report))),
-    )
-    .section(
+    );
+    if !report.learned.is_empty() {
+        page = page.section(
+            Section::new("References learned run by run")
+                .with(Block::Table(learned_table(report)))
+                .with(Block::Gallery(learned_picture(report).into_iter().collect())),
+        );
+    }
+    page.section(
         Section::new("Scans of both axes")
             .with(Block::Table(scans_table(report)))
             .with(Block::Gallery(scan_pictures(report))),
@@ -258,6 +268,51 @@ fn response(
         description: "Response from desired to true position of each controller over frequency.",
     };
     lines(&series, &axes, HALF)
+}
+
+fn learned_table(report: &TrackReport) -> Table {
+    let caption = "Sines by frequency in Hz; rms error of the true position before and with the correction that is kept, % of peak to peak, open loop; the \
+                   correction is chosen by the measured error";
+    let columns = ["Reference", "Before", "Learned", "Runs", "Kept", "Why no more"];
+    report
+        .learned
+        .iter()
+        .fold(Table::new(caption, &columns), |table, reference| {
+            let at = |number: usize| reference.iterations.get(number).map(|run| run.true_percent);
+            table.row(vec![
+                Cell::text(&reference.name),
+                Cell::number(at(0)),
+                Cell::number(at(reference.kept)),
+                Cell::text(reference.iterations.len().to_string()),
+                Cell::text(reference.kept.to_string()),
+                Cell::text(reference.stopped),
+            ])
+        })
+}
+
+fn learned_picture(report: &TrackReport) -> Option<Figure> {
+    let series: Vec<Line> = report
+        .learned
+        .iter()
+        .enumerate()
+        .map(|(i, reference)| Line {
+            name: reference.name.clone(),
+            points: (0..)
+                .zip(&reference.iterations)
+                .map(|(k, run)| (f64::from(k), run.true_percent))
+                .collect(),
+            ink: Ink::Series(i),
+        })
+        .collect();
+    let axes = Lines {
+        x_title: "corrections",
+        y_title: "rms error, % of peak to peak",
+        x_log: false,
+        y_log: true,
+        description: "Error of each learned reference by the number of corrections.",
+    };
+    let caption = "Error of the true position by the number of corrections.";
+    Some(Figure::new(lines(&series, &axes, HALF)?, caption.to_owned()))
 }
 
 fn scans_table(report: &TrackReport) -> Table {
