@@ -1,22 +1,25 @@
 //! Processor in the loop: the firmware's image in QEMU against the simulated stage, a code each way a tick, in virtual time.
 #![forbid(unsafe_code)]
 
+mod ahead;
 pub mod budget;
 mod emulator;
 pub mod host;
+pub mod image;
+mod player;
 pub mod rig;
 pub mod telemetry;
 pub mod two_axes;
 pub mod upload;
 
-pub use hysteron_firmware::trajectory::Shape;
+pub use hysteron_firmware::trajectory::{Shape, TABLE_POINTS};
 pub use hysteron_firmware::tuning::Change;
-pub use hysteron_firmware::wire::Hello;
+pub use hysteron_firmware::wire::{Hello, Mode, Setup};
+pub use player::{Played, Player};
 pub use rig::{Bench, Recording, Remembering, Rig, drive_here};
 
 use emulator::Emulator;
-use hysteron_firmware::trajectory::TABLE_POINTS;
-use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Input, MAGIC, SUMMARY_BYTES, Setup, Summary};
+use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Input, MAGIC, SUMMARY_BYTES, Summary};
 use hysteron_plant::{Stage, StageError};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -101,6 +104,21 @@ pub enum BoardError {
         /// Where.
         um: f64,
     },
+    /// The image computes something else than the same application here.
+    #[error(
+        "the image's frame {tick} is not the one that the same application computes here; the image has another table or is of \
+         another version"
+    )]
+    Differs {
+        /// Its number.
+        tick: u32,
+    },
+    /// No sources to build an image from.
+    #[error("{}: no sources of the firmware; run this in the repository's folder, or say where its firmware/ is", .0.display())]
+    NoFirmware(PathBuf),
+    /// An image that cannot be built.
+    #[error("the image cannot be built (rustup target add thumbv7em-none-eabihf?):\n{0}")]
+    Build(String),
     /// A setup that makes no sense.
     #[error("{name} = {value} must lie in {min} to {max}")]
     Setup {

@@ -5,10 +5,12 @@ use crate::design::{CompleteLaw, Controller};
 use crate::error::TrackingError;
 use crate::experiment::{self, sines};
 use crate::figures::judge;
+use crate::learning::LearnedReference;
 use crate::paper::{IDENTIFIED_HZ, RECORD_S, Reading};
 use crate::reference::{Reference, Shape};
 use crate::response::{Response, line_response};
 use crate::run::{PiGains, Tracked};
+use crate::scans::{Scan, ScanFigures, measured_shares, scan};
 use hysteron_identify::{Family, FitOptions, FitReport, fit};
 use hysteron_plant::excitation::{Excitation, Multisine, with_rise};
 use hysteron_plant::{StageConfig, StageError};
@@ -90,6 +92,16 @@ pub struct TrackReport {
     pub position: &'static str,
     /// The controllers.
     pub controllers: Vec<ControllerFigures>,
+    /// Iterative learning of references that repeat, open loop; empty where none was asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub learned: Vec<LearnedReference>,
+    /// The same on scans of both axes, which couple.
+    pub scans: Vec<ScanFigures>,
+    /// Sample period of the histories, seconds.
+    #[serde(skip)]
+    pub period_s: f64,
+    /// What of the other axis' motion reaches each, as measured before the scans, um/um.
+    pub measured_shares: [f64; 2],
 }
 
 /// A controller ready to run.
@@ -163,13 +175,42 @@ pub fn compare(
         .par_iter()
         .map(|(name, loop_kind, contender)| bench.figures(name, loop_kind, contender))
         .collect();
+    let measured_shares = measured_shares(bench.stage, bench.seed)?;
     Ok(TrackReport {
+        scans: scans(bench, &contenders, measured_shares)?,
+        measured_shares,
+        learned: Vec::new(),
+        period_s: bench.period_s(),
         stage: name.to_owned(),
         first_mode_hz: bench.first_mode_hz,
         stroke_um: bench.range_um[1] - bench.range_um[0],
         position: "true",
         controllers: controllers?,
     })
+}
+
+/// Name of a complete law that is not told of the other axis.
+const UNAWARE: &str = ", not told of the other axis";
+
+/// Every controller on every scan; the complete one in open loop also without knowing of the other axis.
+fn scans(
+    bench: &Bench<'_>,
+    contenders: &[(String, &'static str, Contender<'_>)],
+    shares: [f64; 2],
+) -> Result<Vec<ScanFigures>, TrackingError> {
+    let mut runs = Vec::new();
+    for kind in Scan::ALL {
+        for (name, loop_kind, contender) in contenders {
+            let aware = matches!(contender, Contender::Complete(_));
+            if aware && *loop_kind == "open" {
+                runs.push((kind, format!("{name}{UNAWARE}"), *loop_kind, contender, None));
+            }
+            runs.push((kind, name.clone(), *loop_kind, contender, aware.then_some(shares)));
+        }
+    }
+    runs.par_iter()
+        .map(|(kind, name, loop_kind, contender, shares)| scan(name, loop_kind, bench, contender, *kind, *shares))
+        .collect()
 }
 
 impl<'a> Contender<'a> {

@@ -14,11 +14,13 @@ pub mod error;
 pub mod experiment;
 pub mod figures;
 pub mod formulas;
+pub mod learning;
 pub mod paper;
 pub mod reference;
 pub mod rehearsal;
 pub mod response;
 pub mod robustness;
 pub mod run;
+pub mod scans;
 
 pub use error::TrackingError;

@@ -34,7 +34,7 @@ pub struct Reference {
 }
 
 /// Rise from the stage's rest to the trajectory's start, seconds: slow against every mode and lag here.
-const RISE_S: f64 = 0.02;
+pub(crate) const RISE_S: f64 = 0.02;
 /// Least settling before the judged part, seconds: ten time constants of the paper's slowest loop (36 Hz).
 const SETTLING_S: f64 = 0.06;
 /// Least length of the judged part, seconds: 2000 samples at 50 kHz average the sensor's noise to 2 % of itself.

@@ -5,12 +5,15 @@
 use hysteron_core::surroundings::LoopInput;
 use hysteron_identify::control::ControlModel;
 use hysteron_plant::{StageConfig, preset};
+use hysteron_tracking::bench::{Bench as Places, compare};
 use hysteron_tracking::campaign::{Campaign, campaign};
 use hysteron_tracking::complete;
 use hysteron_tracking::design::{CompleteLaw, Controller, ReferenceKind};
 use hysteron_tracking::figures::judge;
+use hysteron_tracking::learning::{LEARNED, learn_references};
 use hysteron_tracking::reference::Shape;
 use hysteron_tracking::robustness::robustness;
+use hysteron_tracking::scans::SHARES;
 use std::sync::LazyLock;
 
 /// A stage with what was recorded on it and the controller designed from that alone.
@@ -293,5 +296,95 @@ fn refuse_records_that_lack_a_kind() {
         refused,
         "cannot identify for control: the dataset has no hold (a record named hold..); `hysteron campaign` records what \
          is needed"
+    );
+}
+
+/// Scans of both axes: each axis within the limit of its own references, and a fifth of what couples where the law is told of the
+/// other axis.
+#[test]
+fn val_scans_of_both_axes_are_tracked() {
+    let bench = Places {
+        stage: &SLOW.stage,
+        seed: 4711,
+        range_um: [3.0, 13.0],
+        first_mode_hz: Some(739.0),
+    };
+    let report = compare("739", &bench, &SLOW.controller, false).unwrap();
+    for (share, wanted) in report.measured_shares.iter().zip(SHARES) {
+        // A mode above the 10 Hz of the measurement, and creep: some percent of the share.
+        assert!((share / wanted - 1.0).abs() < 0.05, "{share} {wanted}");
+    }
+    for scan in ["raster", "spiral"] {
+        let of = |name: &str, loop_kind: &str| {
+            let found = report
+                .scans
+                .iter()
+                .find(|run| run.scan == scan && run.name == name && run.loop_kind == loop_kind);
+            found.unwrap().clone()
+        };
+        let told = of("complete feedforward", "open");
+        let closed = of("complete feedforward + feedback", "closed");
+        let untold = of("complete feedforward, not told of the other axis", "open");
+        for (axis, told, untold) in [
+            ("x", told.x_percent, untold.x_percent),
+            ("y", told.y_percent, untold.y_percent),
+        ] {
+            assert!(told < 0.2 * untold, "{scan}, {axis}: {told} % told, {untold} % not");
+        }
+        // The limit of a triangle of 100 Hz, and of a sine in closed loop.
+        for run in [&told, &closed] {
+            assert!(run.x_percent <= 0.11 && run.y_percent <= 0.11, "{scan}: {run:?}");
+        }
+        assert!(closed.path_percent <= 0.08 && closed.path_percent <= closed.x_percent.hypot(closed.y_percent));
+    }
+}
+
+/// A reference that repeats is learned: to three times less at least where the error lies in the law's band, never to more, and it
+/// stops by itself.
+#[test]
+fn val_references_that_repeat_are_learned() {
+    let places = |stage| Places {
+        stage,
+        seed: 4711,
+        range_um: [3.0, 13.0],
+        first_mode_hz: None,
+    };
+    let learned = learn_references(&places(&SLOW.stage), &SLOW.controller, 12).unwrap();
+    assert_eq!(learned.len(), LEARNED.len());
+    for reference in &learned {
+        let (first, kept) = (reference.iterations[0], reference.iterations[reference.kept]);
+        assert!(kept.true_percent < first.true_percent, "{reference:?}");
+        // Twelve corrections were allowed; noise ends it before.
+        assert!(reference.iterations.len() < 13, "{reference:?}");
+        assert!(
+            reference.stopped.starts_with("the error no longer falls"),
+            "{reference:?}"
+        );
+        if ["10", "100", "500"].contains(&reference.name.as_str()) {
+            assert!(3.0 * kept.true_percent < first.true_percent, "{reference:?}");
+        }
+    }
+    // The gain of the stage 10 % off, which feedforward alone leaves at 8.8 %: learned as well.
+    let mut changed = SLOW.stage.clone();
+    changed.hysteresis.stroke_um *= 1.1;
+    let learned = learn_references(&places(&changed), &SLOW.controller, 12).unwrap();
+    let hundred = learned.iter().find(|reference| reference.name == "100").unwrap();
+    let (first, kept) = (hundred.iterations[0], hundred.iterations[hundred.kept]);
+    assert!(first.true_percent > 5.0 && kept.true_percent < 0.02, "{hundred:?}");
+}
+
+#[test]
+fn refuse_to_learn_live_references() {
+    let live = Controller::design(&FAST.campaign.model, ReferenceKind::Live).unwrap();
+    let places = Places {
+        stage: &FAST.stage,
+        seed: 1,
+        range_um: [3.0, 13.0],
+        first_mode_hz: None,
+    };
+    let refused = learn_references(&places, &live, 3).unwrap_err().to_string();
+    assert!(
+        refused.contains("known ahead and repeats") && refused.contains("--reference previewed"),
+        "{refused}"
     );
 }

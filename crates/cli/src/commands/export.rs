@@ -131,6 +131,14 @@ pub(crate) fn text(model: &Model, options: &[String]) -> Result<(String, String)
     Ok((text, said(&table, designed.as_ref(), &args)))
 }
 
+/// The table of a controller as the command writes it with these options.
+pub(crate) fn law_table(designed: &Controller, options: &[String]) -> Result<Table, CliError> {
+    let fixed = ["export", "the controller", "--output", "table.toml"].map(str::to_owned);
+    let Words { args } = Words::try_parse_from(fixed.iter().chain(options))
+        .map_err(|error| CliError::Option(error.render().to_string()))?;
+    controller::table(designed, &args)
+}
+
 fn said(table: &Table, designed: Option<&Design>, args: &ExportArgs) -> String {
     let mut text = format!(
         "{} with {} plays, {:.4} to {:.4} um\n",
@@ -329,7 +337,7 @@ fn inverse(model: &Model) -> Table {
 }
 
 /// A table of zeros.
-fn empty(family: Family) -> Table {
+pub(crate) fn empty(family: Family) -> Table {
     Table {
         format: String::new(),
         family,

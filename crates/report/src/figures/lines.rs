@@ -11,7 +11,7 @@ use crate::panel::{Mark, Panel, inner_px, left_px};
 pub struct Line {
     /// Its name in the legend.
     pub name: String,
-    /// Its points, ascending in the first coordinate.
+    /// Its points, ascending in the first coordinate or along a path.
     pub points: Vec<(f64, f64)>,
     /// Its colour: a meaning, or [`Ink::Series`].
     pub ink: Ink,

@@ -73,7 +73,8 @@ impl Rehearsal {
         })
     }
 
-    fn full_v(&self) -> f64 {
+    /// The voltage of the whole stroke, volts.
+    pub fn full_v(&self) -> f64 {
         self.stage.hysteresis.reference_v
     }
 
@@ -83,7 +84,8 @@ impl Rehearsal {
         [0.15 * stroke_um, 0.65 * stroke_um]
     }
 
-    fn noise_seed(&self, number: u64) -> u64 {
+    /// Seed of the noise of a record.
+    pub fn noise_seed(&self, number: u64) -> u64 {
         self.seed.wrapping_add((number + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15))
     }
 }

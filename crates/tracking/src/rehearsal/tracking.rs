@@ -58,7 +58,7 @@ impl Rehearsal {
     }
 
     /// Time before a reference is judged, seconds: what is learned in the loop has a time constant of 0.3 s, and gets six of them.
-    fn settling_s(&self) -> f64 {
+    pub fn settling_s(&self) -> f64 {
         if self.hidden == Hidden::MainsHum { 1.8 } else { 0.1 }
     }
 

@@ -3,6 +3,8 @@
 mod record;
 mod run;
 
+pub(crate) use run::EmulatorName;
+
 use crate::error::CliError;
 use crate::exit::Done;
 use clap::{Args, Subcommand};

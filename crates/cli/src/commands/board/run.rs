@@ -112,7 +112,7 @@ pub(crate) enum EmulatorName {
 }
 
 impl EmulatorName {
-    fn machine(self) -> Machine {
+    pub(crate) fn machine(self) -> Machine {
         match self {
             Self::Mps2An386 => Machine::Mps2An386,
             Self::Mps2An500 => Machine::Mps2An500,

@@ -5,10 +5,15 @@ use hysteron_report::figures::{Line, Lines, lines};
 use hysteron_report::{Block, Cell, Figure, Ink, Page, Picture, Section, Size, Table, significant};
 use hysteron_tracking::bench::{ControllerFigures, SHAPES, TrackReport};
 use hysteron_tracking::design::Controller;
+use hysteron_tracking::scans::{LINES_HZ, Scan};
 
 const HALF: Size = Size {
     width: 524,
     height: 320,
+};
+const SQUARE: Size = Size {
+    width: 524,
+    height: 500,
 };
 /// Errors beyond this share of the stroke are no tracking: such a loop is not drawn beside those that track.
 const LOST_PERCENT: f64 = 50.0;
@@ -43,10 +48,25 @@ pub(super) fn page(report: &TrackReport, controller: &Controller, args: &TrackAr
     if args.alone {
         command.push_str(" --alone");
     }
-    page.section(
+    if let Some(most) = args.iterations {
+        command.push_str(&format!(" --iterations {most}"));
+    }
+    page = page.section(
         Section::new("Errors")
             .with(Block::Table(table(report)))
             .with(Block::Gallery(pictures(report))),
+    );
+    if !report.learned.is_empty() {
+        page = page.section(
+            Section::new("References learned run by run")
+                .with(Block::Table(learned_table(report)))
+                .with(Block::Gallery(learned_picture(report).into_iter().collect())),
+        );
+    }
+    page.section(
+        Section::new("Scans of both axes")
+            .with(Block::Table(scans_table(report)))
+            .with(Block::Gallery(scan_pictures(report))),
     )
     .section(Section::new("What the controller undoes").with(Block::Table(chain(controller))))
     .section(
@@ -248,6 +268,130 @@ fn response(
         description: "Response from desired to true position of each controller over frequency.",
     };
     lines(&series, &axes, HALF)
+}
+
+fn learned_table(report: &TrackReport) -> Table {
+    let caption = "Sines by frequency in Hz; rms error of the true position before and with the correction that is kept, % of peak to peak, open loop; the \
+                   correction is chosen by the measured error";
+    let columns = ["Reference", "Before", "Learned", "Runs", "Kept", "Why no more"];
+    report
+        .learned
+        .iter()
+        .fold(Table::new(caption, &columns), |table, reference| {
+            let at = |number: usize| reference.iterations.get(number).map(|run| run.true_percent);
+            table.row(vec![
+                Cell::text(&reference.name),
+                Cell::number(at(0)),
+                Cell::number(at(reference.kept)),
+                Cell::text(reference.iterations.len().to_string()),
+                Cell::text(reference.kept.to_string()),
+                Cell::text(reference.stopped),
+            ])
+        })
+}
+
+fn learned_picture(report: &TrackReport) -> Option<Figure> {
+    let series: Vec<Line> = report
+        .learned
+        .iter()
+        .enumerate()
+        .map(|(i, reference)| Line {
+            name: reference.name.clone(),
+            points: (0..)
+                .zip(&reference.iterations)
+                .map(|(k, run)| (f64::from(k), run.true_percent))
+                .collect(),
+            ink: Ink::Series(i),
+        })
+        .collect();
+    let axes = Lines {
+        x_title: "corrections",
+        y_title: "rms error, % of peak to peak",
+        x_log: false,
+        y_log: true,
+        description: "Error of each learned reference by the number of corrections.",
+    };
+    let caption = "Error of the true position by the number of corrections.";
+    Some(Figure::new(lines(&series, &axes, HALF)?, caption.to_owned()))
+}
+
+fn scans_table(report: &TrackReport) -> Table {
+    let [x, y] = report.measured_shares.map(|share| significant(100.0 * share));
+    let caption = format!(
+        "Rms error of each axis at the same instant and of the distance from the path, % of the range; {LINES_HZ} lines a second; {x} and \
+         {y} % of the other axis' motion reach each, as measured before the scans"
+    );
+    let columns = [
+        "Scan",
+        "Controller of both",
+        "Loop",
+        "X",
+        "Y",
+        "Path",
+        "Path, largest, nm",
+    ];
+    report.scans.iter().fold(Table::new(caption, &columns), |table, scan| {
+        table.row(vec![
+            Cell::text(scan.scan),
+            Cell::text(&scan.name),
+            Cell::text(scan.loop_kind),
+            Cell::number(scan.x_percent),
+            Cell::number(scan.y_percent),
+            Cell::number(scan.path_percent),
+            Cell::number(scan.path_largest_nm),
+        ])
+    })
+}
+
+/// Errors are drawn so many times larger than they are: 1 % of the range would be four pixels.
+const ENLARGED: f64 = 5.0;
+/// Lines or turns that are drawn, the last ones: with more of them they hide each other.
+const DRAWN_LINES: f64 = 4.0;
+
+/// The end of each scan as it should be and as the complete controller and the paper's best did it.
+fn scan_pictures(report: &TrackReport) -> Vec<Figure> {
+    const SHOWN: [(&str, Ink); 2] = [
+        ("paper's PI + MRPI", Ink::Series(1)),
+        ("complete feedforward + feedback", Ink::Series(0)),
+    ];
+    let figure = |kind: &'static str| {
+        let of_kind = || report.scans.iter().filter(|scan| scan.scan == kind);
+        let last = |points: &[[f64; 2]]| {
+            let drawn = (DRAWN_LINES / LINES_HZ / report.period_s) as usize;
+            points[points.len().saturating_sub(drawn)..].to_vec()
+        };
+        let path = last(&of_kind().next()?.history[0]);
+        let mut series = vec![Line {
+            name: "reference".to_owned(),
+            points: path.iter().map(|[x, y]| (*x, *y)).collect(),
+            ink: Ink::Muted,
+        }];
+        for (name, ink) in SHOWN {
+            let Some(scan) = of_kind().find(|scan| scan.name == name && scan.path_percent < CLOSE_PERCENT) else {
+                continue;
+            };
+            let beside = |reference: f64, was: f64| reference + ENLARGED * (was - reference);
+            let was = last(&scan.history[1]);
+            let points = path.iter().zip(&was);
+            series.push(Line {
+                name: name.to_owned(),
+                points: points.map(|(r, y)| (beside(r[0], y[0]), beside(r[1], y[1]))).collect(),
+                ink,
+            });
+        }
+        let axes = Lines {
+            x_title: "X, µm",
+            y_title: "Y, µm",
+            x_log: false,
+            y_log: false,
+            description: "Path of both axes, errors enlarged.",
+        };
+        let caption = format!(
+            "The last {DRAWN_LINES} lines or turns of the {kind}; errors drawn {ENLARGED} times larger than they are."
+        );
+        Some(Figure::new(lines(&series, &axes, SQUARE)?, caption))
+    };
+    Scan::ALL.into_iter().filter_map(|scan| figure(scan.name())).collect()
 }
 
 /// The identified chain in its own units.

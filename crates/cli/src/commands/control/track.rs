@@ -7,7 +7,9 @@ use crate::output;
 use clap::Args;
 use hysteron_tracking::bench::{Bench, ControllerFigures, SHAPES, TrackReport, compare};
 use hysteron_tracking::design::Controller;
+use hysteron_tracking::learning::learn_references;
 use hysteron_tracking::robustness::{RobustnessRow, robustness};
+use hysteron_tracking::scans::LINES_HZ;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -33,6 +35,9 @@ pub(crate) struct TrackArgs {
     /// Leave the paper's controllers out
     #[arg(long)]
     pub alone: bool,
+    /// Also learn references that repeat, run by run, with at most so many corrections: 1 to 50
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=50), conflicts_with = "robustness")]
+    pub iterations: Option<u32>,
     /// Seed of the sensor noise
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -73,7 +78,15 @@ pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
     if args.robustness {
         return changed_stages(args, &bench, &controller);
     }
-    let report = compare(&args.stage, &bench, &controller, !args.alone)?;
+    // Refused first where it cannot be: the rest takes its time.
+    let learned = args
+        .iterations
+        .map(|most| learn_references(&bench, &controller, most as usize));
+    let learned = learned.transpose()?.unwrap_or_default();
+    let report = TrackReport {
+        learned,
+        ..compare(&args.stage, &bench, &controller, !args.alone)?
+    };
     if let Some(path) = &args.output {
         output::write_file(path, &page::page(&report, &controller, args))?;
     }
@@ -112,6 +125,71 @@ fn text(report: &TrackReport) -> String {
     );
     for controller in &report.controllers {
         text.push_str(&line(controller, widest));
+    }
+    text + &learned_text(report) + &scans_text(report)
+}
+
+/// The table of what was learned; nothing without any.
+fn learned_text(report: &TrackReport) -> String {
+    let Some(longest) = report.learned.iter().map(|reference| reference.iterations.len()).max() else {
+        return String::new();
+    };
+    let mut text = String::from(
+        "\nLEARNED run by run, complete feedforward, open loop: error of the true position after each correction, %; * is kept, by the\n\
+         measured error\n\n     ",
+    );
+    for reference in &report.learned {
+        // Writing to a String does not fail.
+        let _ = write!(text, " {:>10}", reference.name.split('-').next().unwrap_or_default());
+    }
+    text.push('\n');
+    for number in 0..longest {
+        let _ = write!(text, "{number:>5}");
+        for reference in &report.learned {
+            let _ = match reference.iterations.get(number) {
+                Some(run) => {
+                    let kept = if number == reference.kept { "*" } else { " " };
+                    write!(text, " {:>9.4}{kept}", run.true_percent)
+                }
+                None => write!(text, " {:>10}", ""),
+            };
+        }
+        text.push('\n');
+    }
+    for reference in &report.learned {
+        let _ = writeln!(text, "{}: {}", reference.name, reference.stopped);
+    }
+    text
+}
+
+/// The table of the scans.
+fn scans_text(report: &TrackReport) -> String {
+    let [x, y] = report.measured_shares;
+    let mut text = format!(
+        "\nSCANS of both axes at {LINES_HZ} lines a second, the same controller on each; {:.2} and {:.2} % of the other's motion reach\n\
+         each axis, as measured first. Error of each axis at the same instant, distance from the path (late along it is none)\n\n",
+        100.0 * x,
+        100.0 * y
+    );
+    let widest = report.scans.iter().map(|scan| scan.name.len()).max().unwrap_or(0);
+    // Writing to a String does not fail.
+    let _ = writeln!(
+        text,
+        "{:<7} {:<widest$} {:<6} {:>8} {:>8} {:>8} {:>12}",
+        "", "", "loop", "x, %", "y, %", "path, %", "largest, nm"
+    );
+    for scan in &report.scans {
+        let _ = writeln!(
+            text,
+            "{:<7} {:<widest$} {:<6} {:>8.3} {:>8.3} {:>8.3} {:>12.1}",
+            scan.scan,
+            scan.name,
+            scan.loop_kind,
+            scan.x_percent,
+            scan.y_percent,
+            scan.path_percent,
+            scan.path_largest_nm
+        );
     }
     text
 }

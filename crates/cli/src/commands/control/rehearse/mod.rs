@@ -1,0 +1,250 @@
+//! `hysteron rehearse`: the whole way on a stage with something hidden in it, the tracking error before and after.
+
+mod chip;
+mod programme;
+mod rows;
+mod text;
+
+use crate::commands::board::EmulatorName;
+use crate::commands::fit::ModelName;
+use crate::error::CliError;
+use crate::exit::Done;
+use crate::{output, progress};
+use chip::{Chip, Reached};
+use clap::Args;
+use hysteron_data::{Dataset, Overwrite, write_dataset};
+use hysteron_diagnose::{Learned, learn_with};
+use hysteron_identify::control::{RecordedHold, chain_of};
+use hysteron_identify::{FitOptions, Model, fit};
+use hysteron_plant::StageConfig;
+use hysteron_tracking::design::{Controller, ReferenceKind};
+use hysteron_tracking::rehearsal::{Hidden, Rehearsal};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+#[derive(Args)]
+#[command(after_help = "Examples:\n  hysteron rehearse resonance --seed 7 -o rehearsal\n  \
+    hysteron rehearse delay --emulator mps2-an386 -o rehearsal\n\n\
+    A stage is drawn from the seed and the effect is hidden in it. It is recorded, a model is learned from the records alone\n\
+    (stage and model share no code), a controller is designed from the model of each step and tracks references on the stage:\n\
+    errors of the true position, rms, % of the references' range, nothing shifted. Then the truth is revealed.")]
+pub(crate) struct RehearseArgs {
+    /// delay, first-order-lag, resonance, creep, cross-coupling or mains-hum
+    pub effect: String,
+    /// Seed of stage, effect and noise
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// The hysteresis model to start from; mpi leaves 1 to 4 % of the range where a stage's loops change with the bias
+    #[arg(long, value_enum, default_value_t = ModelName::PlayPolynomial)]
+    pub model: ModelName,
+    /// Number of play operators, 1 to 64
+    #[arg(long, default_value_t = 12)]
+    pub plays: usize,
+    /// Record and track with the firmware in QEMU instead of on the host: a plain image plays the records, and an image is built for
+    /// each controller
+    #[arg(long, value_enum)]
+    pub emulator: Option<EmulatorName>,
+    /// The firmware's sources
+    #[arg(long, value_name = "FOLDER", default_value = "firmware", requires = "emulator")]
+    pub firmware: PathBuf,
+    /// Folder for records, model.toml and controller.toml; with an emulator for tables and images, too
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: Option<PathBuf>,
+    /// Print the answer as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A step of the ladder from both sides.
+#[derive(Serialize)]
+struct Rung {
+    effects: Vec<String>,
+    /// Error of the model on records it was not fitted to, percent of peak to peak.
+    model_percent: Option<f64>,
+    #[serde(rename = "loop")]
+    loop_kind: &'static str,
+    /// Error of the true position, percent of the references' range; none where the model has no inverse.
+    tracking_percent: Option<BTreeMap<String, f64>>,
+    /// Why it has none.
+    refused: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Rehearsed {
+    effect: &'static str,
+    seed: u64,
+    /// The machine that recorded and tracked; none on the host.
+    emulator: Option<&'static str>,
+    named: bool,
+    rungs: Vec<Rung>,
+    /// The last model with the compensator of the hidden effect left out, open loop.
+    without_compensator_percent: Option<BTreeMap<String, f64>>,
+    /// The first model's kind of controller on the same stage with nothing hidden in it.
+    without_effect_percent: Option<BTreeMap<String, f64>>,
+    /// Beside an emulator: the last controller, open loop, by the host's law in `f64`.
+    host_percent: Option<BTreeMap<String, f64>>,
+    /// Ticks of an emulator at the sample clock; the others were worked out ahead and compared bit by bit.
+    clocked_ticks: u32,
+    /// Of these the late and lost ones.
+    late_ticks: u32,
+    truth: String,
+}
+
+/// Where records and runs are made.
+enum Ground {
+    /// The law in `f64` at the simulated stage.
+    Host,
+    /// The firmware in QEMU at the simulated stage.
+    Board(Box<Chip>),
+}
+
+impl Ground {
+    fn records(&self, rehearsal: &Rehearsal) -> Result<Dataset, CliError> {
+        match self {
+            Self::Host => Ok(rehearsal.records(&rehearsal.stage)?),
+            Self::Board(chip) => chip.records(rehearsal),
+        }
+    }
+
+    fn errors(&self, rehearsal: &Rehearsal, controller: &Controller, name: &str) -> Result<Reached, CliError> {
+        match self {
+            Self::Host => Ok(Reached {
+                percent: rehearsal.errors(&rehearsal.stage, controller)?,
+                ..Reached::default()
+            }),
+            Self::Board(chip) => chip.errors(rehearsal, controller, name),
+        }
+    }
+}
+
+pub(crate) fn run(args: &RehearseArgs) -> Result<Done, CliError> {
+    let hidden = Hidden::named(&args.effect).ok_or_else(|| {
+        CliError::Option(format!(
+            "there is no effect `{}` to hide; there are {}",
+            args.effect,
+            Hidden::ALL.map(Hidden::name).join(", ")
+        ))
+    })?;
+    let rehearsal = Rehearsal::draw(hidden, args.seed)?;
+    let ground = match args.emulator {
+        None => Ground::Host,
+        Some(_) if hidden == Hidden::CrossCoupling => return Err(CliError::Option(NO_SECOND_AXIS.to_owned())),
+        Some(emulator) => {
+            let folder = args.output.as_ref().map(|folder| folder.join("board"));
+            let chip = Chip::new(emulator.machine(), &args.firmware, folder)?;
+            Ground::Board(Box::new(chip))
+        }
+    };
+    let options = FitOptions {
+        plays: args.plays,
+        ..FitOptions::new(args.model.into())
+    };
+    let records = ground.records(&rehearsal)?;
+    let bar = progress::bar("learning");
+    let learned = learn_with(&records, &options, &[], &|what, share| {
+        if bar.message() != what {
+            bar.set_message(what.to_owned());
+        }
+        progress::advance(&bar, share);
+    })?;
+    bar.finish_and_clear();
+    let rehearsed = rehearsed(&ground, &rehearsal, &learned)?;
+    if let Some(folder) = &args.output {
+        write_dataset(&records, &folder.join("records"), Overwrite::Allow)?;
+        learned.model.write(&folder.join("model.toml"))?;
+        // The table says why there is none.
+        if let Ok(controller) = design(&rehearsal.stage, &learned.model) {
+            output::write_file(&folder.join("controller.toml"), &controller.with_feedback().to_toml()?)?;
+        }
+    }
+    if args.json {
+        output::print_json(&rehearsed)?;
+    } else {
+        output::print(&text::text(&rehearsed))?;
+    }
+    Ok(Done::Answered)
+}
+
+const NO_SECOND_AXIS: &str = "cross-coupling cannot be rehearsed in the emulator: an image of one axis is not told what the other \
+    axis does; rehearse it on the host, and see `hysteron export --cross` for images of both";
+
+fn design(stage: &StageConfig, model: &Model) -> Result<Controller, CliError> {
+    let limits = [stage.amplifier.min_v, stage.amplifier.max_v];
+    let (chain, _) = chain_of(model, stage.sample_period_s, limits, RecordedHold::AccountedFor)?;
+    Ok(Controller::design(&chain, ReferenceKind::Previewed)?)
+}
+
+/// A controller from the model of each step, open loop; from the last with feedback, too; the last without the compensator.
+fn rehearsed(ground: &Ground, rehearsal: &Rehearsal, learned: &Learned) -> Result<Rehearsed, CliError> {
+    let hidden = rehearsal.hidden.name();
+    let mut rehearsed = Rehearsed {
+        effect: hidden,
+        seed: rehearsal.seed,
+        emulator: match ground {
+            Ground::Host => None,
+            Ground::Board(chip) => Some(chip.name()),
+        },
+        named: learned.model.effects.iter().any(|effect| effect.name == hidden),
+        rungs: Vec::new(),
+        without_compensator_percent: None,
+        without_effect_percent: floor(rehearsal, &learned.model)?,
+        host_percent: None,
+        clocked_ticks: 0,
+        late_ticks: 0,
+        truth: rehearsal.truth.clone(),
+    };
+    let steps = learned.rungs.len();
+    let bar = progress::bar("tracking");
+    for (i, model) in learned.rungs.iter().enumerate() {
+        // The first model has no history yet: it stands as the first step in that of the last.
+        let step = learned.model.history.first().filter(|_| i == 0);
+        let open = design(&rehearsal.stage, model).map_err(|refusal| refusal.to_string());
+        let closed = (i + 1 == steps).then(|| open.clone().map(Controller::with_feedback));
+        for (loop_kind, controller) in [("open", Some(open)), ("closed", closed)] {
+            let (tracking_percent, refused) = match controller {
+                None => continue,
+                Some(Ok(controller)) => {
+                    let reached = ground.errors(rehearsal, &controller, &format!("step-{i}-{loop_kind}"))?;
+                    rehearsed.clocked_ticks += reached.clocked_ticks;
+                    rehearsed.late_ticks += reached.late_ticks;
+                    if i + 1 == steps && loop_kind == "open" && rehearsed.emulator.is_some() {
+                        rehearsed.host_percent = Some(rehearsal.errors(&rehearsal.stage, &controller)?);
+                    }
+                    (Some(reached.percent), None)
+                }
+                Some(Err(reason)) => (None, Some(reason)),
+            };
+            rehearsed.rungs.push(Rung {
+                effects: model.effects.iter().map(|effect| effect.name.clone()).collect(),
+                model_percent: step.or(model.history.last()).and_then(|step| step.validate_percent),
+                loop_kind,
+                tracking_percent,
+                refused,
+            });
+        }
+        progress::advance(&bar, (i + 1) as f64 / (steps + 1) as f64);
+    }
+    // The same hysteresis and the same other effects, this one not undone.
+    let mut without = learned.model.clone();
+    without.effects.retain(|effect| effect.name != hidden);
+    if let Ok(controller) = design(&rehearsal.stage, &without) {
+        rehearsed.without_compensator_percent = Some(ground.errors(rehearsal, &controller, "without")?.percent);
+    }
+    bar.finish_and_clear();
+    Ok(rehearsed)
+}
+
+/// What a controller of the hysteresis alone leaves on the host where nothing is hidden: the effect dominates where it leaves many times more.
+fn floor(rehearsal: &Rehearsal, model: &Model) -> Result<Option<BTreeMap<String, f64>>, CliError> {
+    let records = rehearsal.records(&rehearsal.bare)?;
+    let options = FitOptions {
+        plays: model.thresholds.len(),
+        ..FitOptions::new(model.family)
+    };
+    let model = fit(&records, &options, &|_| ())?.model;
+    match design(&rehearsal.bare, &model) {
+        Ok(controller) => Ok(Some(rehearsal.errors(&rehearsal.bare, &controller)?)),
+        Err(_) => Ok(None),
+    }
+}
