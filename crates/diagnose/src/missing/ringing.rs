@@ -30,6 +30,22 @@ struct Ring {
     samples: usize,
 }
 
+/// What rings before a step as well, by this share of what rings after it, is a vibration.
+const BEFORE: f64 = 0.3;
+
+/// Fewest samples before a step that tell; else the ring must have died down by half within the window.
+const FEWEST_BEFORE: usize = 40;
+
+impl Ring {
+    fn is_of_the_step(&self, before: &[f64], period_s: f64, window: usize) -> bool {
+        if before.len() < FEWEST_BEFORE {
+            return (-self.zeta * TAU * self.frequency_hz * window as f64 * period_s).exp() < 0.5;
+        }
+        let still = DVector::from_column_slice(before);
+        squared_error(&still, period_s, Some((self.frequency_hz, 0.0))).1 < BEFORE * self.amplitude_um
+    }
+}
+
 /// The clearest ring after any step, as an entry of the ranking.
 ///
 /// `left_um` is the error, rms, that remains over all records.
@@ -47,6 +63,11 @@ pub(crate) fn find(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>], left
                 continue;
             }
             if let Some(ring) = fit(window, trace.period_s, bench.noise_um)
+                && ring.is_of_the_step(
+                    &residual[k.saturating_sub(WINDOW).max(trace.from)..k],
+                    trace.period_s,
+                    window.len(),
+                )
                 && best.as_ref().is_none_or(|b| ring.share > b.share)
             {
                 best = Some(ring);
