@@ -117,9 +117,9 @@ pub(crate) fn without(dataset: &Dataset, traces: &Traces, residuals: &[Vec<f64>]
     let mut humless = dataset.clone();
     let records = humless.records.par_iter_mut().zip(&traces.each).zip(residuals);
     records.for_each(|((record, trace), residual)| {
-        let own: Vec<f64> = residual[trace.from..].iter().step_by(trace.every).copied().collect();
+        let own = &residual[trace.from..];
         let part = ((PART_S / record.period_s).ceil() as usize).max(1);
-        let mut left = own.clone();
+        let mut left = own.to_vec();
         left.chunks_mut(part)
             .for_each(|part| take_out(part, record.period_s, hum.frequency_hz));
         for ((y, own), left) in record.position_um.iter_mut().zip(own).zip(left) {

@@ -86,7 +86,7 @@ impl Judge {
                 .traces
                 .each
                 .iter()
-                .map(|t| t.period_s * t.every as f64)
+                .map(|t| t.period_s)
                 .fold(f64::INFINITY, f64::min),
         }
     }
@@ -434,7 +434,7 @@ pub(crate) fn cannot_answer(dataset: &Dataset, traces: &Traces, noise_um: f64) -
     if traces.stroke_um < 30.0 * noise_um {
         reasons.push("all-noise".to_owned());
     }
-    let samples: usize = moving.iter().map(|t| (t.len() - t.from) / t.every).sum();
+    let samples: usize = moving.iter().map(|t| t.len() - t.from).sum();
     // A top that stands exactly still while the drive moves on.
     let stuck: usize = dataset.records.iter().map(stuck_at_extremes).sum();
     if stuck * 20 > samples {

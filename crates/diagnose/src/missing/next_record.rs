@@ -201,7 +201,6 @@ fn simulate(bench: &Bench<'_>, rival: &Rival, proposal: &Proposal) -> Vec<f64> {
         return Vec::new();
     };
     let trace = Trace {
-        every: 1,
         scales,
         role: Role::Identify,
         period_s: proposal.period_s,

@@ -3,14 +3,11 @@
 use crate::missing::filters::running_mean;
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::family::{peak_to_peak, range};
-use hysteron_identify::{InitialState, Model, grid};
+use hysteron_identify::{InitialState, Model};
 use rayon::prelude::*;
 
 /// Rows of a record that a fit looks at: neighbouring samples tell the same, and 1200 rows resolve 60 periods of 20.
 const ROWS: usize = 1200;
-
-/// Finest grid, samples a recorded one: a search pays for each of them some hundred times.
-const FINEST: usize = 4;
 
 /// Volts and micrometres of what the traces have scaled.
 #[derive(Debug, Clone, Copy)]
@@ -27,10 +24,7 @@ pub(crate) struct Scales {
 pub(crate) struct Trace {
     pub scales: Scales,
     pub role: Role,
-    /// Step of the series, seconds: finer than the samples where a periodic drive is known between them.
     pub period_s: f64,
-    /// Samples of the series a recorded one.
-    pub every: usize,
     /// Drive scaled to -1 .. 1 over all records; a periodic record has one period of run-in before it.
     pub drive: Vec<f64>,
     /// Position, micrometres, as long as `drive` (in the run-in the first period's).
@@ -140,28 +134,20 @@ impl Trace {
             InitialState::Periodic { samples } => (samples, 0.0),
             InitialState::Remanent { fraction } => (0, fraction),
         };
-        let every = match run_in {
-            0 => 1,
-            samples => grid::refinement(&record.voltage_v[..samples]).min(FINEST),
-        };
-        let extend = |values: &[f64]| grid::slow(values, run_in, every);
-        let drive: Vec<f64> = grid::drive(&record.voltage_v, run_in, every)
-            .into_iter()
-            .map(scale)
-            .collect();
+        let extend = |values: &[f64]| -> Vec<f64> { values[..run_in].iter().chain(values).copied().collect() };
+        let drive: Vec<f64> = extend(&record.voltage_v).into_iter().map(scale).collect();
         let moves = peak_to_peak(&record.voltage_v) > 0.0;
-        let first = run_in * every + if fraction > 0.0 { settled(&drive) } else { 0 };
-        let stride = (record.len() - first / every + run_in).div_ceil(ROWS).max(1) * every;
+        let first = run_in + if fraction > 0.0 { settled(&drive) } else { 0 };
+        let stride = (drive.len() - first).div_ceil(ROWS).max(1);
         Self {
             scales,
             role: record.role,
-            period_s: record.period_s / every as f64,
-            every,
+            period_s: record.period_s,
             position_um: extend(&record.position_um)
                 .into_iter()
                 .map(|y| y - scales.middle_um)
                 .collect(),
-            from: run_in * every,
+            from: run_in,
             rows: (first..drive.len()).step_by(stride).collect(),
             fraction,
             // Temperature moves in minutes; its sensor's noise would only blur the column.
