@@ -1,6 +1,6 @@
 //! Writes a dataset with a hidden effect, and the truth beside it.
 //!
-//! `cargo run --release -p host-tests --example generate -- --seed 7 --effect delay --strength medium -o DIR`
+//! `cargo run --release -p host-tests --example generate -- --seed 7 --effect delay:medium -o DIR`
 #![expect(clippy::print_stdout, reason = "an example of the command line")]
 
 use host_tests::hidden::{self, score};

@@ -105,9 +105,12 @@ pub(crate) fn taken_out(own: &[f64], period_s: f64) -> Vec<f64> {
 /// Takes lines at a frequency and its harmonics out of a series that has them.
 fn take_out(own: &mut [f64], period_s: f64, frequency_hz: f64) {
     let length_s = own.len() as f64 * period_s;
+    if length_s <= SHORTEST_S {
+        return;
+    }
+    let lines = Lines::fit(own, period_s, frequency_hz);
     let power = |f: f64| Lines::fit(own, period_s, f).taken();
-    if length_s > SHORTEST_S && power(frequency_hz) > CONTRAST * beside(power, frequency_hz, length_s) {
-        let lines = Lines::fit(own, period_s, frequency_hz);
+    if lines.taken() > CONTRAST * beside(power, frequency_hz, length_s) {
         own.iter_mut().enumerate().for_each(|(k, y)| *y -= lines.at(k as f64));
     }
 }

@@ -22,6 +22,7 @@ use crate::noise;
 use bench::{Bench, Trial};
 use candidates::PHYSICAL;
 use chain::{Base, Effect, Shape};
+use hum::Hum;
 use hysteron_data::{Dataset, Role};
 use hysteron_identify::effects::UserEffect;
 use hysteron_identify::{Family, IdentifyError, Model, Placement, placement};
@@ -94,16 +95,29 @@ fn answer(dataset: &Dataset, model: &Model, own: &[UserEffect], progress: &(dyn 
         })
     };
     let searched = look(&traces, floor.rms_um, (0.02, 0.6));
-    let Some(hum) = searched.hum() else {
-        return conclude(model, searched, before, reasons, None, progress);
+    let residuals = searched.residuals();
+    let (hum, entry) = match searched.hum(&residuals) {
+        Some((hum, entry)) if entry.significant => (hum, entry),
+        other => {
+            return conclude(
+                model,
+                searched,
+                &residuals,
+                before,
+                reasons,
+                other.map(|o| o.1),
+                progress,
+            );
+        }
     };
     // All that hums looks like noise beside it: what else is missing is looked for without.
-    let humless = hum::without(dataset, &traces, &hum.residuals, &hum.hum);
+    let humless = hum::without(dataset, &traces, &residuals, &hum);
     let floor = noise::noise_floor(&humless);
     let without = Traces::new(&humless, &states, floor.rms_um);
     let mut searched = look(&without, floor.rms_um, (0.6, 0.95));
-    searched.judge.without(hum.hum);
-    conclude(model, searched, before, reasons, Some(hum.entry), progress)
+    searched.judge.without(hum);
+    let residuals = searched.residuals();
+    conclude(model, searched, &residuals, before, reasons, Some(entry), progress)
 }
 
 /// Searches beside the hysteresis that forecasts: one of free shape, or where the records do not determine that, the model's family.
@@ -143,13 +157,6 @@ fn look<'a>(
         }
     }
     searched
-}
-
-/// Hum in what a search leaves.
-struct FoundHum {
-    hum: hum::Hum,
-    entry: RankedEffect,
-    residuals: Vec<Vec<f64>>,
 }
 
 /// What a search with one kind of hysteresis found.
@@ -295,12 +302,16 @@ impl<'a> Searched<'a> {
         first.is_some_and(|(name, _)| own.iter().any(|effect| effect.name() == *name))
     }
 
-    /// Significant hum in what is left.
-    fn hum(&self) -> Option<FoundHum> {
-        let residuals = self.bench.full_residuals(self.last());
-        let hum = hum::find(self.bench.traces, &residuals, self.bench.noise_um)?;
+    /// What it leaves of every record, at the full rate.
+    fn residuals(&self) -> Vec<Vec<f64>> {
+        self.bench.full_residuals(self.last())
+    }
+
+    /// The hum in what is left, and how much it counts.
+    fn hum(&self, residuals: &[Vec<f64>]) -> Option<(Hum, RankedEffect)> {
+        let hum = hum::find(self.bench.traces, residuals, self.bench.noise_um)?;
         let entry = self.judge.hum(&self.bench, self.last(), &hum);
-        entry.significant.then_some(FoundHum { hum, entry, residuals })
+        Some((hum, entry))
     }
 
     fn last(&self) -> &Trial {
@@ -512,6 +523,7 @@ fn before(dataset: &Dataset, simulated: &[(hysteron_identify::InitialState, Vec<
 fn conclude(
     model: &Model,
     searched: Searched<'_>,
+    residuals: &[Vec<f64>],
     before: Before,
     reasons: Vec<String>,
     hum: Option<RankedEffect>,
@@ -528,25 +540,20 @@ fn conclude(
     let bench = &bench;
     progress(0.95, "what remains");
     let last = found.last().map_or(&start, |f| &f.1);
-    let residuals = bench.full_residuals(last);
-    let remains = remains::remains(bench, last, &residuals);
+    let remains = remains::remains(bench, last, residuals);
     let mut names: Vec<String> = found.iter().map(|f| f.0.to_owned()).collect();
-    if let Some(effect) = hum {
-        // The larger of the two is the verdict.
-        let first = ranking.first().filter(|r| r.significant);
-        let larger = first.is_none_or(|r| effect.share > r.share);
-        names.insert(if larger { 0 } else { names.len() }, effect.effect.clone());
-        ranking.insert(if larger { 0 } else { ranking.len().min(1) }, effect);
-    } else if let Some(hum) = hum::find(bench.traces, &residuals, bench.noise_um) {
-        ranking.push(judge.hum(bench, last, &hum));
+    match hum {
+        Some(effect) if effect.significant => {
+            // The larger of the two is the verdict.
+            let first = ranking.first().filter(|r| r.significant);
+            let larger = first.is_none_or(|r| effect.share > r.share);
+            names.insert(if larger { 0 } else { names.len() }, effect.effect.clone());
+            ranking.insert(if larger { 0 } else { ranking.len().min(1) }, effect);
+        }
+        insignificant => ranking.extend(insignificant),
     }
     if !names.iter().any(|n| n == "resonance")
-        && let Some(entry) = ringing::find(
-            bench,
-            last,
-            &residuals,
-            remains.percent / 100.0 * bench.traces.stroke_um,
-        )
+        && let Some(entry) = ringing::find(bench, last, residuals, remains.percent / 100.0 * bench.traces.stroke_um)
     {
         ranking.retain(|r| r.effect != "resonance");
         names.push("resonance".to_owned());
@@ -561,7 +568,7 @@ fn conclude(
         .any(|r| r.effect == "thermal-drift" && r.significant && r.share > judge::DRIFT_SHARE);
     let jumps = by_starts
         && !drifts_all
-        && structure::jumps(bench.traces, &residuals, 0.3 * traces::start_scatter_um(bench.traces));
+        && structure::jumps(bench.traces, residuals, 0.3 * traces::start_scatter_um(bench.traces));
     let drifts = !jumps || physical.as_deref() != Some("thermal-drift");
     if jumps {
         names.retain(|name| name != "thermal-drift");
@@ -576,7 +583,7 @@ fn conclude(
         .is_some_and(|r| r.effect == "mains-hum" && r.significant && r.share > judge::HUM_ALONE)
         && remains.percent <= remains.noise_percent;
     let enough = (hum_alone || judge.explains_enough(last, remains.percent)) && drifts && forecasts;
-    let structured = structure::more_than_noise(bench.traces, &residuals);
+    let structured = structure::more_than_noise(bench.traces, residuals);
     let verdict = if !reasons.is_empty() {
         "unknown".to_owned()
     } else if let Some(name) = physical {
