@@ -175,10 +175,10 @@ fn refuse_bad_exports() {
     );
 }
 
-/// What the board saw is a dataset: the latency that its builder knows is in it, and `compare` takes it.
-#[test]
-fn val_board_run_records_what_compare_takes() {
-    let image = root().join("firmware/target/images/mps2-an386");
+/// An image that the emulator can run; `None`, and said so, where a machine has none.
+#[expect(clippy::print_stderr, reason = "a test that is skipped says so")]
+fn image(name: &str) -> Option<String> {
+    let image = root().join("firmware/target/images").join(name);
     let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
     if !image.is_file() || emulator.is_err() {
         assert!(
@@ -186,12 +186,18 @@ fn val_board_run_records_what_compare_takes() {
             "no image or no emulator"
         );
         eprintln!("skipped: no image or no qemu-system-arm; run `cargo xtask test`");
-        return;
+        return None;
     }
+    Some(image.display().to_string())
+}
+
+/// What the board saw is a dataset: the latency that its builder knows is in it, and `compare` takes it.
+#[test]
+fn val_board_run_records_what_compare_takes() {
+    let Some(image) = image("mps2-an386") else { return };
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
     let (data, board, model) = (records(folder.path(), false), path("board"), path("model"));
-    let image = image.display().to_string();
     let run = [
         "board",
         "run",
@@ -226,19 +232,9 @@ fn val_board_run_records_what_compare_takes() {
 /// The recording says which of the image's tables ran, and a bank that it has not is refused with what to do.
 #[test]
 fn val_board_run_takes_a_bank() {
-    let image = root().join("firmware/target/images/tables/banks");
-    let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
-    if !image.is_file() || emulator.is_err() {
-        assert!(
-            std::env::var_os("HYSTERON_EMULATOR").is_none(),
-            "no image or no emulator"
-        );
-        eprintln!("skipped: no image or no qemu-system-arm; run `cargo xtask test`");
-        return;
-    }
+    let Some(image) = image("tables/banks") else { return };
     let folder = tempfile::tempdir().unwrap();
     let board = folder.path().join("board").display().to_string();
-    let image = image.display().to_string();
     let run = |bank: &'static str| {
         let words = "board run --emulator mps2-an386 --stage 739 --seconds 0.02 --low 3 --high 13 --bank";
         let mut words: Vec<String> = words.split(' ').map(str::to_owned).collect();
@@ -293,17 +289,8 @@ fn val_board_run_follows_a_reference_from_a_file() {
         .collect();
     let lines = points.iter().map(|um| format!("{um}\n"));
     fs::write(&file, "reference_um\n".to_owned() + &lines.collect::<String>()).unwrap();
-    let image = root().join("firmware/target/images/mps2-an386");
-    let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
-    if !image.is_file() || emulator.is_err() {
-        assert!(
-            std::env::var_os("HYSTERON_EMULATOR").is_none(),
-            "no image or no emulator"
-        );
-        eprintln!("skipped: no image or no qemu-system-arm; run `cargo xtask test`");
-        return;
-    }
-    let words = run(&image.display().to_string());
+    let Some(image) = image("mps2-an386") else { return };
+    let words = run(&image);
     answered(&words.iter().map(String::as_str).collect::<Vec<_>>());
     let dataset = read_dataset(Path::new(&board)).unwrap();
     let reference_um = dataset.records[0].reference_um.as_ref().unwrap();
