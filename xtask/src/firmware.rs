@@ -89,17 +89,13 @@ pub(crate) fn compare() -> Result<(), String> {
     for (name, board) in [("tracking-xy", BOARDS[0]), ("tracking-xy-m7", BOARDS[1])] {
         build_both(&folder.join(name), board)?;
     }
+    // Of the whole workspace: with the features of one package alone its dependencies would be compiled twice.
     run(
         "cargo",
-        &[
-            "run",
-            "--locked",
-            "--package",
-            "hysteron-board",
-            "--example",
-            "emulator_and_host",
-        ],
-    )
+        &["build", "--locked", "--workspace", "--example", "emulator_and_host"],
+    )?;
+    let example = crate::targets().join("debug/examples/emulator_and_host");
+    run(&example.display().to_string(), &[])
 }
 
 /// Builds the application with a table of `firmware/tables`, and puts the image in a folder.

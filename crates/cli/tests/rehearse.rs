@@ -65,11 +65,6 @@ fn val_delay_is_learned_and_compensated() {
 }
 
 #[test]
-fn val_lag_is_learned_and_compensated() {
-    learned_and_compensated("first-order-lag", 1, &[]);
-}
-
-#[test]
 fn val_other_axis_is_learned_and_compensated() {
     learned_and_compensated("cross-coupling", 1, &[]);
 }
