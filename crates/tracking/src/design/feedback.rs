@@ -1,14 +1,14 @@
 //! Feedback on what the feedforward leaves, designed for a stated robustness on the identified linear part.
 
+use super::evolution;
 use super::preview::section;
 use hysteron_core::biquad::Biquad;
 use hysteron_core::law_numbers::FeedbackNumbers;
 use hysteron_identify::control::{ControlModel, LinearPart};
-use hysteron_identify::simplex::minimum;
-use rayon::prelude::*;
+use hysteron_identify::simplex;
 use realfft::num_complex::Complex64;
 use serde::{Deserialize, Serialize};
-use std::f64::consts::{FRAC_PI_2, LN_2, PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Largest peak of the sensitivity that is allowed: the loop stays half of its own size away from the critical point.
 pub const LARGEST_SENSITIVITY: f64 = 2.0;
@@ -101,46 +101,34 @@ impl Structure {
         }
     }
 
-    /// Where the search begins, for a first mode and the lightest loop that is surely stable.
-    fn starts(self, mode_hz: f64) -> Vec<Vec<f64>> {
-        let slow = (0.1 * mode_hz).ln();
+    /// What the search varies, lowest and highest: logarithms where they are positive.
+    fn bounds(self, mode_hz: f64, rate_hz: f64) -> Vec<(f64, f64)> {
+        let log = |low: f64, high: f64| (low.ln(), high.ln());
+        let gain = log(0.002 * mode_hz, mode_hz);
+        let highest = (0.4 * rate_hz).max(2.0 * mode_hz);
+        // A section swaps a damped pair about the mode for one anywhere above.
+        let section = [
+            log(0.3 * mode_hz, 4.0 * mode_hz),
+            log(NARROWEST_ZERO, 2.0),
+            log(0.3 * mode_hz, highest),
+            log(NARROWEST_POLE, 4.0),
+        ];
+        let mut bounds = vec![gain];
         match self {
-            Self::Integral => vec![vec![(0.02 * mode_hz).ln()]],
-            Self::Notch => [0.9_f64, 1.0, 1.1]
-                .iter()
-                .map(|f| vec![slow, (f * mode_hz).ln(), 0.1_f64.ln(), 0.7_f64.ln()])
-                .collect(),
-            Self::TwoBiquads => [
-                (0.93_f64, 1.08_f64, 0.1_f64),
-                (0.93, 1.08, 0.3),
-                (0.8, 1.0, 0.2),
-                (1.0, 1.3, 0.3),
-            ]
-            .iter()
-            .map(|(lower, upper, z)| {
-                let pair = |f: f64| [(f * mode_hz).ln(), z.ln(), (f * mode_hz).ln(), 0.7_f64.ln()];
-                let mut start = vec![slow];
-                start.extend(pair(*lower));
-                start.extend(pair(*upper));
-                start
-            })
-            .collect(),
-            // Signs of the filter's three parts: derivative, position and acceleration feedback and mixtures.
-            Self::Damping => [
-                [0.0, 0.3, 0.0],
-                [0.0, -0.3, 0.0],
-                [0.0, 0.0, -0.3],
-                [0.0, 0.2, -0.2],
-                [0.2, 0.0, -0.2],
-            ]
-            .iter()
-            .map(|parts| {
-                let mut start = vec![slow, mode_hz.ln(), 0.5_f64.ln()];
-                start.extend(parts);
-                start
-            })
-            .collect(),
+            Self::Integral => {}
+            Self::Notch => bounds.extend(&[
+                log(0.7 * mode_hz, 1.4 * mode_hz),
+                log(NARROWEST_ZERO, 1.0),
+                log(NARROWEST_POLE, 4.0),
+            ]),
+            Self::TwoBiquads => bounds.extend(section.iter().chain(&section)),
+            // Derivative, position and acceleration feedback, either sign, and mixtures.
+            Self::Damping => {
+                bounds.extend([log(0.3 * mode_hz, highest), log(NARROWEST_POLE, 4.0)]);
+                bounds.extend([(-1.5, 1.5); 3]);
+            }
         }
+        bounds
     }
 
     fn candidate(self, p: &[f64], rate_hz: f64) -> Option<Candidate> {
@@ -194,12 +182,34 @@ fn free_section(frequency_hz: f64, damping: f64, [d2, d1, d0]: [f64; 3], rate_hz
     ])
 }
 
-/// Cost of a loop that is not stable with every plant: above all that are.
+/// Cost of a loop that is not stable with every plant, above all that are; the faster, the more.
 const UNSTABLE: f64 = 1e6;
+/// Searches for each structure: on a slow mode two kinds of loops are the best of their kind, and one search ends in either.
+const TRIES: u64 = 3;
+/// Generations of a search.
+const GENERATIONS: usize = 200;
+/// What a rejection farther by a factor of e is worth, as a share of the disturbances: between loops that leave about the same, the
+/// one that rejects farther.
+const WORTH_OF_REJECTION: f64 = 0.05;
+
+/// 1 where the way from `from` to `to` crosses the negative real axis turning left, -1 turning right, 0 elsewhere.
+fn crossing(from: Complex64, to: Complex64) -> i32 {
+    if (from.im < 0.0) == (to.im < 0.0) {
+        return 0;
+    }
+    let crosses_at = from.re + (to.re - from.re) * from.im / (from.im - to.im);
+    match (crosses_at < 0.0, to.im < 0.0) {
+        (false, _) => 0,
+        (true, true) => 1,
+        (true, false) => -1,
+    }
+}
 
 /// The plants that a loop has to hold with, on one grid of frequencies.
 struct Plants {
     omega: Vec<f64>,
+    /// `e^(-j w T)` at each.
+    delay: Vec<Complex64>,
     /// Weight of each frequency in an integral over log frequency, of the disturbances assumed.
     disturbance: Vec<f64>,
     /// Weight of each frequency in the mean over the band of the sensor's noise.
@@ -252,6 +262,10 @@ impl Plants {
             })
             .collect();
         Self {
+            delay: omega
+                .iter()
+                .map(|w| Complex64::from_polar(1.0, -w * period_s))
+                .collect(),
             omega,
             disturbance,
             noise,
@@ -269,12 +283,11 @@ impl Plants {
         ) else {
             return vec![Complex64::new(f64::INFINITY, 0.0); self.omega.len()];
         };
-        self.omega
+        self.delay
             .iter()
-            .map(|&w| {
-                let angle = w * self.period_s;
-                let integral = candidate.integral_per_s * self.period_s / (1.0 - Complex64::from_polar(1.0, -angle));
-                integral * section(&first, angle) * section(&second, angle) + section(&damping, angle)
+            .map(|&z| {
+                let integral = candidate.integral_per_s * self.period_s / (1.0 - z);
+                integral * section(&first, z) * section(&second, z) + section(&damping, z)
             })
             .collect()
     }
@@ -284,19 +297,26 @@ impl Plants {
         let mut peak: f64 = 0.0;
         for response in &self.responses {
             for gain in GAIN_FACTORS {
-                let (mut turned, mut before): (f64, Option<Complex64>) = (0.0, None);
-                for (c, p) in controller.iter().zip(response) {
-                    let distance = 1.0 + gain * c * p;
-                    peak = peak.max(1.0 / distance.norm());
+                let (mut turns, mut nearest) = (0, f64::INFINITY);
+                let ends = controller.iter().zip(response).map(|(c, p)| 1.0 + gain * c * p);
+                let mut before: Option<Complex64> = None;
+                let mut first = Complex64::default();
+                for distance in ends {
+                    nearest = nearest.min(distance.norm_sqr());
                     if let Some(before) = before {
-                        turned += (distance / before).arg();
+                        turns += crossing(before, distance);
+                    } else {
+                        first = distance;
                     }
                     before = Some(distance);
                 }
+                let last = before.unwrap_or_default();
+                let turned = last.arg() - first.arg() + TAU * f64::from(turns);
                 // From -j infinity (the integral) to the real axis: a quarter turn, whole turns more or less are poles outside.
                 if (turned - FRAC_PI_2).abs() > 0.5 || !turned.is_finite() {
                     return f64::INFINITY;
                 }
+                peak = peak.max(1.0 / nearest.sqrt());
             }
         }
         peak
@@ -308,6 +328,25 @@ impl Plants {
             .zip(&self.responses[1])
             .map(|(c, p)| 1.0 / (1.0 + c * p))
             .collect()
+    }
+
+    /// Up to where the sensitivity stays below `limit`, hertz, between the points of the grid.
+    fn stays_below(&self, limit: f64, sensitivity: &[Complex64]) -> f64 {
+        let above = sensitivity.iter().position(|s| s.norm() > limit);
+        let hz = |n: usize| self.omega[n] / TAU;
+        match above {
+            None => hz(self.omega.len() - 1),
+            Some(0) => hz(0),
+            Some(n) => {
+                let (before, after) = (sensitivity[n - 1].norm(), sensitivity[n].norm());
+                hz(n - 1) + (limit - before) / (after - before) * (hz(n) - hz(n - 1))
+            }
+        }
+    }
+
+    /// Up to where disturbances are halved in power, hertz.
+    fn rejection_hz(&self, sensitivity: &[Complex64]) -> f64 {
+        self.stays_below(0.5_f64.sqrt(), sensitivity)
     }
 
     fn noise(&self, sensitivity: &[Complex64]) -> f64 {
@@ -332,7 +371,7 @@ impl Plants {
         let controller = self.controller(&candidate);
         let peak = self.peak_sensitivity(&controller);
         if !peak.is_finite() {
-            return UNSTABLE;
+            return UNSTABLE + candidate.integral_per_s;
         }
         let sensitivity = self.sensitivity(&controller);
         let left: f64 = sensitivity
@@ -342,7 +381,7 @@ impl Plants {
             .sum();
         let all: f64 = self.disturbance.iter().sum();
         let wall = |value: f64, limit: f64| 100.0 * (value / limit - 1.0).max(0.0);
-        left / all
+        left / all - WORTH_OF_REJECTION * self.rejection_hz(&sensitivity).ln()
             + wall(peak, LARGEST_SENSITIVITY)
             + wall(self.noise(&sensitivity), LARGEST_NOISE)
             + wall(self.effort(&controller, &sensitivity), LARGEST_EFFORT)
@@ -354,7 +393,7 @@ impl Plants {
 /// `None` where no structure is robust.
 ///
 /// # Cost
-/// About 15 000 loops of some 600 frequencies and nine plants, a few seconds.
+/// About 120 000 loops of some 600 frequencies and nine plants, a few seconds.
 pub fn design(model: &ControlModel) -> Option<FeedbackDesign> {
     let rate_hz = 1.0 / model.sample_period_s;
     let plants = Plants::new(model);
@@ -363,33 +402,19 @@ pub fn design(model: &ControlModel) -> Option<FeedbackDesign> {
         .modes
         .first()
         .map_or(0.1 * rate_hz, |mode| mode.frequency_hz);
-    let best = Structure::ALL
-        .iter()
-        .flat_map(|&structure| {
-            structure
-                .starts(mode_hz)
-                .into_iter()
-                .map(move |start| (structure, start))
-        })
-        .collect::<Vec<_>>()
-        .into_par_iter()
-        .map(|(structure, mut start)| {
+    let (structure, (parameters, _)) = Structure::ALL
+        .into_iter()
+        .filter_map(|structure| {
             let cost = |p: &[f64]| plants.cost(structure.candidate(p, rate_hz));
-            // From a loop that is stable, however slow: outside there is no slope to go by.
-            for _ in 0..10 {
-                if cost(&start) < UNSTABLE {
-                    break;
-                }
-                start[0] -= LN_2;
-            }
-            let search = |start: &[f64]| minimum(start, 0.2, 150, |_| false, cost);
-            let found = search(&start);
+            let bounds = structure.bounds(mode_hz, rate_hz);
+            let search = |seed| evolution::minimum(&bounds, GENERATIONS, seed, cost);
+            let tries = (1..=TRIES).map(search);
+            let (found, _) = tries.min_by(|a, b| a.1.total_cmp(&b.1))?;
+            let polish = |start: &[f64]| simplex::minimum(start, 0.1, 150, |_| false, cost);
             // Once more from where it stopped: the simplex may have collapsed on the walls.
-            let found = search(&found.0);
-            (structure, found)
+            Some((structure, polish(&polish(&found).0)))
         })
         .min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
-    let (structure, (parameters, _)) = best;
     let candidate = structure.candidate(&parameters, rate_hz)?;
     let controller = plants.controller(&candidate);
     let peak_sensitivity = plants.peak_sensitivity(&controller);
@@ -398,10 +423,6 @@ pub fn design(model: &ControlModel) -> Option<FeedbackDesign> {
         return None;
     }
     let sensitivity = plants.sensitivity(&controller);
-    let below = |limit: f64| {
-        let first = sensitivity.iter().position(|s| s.norm() > limit);
-        first.map_or(0.5 * rate_hz, |n| plants.omega[n] / TAU)
-    };
     let per_gain = 1.0 / mean_gain_um_per_v(model);
     let [b0, b1, b2, a1, a2] = candidate.damping;
     Some(FeedbackDesign {
@@ -410,8 +431,8 @@ pub fn design(model: &ControlModel) -> Option<FeedbackDesign> {
         series: candidate.series,
         damping: [b0 * per_gain, b1 * per_gain, b2 * per_gain, a1, a2],
         peak_sensitivity,
-        rejection_hz: below(0.5_f64.sqrt()),
-        helps_to_hz: below(1.0),
+        rejection_hz: plants.rejection_hz(&sensitivity),
+        helps_to_hz: plants.stays_below(1.0, &sensitivity),
         noise_nm: plants.noise(&sensitivity),
     })
 }
@@ -428,12 +449,12 @@ pub(crate) fn sensitivity(model: &ControlModel, design: Option<&FeedbackDesign>,
         return sensor(model, omega);
     };
     let (period_s, half) = (model.sample_period_s, 0.5 * omega * model.sample_period_s);
-    let angle = omega * period_s;
+    let z = Complex64::from_polar(1.0, -omega * period_s);
     let biquad = |c: [f64; 5]| {
         let filter = Biquad::<f64>::new([c[0], c[1], c[2]], [c[3], c[4]]);
-        filter.map_or_else(|_| Complex64::default(), |filter| section(&filter, angle))
+        filter.map_or_else(|_| Complex64::default(), |filter| section(&filter, z))
     };
-    let integral = design.integral_v_per_um_s * period_s / (1.0 - Complex64::from_polar(1.0, -angle));
+    let integral = design.integral_v_per_um_s * period_s / (1.0 - z);
     let controller = integral * biquad(design.series[0]) * biquad(design.series[1]) + biquad(design.damping);
     let plant = mean_gain_um_per_v(model)
         * Complex64::from_polar(half.sin() / half, -omega * model.latency_s)

@@ -1,5 +1,6 @@
 //! From the identified chain to a controller: every effect gets its compensator, with reasons where it cannot have one.
 
+mod evolution;
 pub mod feedback;
 pub mod prediction;
 pub mod preview;

@@ -44,14 +44,13 @@ pub struct Undone<'a> {
 
 impl Undone<'_> {
     fn response(&self, omega: f64) -> Complex64 {
-        section(&self.second_mode, omega * self.period_s) * self.linear.structure(omega)
+        section(&self.second_mode, Complex64::from_polar(1.0, -omega * self.period_s)) * self.linear.structure(omega)
     }
 }
 
-/// `H(e^(j a))` of a second-order section.
-pub fn section(biquad: &Biquad<f64>, angle: f64) -> Complex64 {
+/// `H` of a second-order section where a sample's delay is `z`, `e^(-j w T)`.
+pub fn section(biquad: &Biquad<f64>, z: Complex64) -> Complex64 {
     let (b, a) = biquad.coefficients();
-    let z = Complex64::from_polar(1.0, -angle);
     (b[0] + z * (b[1] + z * b[2])) / (1.0 + z * (a[0] + z * a[1]))
 }
 
