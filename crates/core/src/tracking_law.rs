@@ -119,15 +119,17 @@ pub struct FeedbackState<T> {
 impl<T: Real> Feedback<T> {
     /// One sample: the correction for an error, `lowest` and `highest` being what the limiter leaves of the command.
     ///
-    /// Anti-windup: the integral does not move further than to where it alone would meet the limit.
+    /// Anti-windup: the integral, last of the series, does not move further than to where it meets the limit. Before it the
+    /// sections see small numbers: behind it, a section that differentiates would multiply the rounding of its hundred volts.
     #[inline(always)]
     pub fn step(&self, state: &mut FeedbackState<T>, error: T, lowest: T, highest: T) -> T {
         let damping = self.damping.step(&mut state.damping, error);
+        let first = self.series[0].step(&mut state.series[0], error);
+        let shaped = self.series[1].step(&mut state.series[1], first);
         let integral = self
             .integral
-            .step(&mut state.integral, error, lowest - damping, highest - damping);
-        let first = self.series[0].step(&mut state.series[0], integral);
-        self.series[1].step(&mut state.series[1], first) + damping
+            .step(&mut state.integral, shaped, lowest - damping, highest - damping);
+        integral + damping
     }
 }
 
