@@ -148,7 +148,8 @@ pub struct Diagnosis {
     pub cannot_answer: Vec<String>,
     /// Noise floor, micrometres rms.
     pub noise_rms_um: f64,
-    /// Delay of the controller's own, as the recordings say: a model needs it, the stage has no part in it.
+    /// Delay of the controller's own, as the recordings say, that the model lacks: taken off before the search, so that the stage
+    /// is not blamed for it. A delay that is named comes on top.
     #[serde(default)]
     pub known_delay_s: Option<f64>,
     /// Errors of the given model.

@@ -117,6 +117,7 @@ pub fn learn_from(dataset: &Dataset, model: Model, progress: &(dyn Fn(&str, f64)
 
 fn go_on(dataset: &Dataset, model: Model, own: &[UserEffect], progress: &(dyn Fn(&str, f64) + Sync)) -> Learned {
     let mut learner = Learner::new(dataset, model, own, progress);
+    learner.take_the_controllers_delay();
     let mut diagnosis = learner.diagnose();
     let mut stop = loop {
         let stop = match answered(&diagnosis) {

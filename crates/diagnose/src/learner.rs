@@ -3,7 +3,7 @@
 use crate::diagnosis::Diagnosis;
 use crate::ladder::percent;
 use crate::learn::{Attempt, Stop};
-use crate::missing::{physical, search};
+use crate::missing::{controllers_delay_s, physical, search};
 use hysteron_data::{Dataset, Role};
 use hysteron_identify::effects::UserEffect;
 use hysteron_identify::{Added, IdentifyError, Model, Step, add_effect, add_own_effect, remove_effect};
@@ -69,6 +69,14 @@ impl<'a> Learner<'a> {
         search(self.dataset, &self.model, self.own, &|share, effect| {
             (self.progress)(&format!("is it {effect}?"), share);
         })
+    }
+
+    /// The delay that the recordings say is the controller's own: nothing has to be found out, the model only needs it.
+    pub(crate) fn take_the_controllers_delay(&mut self) {
+        if controllers_delay_s(self.dataset, &self.model).is_some() {
+            // Where the records do not confirm it, it does not matter.
+            let _ = self.add_and_prune(&["delay".to_owned()]);
+        }
     }
 
     /// Adds what a diagnosis names: its verdict, then what it says is missing beside that.

@@ -35,13 +35,15 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
             list(&diagnosis.further, "and")
         ));
     }
-    if let (Some(found_s), Some(known_s)) = (diagnosis.delay_s(), diagnosis.known_delay_s) {
+    if let Some(known_s) = diagnosis.known_delay_s {
         let us = |seconds: f64| 1e6 * seconds;
+        let more = diagnosis.delay_s().map_or(String::new(), |more_s| {
+            format!(" The {:.1}\u{a0}us of delay named here come on top.", us(more_s))
+        });
         lines.push(format!(
-            "Of these {:.1}\u{a0}us of delay {:.1}\u{a0}us are the controller's own, as the recordings say: the stage has no part in \
-             them, but a model of these recordings needs them.",
-            us(found_s),
-            us(known_s.min(found_s))
+            "The recordings say that {:.1}\u{a0}us of delay are the controller's own: they were taken off before the search, the \
+             stage has no part in them.{more} The model has none of it yet: add the effect delay, it is fitted to the whole.",
+            us(known_s)
         ));
     }
     if !diagnosis.shape_determined {

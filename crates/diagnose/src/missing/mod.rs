@@ -30,6 +30,7 @@ use judge::Judge;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use traces::Traces;
+pub(crate) use traces::controllers_delay_s;
 
 /// Plays of the free shape: enough to bring a Preisach density down to a few hundredths of a percent.
 const PLAYS: usize = 18;
@@ -74,7 +75,7 @@ pub(crate) fn search(
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> Diagnosis {
     Diagnosis {
-        known_delay_s: dataset.known.delay_s,
+        known_delay_s: controllers_delay_s(dataset, model),
         ..answer(dataset, model, own, progress)
     }
 }
@@ -84,6 +85,9 @@ fn answer(dataset: &Dataset, model: &Model, own: &[UserEffect], progress: &(dyn 
     let simulated = traces::initial_states(dataset, model);
     let states: Vec<_> = simulated.iter().map(|s| s.0).collect();
     let before = before(dataset, &simulated);
+    let late =
+        controllers_delay_s(dataset, model).map(|delay_s| traces::as_late_as_the_controller(dataset, delay_s, &states));
+    let dataset = late.as_ref().unwrap_or(dataset);
     let humless = traces::without_hum(dataset, model);
     let dataset = humless.as_ref().unwrap_or(dataset);
     let floor = noise::noise_floor(dataset);
