@@ -124,7 +124,8 @@ fn table(diagnosis: &Diagnosis) -> Table {
                     Level::Shape => "shape of the loops",
                 }),
                 Cell::number(effect.identify_percent),
-                Cell::number(effect.validate_percent),
+                // Without such records there is no error on them.
+                Cell::number(diagnosis.before.validate_percent.map(|_| effect.validate_percent)),
                 Cell::number(effect.statistic),
                 Cell::number(effect.threshold),
                 Cell::number(100.0 * effect.share),

@@ -5,7 +5,7 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
-use hysteron_diagnose::diagnosis::{Diagnosis, Level, RankedEffect};
+use hysteron_diagnose::diagnosis::{Diagnosis, Level};
 use hysteron_identify::{Direction, Model};
 use hysteron_report::{diagnosis_lines, verdict_sentence};
 use std::fmt::Write;
@@ -73,7 +73,7 @@ fn text(d: &Diagnosis) -> String {
         Some(None) => text.push_str("    `-o next.csv` writes it\n"),
         None => {}
     }
-    ranking(&mut text, &d.ranking);
+    ranking(&mut text, d);
     let left = &d.unexplained;
     let _ = writeln!(
         text,
@@ -105,24 +105,26 @@ fn is_anything_missing(text: &mut String, d: &Diagnosis) {
     }
 }
 
-fn ranking(text: &mut String, ranking: &[RankedEffect]) {
+fn ranking(text: &mut String, diagnosis: &Diagnosis) {
     let _ = writeln!(
         text,
         "\n  {:<20} {:<9} {:>10} {:>10} {:>10} {:>9} {:>7}",
         "candidate", "level", "identify %", "validate %", "statistic", "threshold", "share"
     );
-    for effect in ranking {
+    for effect in &diagnosis.ranking {
+        // Without such records there is no error on them.
+        let of_validation = diagnosis.before.validate_percent.map(|_| effect.validate_percent);
+        let validate = of_validation.map_or_else(|| "-".to_owned(), |percent| format!("{percent:.3}"));
         let level = match effect.level {
             Level::Physical => "physical",
             Level::Shape => "shape",
         };
         let _ = writeln!(
             text,
-            "{} {:<20} {level:<9} {:>10.3} {:>10.3} {:>10.2} {:>9.2} {:>6.0}%",
+            "{} {:<20} {level:<9} {:>10.3} {validate:>10} {:>10.2} {:>9.2} {:>6.0}%",
             if effect.significant { '*' } else { ' ' },
             effect.effect,
             effect.identify_percent,
-            effect.validate_percent,
             effect.statistic,
             effect.threshold,
             100.0 * effect.share
