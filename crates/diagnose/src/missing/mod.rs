@@ -74,19 +74,25 @@ pub(crate) fn search(
     own: &[UserEffect],
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> Diagnosis {
+    let known_delay_s = controllers_delay_s(dataset, model);
     Diagnosis {
-        known_delay_s: controllers_delay_s(dataset, model),
-        ..answer(dataset, model, own, progress)
+        known_delay_s,
+        ..answer(dataset, model, known_delay_s, own, progress)
     }
 }
 
-fn answer(dataset: &Dataset, model: &Model, own: &[UserEffect], progress: &(dyn Fn(f64, &str) + Sync)) -> Diagnosis {
+fn answer(
+    dataset: &Dataset,
+    model: &Model,
+    known_delay_s: Option<f64>,
+    own: &[UserEffect],
+    progress: &(dyn Fn(f64, &str) + Sync),
+) -> Diagnosis {
     progress(0.0, "model");
     let simulated = traces::initial_states(dataset, model);
     let states: Vec<_> = simulated.iter().map(|s| s.0).collect();
     let before = before(dataset, &simulated);
-    let late =
-        controllers_delay_s(dataset, model).map(|delay_s| traces::as_late_as_the_controller(dataset, delay_s, &states));
+    let late = known_delay_s.map(|delay_s| traces::as_late_as_the_controller(dataset, delay_s, &states));
     let dataset = late.as_ref().unwrap_or(dataset);
     let humless = traces::without_hum(dataset, model);
     let dataset = humless.as_ref().unwrap_or(dataset);

@@ -1,9 +1,8 @@
 //! Records as the search for missing effects sees them: scaled drive, run-in, the rows that are looked at.
 
 use crate::missing::filters::running_mean;
-use hysteron_core::effects::Block;
-use hysteron_core::effects::delay::Delay;
 use hysteron_data::{Dataset, Record, Role};
+use hysteron_identify::effects::late;
 use hysteron_identify::family::{peak_to_peak, range};
 use hysteron_identify::{InitialState, Model};
 use rayon::prelude::*;
@@ -112,9 +111,6 @@ pub(crate) fn initial_states(dataset: &Dataset, model: &Model) -> Vec<(InitialSt
         .collect()
 }
 
-/// Room for a controller's delay, samples: 20 ms at 50 kHz.
-const LONGEST_DELAY: usize = 1024;
-
 /// The delay that is the controller's own, as the recordings say, where the model has none that would stand for it, seconds.
 pub(crate) fn controllers_delay_s(dataset: &Dataset, model: &Model) -> Option<f64> {
     let has_delay = model.effects.iter().any(|effect| effect.name == "delay");
@@ -123,28 +119,19 @@ pub(crate) fn controllers_delay_s(dataset: &Dataset, model: &Model) -> Option<f6
 
 /// The records with each drive as the stage gets it, so much later than it was commanded.
 pub(crate) fn as_late_as_the_controller(dataset: &Dataset, delay_s: f64, states: &[InitialState]) -> Dataset {
-    let mut late = dataset.clone();
-    late.records.par_iter_mut().zip(states).for_each(|(record, state)| {
-        let Ok(delay) = Delay::<f64, LONGEST_DELAY>::new(delay_s, 1.0 / record.period_s) else {
-            return;
-        };
-        let before = match *state {
-            InitialState::Periodic { samples } => samples.min(record.voltage_v.len()),
+    let mut delayed = dataset.clone();
+    delayed.records.par_iter_mut().zip(states).for_each(|(record, state)| {
+        let run_in = match *state {
+            InitialState::Periodic { samples } => samples,
             InitialState::Remanent { .. } => 0,
         };
-        for drive in [Some(&mut record.voltage_v), record.voltage2_v.as_mut()]
+        let drives = [Some(&mut record.voltage_v), record.voltage2_v.as_mut()];
+        drives
             .into_iter()
             .flatten()
-        {
-            let Some(&first) = drive.first() else { continue };
-            let mut state = delay.rest_at(first);
-            for v in drive.iter().take(before) {
-                delay.step(&mut state, *v);
-            }
-            drive.iter_mut().for_each(|v| *v = delay.step(&mut state, *v));
-        }
+            .for_each(|drive| late(delay_s, record.period_s, run_in, drive));
     });
-    late
+    delayed
 }
 
 /// The records without the mains hum that the model knows of; `None` where it knows of none.

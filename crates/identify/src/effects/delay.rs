@@ -32,6 +32,17 @@ const LONGEST_S: f64 = 5e-3;
 /// The host's ring, samples: 80 ms at 50 kHz.
 const CAPACITY: usize = 4096;
 
+/// A series so much later, seconds: from rest at its first value, or in the steady state of the period that it starts with, as many
+/// samples as `run_in`.
+///
+/// At most 4092 samples later.
+pub fn late(delay_s: f64, period_s: f64, run_in: usize, series: &mut [f64]) {
+    let longest_s = (CAPACITY - 4) as f64 * period_s;
+    if let Ok(delay) = delay::Delay::<f64, CAPACITY>::new(delay_s.clamp(0.0, longest_s), 1.0 / period_s) {
+        run::block(&delay, run_in, series);
+    }
+}
+
 impl Effect for Delay {
     fn description(&self) -> &'static Description {
         &DESCRIPTION
@@ -50,11 +61,7 @@ impl Effect for Delay {
     }
 
     fn on_voltage(&self, values: &[f64], signals: &Signals<'_>, voltage_v: &mut [f64]) {
-        let rate_hz = 1.0 / signals.period_s;
-        let longest_s = (CAPACITY - 4) as f64 * signals.period_s;
-        if let Ok(delay) = delay::Delay::<f64, CAPACITY>::new(values[0].clamp(0.0, longest_s), rate_hz) {
-            run::block(&delay, signals.run_in, voltage_v);
-        }
+        late(values[0], signals.period_s, signals.run_in, voltage_v);
     }
 
     fn dynamic(&self) -> bool {

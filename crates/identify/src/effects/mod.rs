@@ -25,6 +25,7 @@ mod user_file;
 mod user_states;
 
 pub use amplitude_gain::with_small_plays;
+pub use delay::late;
 pub use user::UserEffect;
 pub use user_file::{EffectFile, FileParameter, FileState};
 

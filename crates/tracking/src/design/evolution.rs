@@ -1,6 +1,7 @@
 //! Differential evolution (Storn and Price, Journal of Global Optimization 11, 1997): the least value in a box, where a simplex
 //! would stop in the first dip.
 
+use hysteron_identify::simplex::Vertex;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -21,7 +22,7 @@ pub(super) fn minimum(
     generations: usize,
     seed: u64,
     f: impl Fn(&[f64]) -> f64 + Sync,
-) -> (Vec<f64>, f64) {
+) -> Vertex {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let valued = |x: Vec<f64>| {
         let value = f(&x);
@@ -33,8 +34,8 @@ pub(super) fn minimum(
             bounds.iter().map(within).collect()
         })
         .collect();
-    let mut members: Vec<(Vec<f64>, f64)> = thrown.into_par_iter().map(valued).collect();
-    let best = |members: &[(Vec<f64>, f64)]| {
+    let mut members: Vec<Vertex> = thrown.into_par_iter().map(valued).collect();
+    let best = |members: &[Vertex]| {
         let least = members.iter().min_by(|a, b| a.1.total_cmp(&b.1));
         least.map_or_else(|| (Vec::new(), f64::INFINITY), Clone::clone)
     };
@@ -61,7 +62,7 @@ pub(super) fn minimum(
                 trial
             })
             .collect();
-        let tried: Vec<(Vec<f64>, f64)> = trials.into_par_iter().map(valued).collect();
+        let tried: Vec<Vertex> = trials.into_par_iter().map(valued).collect();
         for (member, trial) in members.iter_mut().zip(tried) {
             if trial.1 <= member.1 {
                 *member = trial;

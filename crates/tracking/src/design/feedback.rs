@@ -182,6 +182,30 @@ fn free_section(frequency_hz: f64, damping: f64, [d2, d1, d0]: [f64; 3], rate_hz
     ])
 }
 
+/// The controller `I B_1 B_2 + D`.
+struct Blocks {
+    integral_a_sample: f64,
+    series: [Biquad<f64>; 2],
+    damping: Biquad<f64>,
+}
+
+impl Blocks {
+    fn new(integral_per_s: f64, series: [[f64; 5]; 2], damping: [f64; 5], period_s: f64) -> Option<Self> {
+        let biquad = |c: [f64; 5]| Biquad::<f64>::new([c[0], c[1], c[2]], [c[3], c[4]]).ok();
+        Some(Self {
+            integral_a_sample: integral_per_s * period_s,
+            series: [biquad(series[0])?, biquad(series[1])?],
+            damping: biquad(damping)?,
+        })
+    }
+
+    /// Its response where a sample's delay is `z`.
+    fn response(&self, z: Complex64) -> Complex64 {
+        let [first, second] = &self.series;
+        self.integral_a_sample / (1.0 - z) * section(first, z) * section(second, z) + section(&self.damping, z)
+    }
+}
+
 /// Cost of a loop that is not stable with every plant, above all that are; the faster, the more.
 const UNSTABLE: f64 = 1e6;
 /// Searches for each structure: on a slow mode two kinds of loops are the best of their kind, and one search ends in either.
@@ -275,21 +299,15 @@ impl Plants {
     }
 
     fn controller(&self, candidate: &Candidate) -> Vec<Complex64> {
-        let biquad = |c: [f64; 5]| Biquad::<f64>::new([c[0], c[1], c[2]], [c[3], c[4]]);
-        let (Ok(first), Ok(second), Ok(damping)) = (
-            biquad(candidate.series[0]),
-            biquad(candidate.series[1]),
-            biquad(candidate.damping),
-        ) else {
+        let Candidate {
+            integral_per_s,
+            series,
+            damping,
+        } = *candidate;
+        let Some(blocks) = Blocks::new(integral_per_s, series, damping, self.period_s) else {
             return vec![Complex64::new(f64::INFINITY, 0.0); self.omega.len()];
         };
-        self.delay
-            .iter()
-            .map(|&z| {
-                let integral = candidate.integral_per_s * self.period_s / (1.0 - z);
-                integral * section(&first, z) * section(&second, z) + section(&damping, z)
-            })
-            .collect()
+        self.delay.iter().map(|&z| blocks.response(z)).collect()
     }
 
     /// Peak of the sensitivity over all plants; infinite where one of the loops is not stable.
@@ -450,12 +468,8 @@ pub(crate) fn sensitivity(model: &ControlModel, design: Option<&FeedbackDesign>,
     };
     let (period_s, half) = (model.sample_period_s, 0.5 * omega * model.sample_period_s);
     let z = Complex64::from_polar(1.0, -omega * period_s);
-    let biquad = |c: [f64; 5]| {
-        let filter = Biquad::<f64>::new([c[0], c[1], c[2]], [c[3], c[4]]);
-        filter.map_or_else(|_| Complex64::default(), |filter| section(&filter, z))
-    };
-    let integral = design.integral_v_per_um_s * period_s / (1.0 - z);
-    let controller = integral * biquad(design.series[0]) * biquad(design.series[1]) + biquad(design.damping);
+    let blocks = Blocks::new(design.integral_v_per_um_s, design.series, design.damping, period_s);
+    let controller = blocks.map_or_else(Complex64::default, |blocks| blocks.response(z));
     let plant = mean_gain_um_per_v(model)
         * Complex64::from_polar(half.sin() / half, -omega * model.latency_s)
         * model.linear.response(omega)
