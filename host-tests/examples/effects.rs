@@ -1,4 +1,5 @@
-//! `add_effect` on stages that have the effect: error and parameters against the truth, and the time.
+//! `add_effect` on stages that have the effect: error and parameters against the truth, and the time. How far the error
+//! stays above that of the same model, fitted to the same stage without the effect, is counted at the end.
 //!
 //! `cargo run --release -p host-tests --example effects -- [SEEDS] [FIRST_SEED] [WORD]`
 #![expect(clippy::print_stdout, reason = "an example of the command line")]
@@ -13,7 +14,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seeds = words.next().map_or(Ok(2), |word| word.parse::<u64>())?;
     let first = words.next().map_or(Ok(500), |word| word.parse::<u64>())?;
     let word = words.next().unwrap_or_default();
-    println!("effect               seed  without  before   after  (validation, % of peak to peak)  time");
+    println!(
+        "effect               seed  without  before   after  after/without  (validation, % of peak to peak)  time"
+    );
+    let mut ratios = Vec::new();
     for effect in CATALOGUE {
         if !effect.name().contains(&word) {
             continue;
@@ -37,12 +41,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 }
             };
             let time_s = started.elapsed().as_secs_f64();
+            let without_percent = floor.validate.map_or(f64::NAN, |p| p.nrmse_percent);
+            let after_percent = added.after.validate_percent.unwrap_or(f64::NAN);
+            ratios.push(after_percent / without_percent);
             println!(
-                "{:<20} {seed:>5}  {:>7.3} {:>7.3} {:>7.3}  {} {time_s:.2} s",
+                "{:<20} {seed:>5}  {without_percent:>7.3} {:>7.3} {after_percent:>7.3} {:>7.2}  {} {time_s:.2} s",
                 effect.name(),
-                floor.validate.map_or(f64::NAN, |p| p.nrmse_percent),
                 added.before.validate_percent.unwrap_or(f64::NAN),
-                added.after.validate_percent.unwrap_or(f64::NAN),
+                after_percent / without_percent,
                 with.start
             );
             for parameter in &with.truth.hidden[0].parameters {
@@ -61,5 +67,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
         }
     }
+    let within = ratios.iter().filter(|ratio| **ratio <= 1.5).count();
+    let worst = ratios.iter().copied().fold(f64::NAN, f64::max);
+    println!("within 1.5 times: {within} of {}, worst {worst:.2}", ratios.len());
     Ok(())
 }

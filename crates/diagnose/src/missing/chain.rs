@@ -164,25 +164,23 @@ pub(crate) fn width(base: &Base, effects: &[Effect]) -> usize {
     base.columns() + extra_columns(effects)
 }
 
-/// Calls `visit(column, series)` for every column of one record, at the record's full rate, run-in included.
+/// Calls `visit(column, series)` for every column of one record, at its `rows`; at its full rate, run-in included, where
+/// none are given.
 ///
 /// `reference_um` is the modelled position that creep, heat and stops act on.
-pub(crate) fn for_each_column(
+fn for_each_column(
     base: &Base,
     effects: &[Effect],
     trace: &Trace,
     reference_um: Option<&[f64]>,
-    mut visit: impl FnMut(usize, &[f64]),
+    rows: Option<&[usize]>,
+    visit: impl FnMut(usize, &[f64]),
 ) {
     let input = drive_at_stack(effects, trace);
     let bend = user::Bend::new(effects, trace, reference_um);
-    let mut visit = |j: usize, series: &[f64]| match &bend {
-        None => visit(j, series),
-        Some(bend) => visit(j, &bend.of_change(series)),
-    };
-    visit(0, &vec![1.0; input.len()]);
-    let mut columns = Filtered::new(effects, trace.period_s);
-    let powers: &[u32] = match base.shape {
+    let mut columns = Columns::new(effects, trace, bend, rows, visit);
+    columns.hand_on(0, |_| 1.0);
+    let powers: &[usize] = match base.shape {
         Shape::Free => &[1, 2, 3, 4, 5],
         Shape::Pi => &[1],
         Shape::Mpi => &[1, 3],
@@ -193,30 +191,33 @@ pub(crate) fn for_each_column(
         Shape::Mpi => -trace.scales.middle_v / trace.scales.unit_v,
         Shape::Free | Shape::Pi | Shape::Stiff => 0.0,
     };
-    let mut product = vec![1.0; input.len()];
-    for power in 1..=*powers.last().unwrap_or(&0) {
-        product.iter_mut().zip(&input).for_each(|(p, v)| *p *= v - zero);
-        if powers.contains(&power) {
-            columns.push(product.iter().copied(), &mut visit);
-        }
-    }
+    columns.pass(1, 1, powers.len(), |k| {
+        let mut product = 1.0;
+        let all: [f64; filters::LANES] = std::array::from_fn(|_| {
+            product *= input[k] - zero;
+            product
+        });
+        std::array::from_fn(|l| powers.get(l).map_or(0.0, |power| all[power - 1]))
+    });
     let rates = Rates::new(effects, &input, trace.period_s);
+    let mut next = 1 + powers.len();
     for thresholds in base.thresholds.chunks(filters::LANES) {
         let plays = rates.plays(&input, thresholds, trace.fraction);
-        for lane in 0..thresholds.len() {
-            let play = plays.iter().map(|w| w[lane]);
-            columns.push(play.clone(), &mut visit);
-            if base.shape == Shape::Free {
-                // Middle of the play's travel, so that odd and even powers stay apart.
-                columns.push(play.clone().map(|w| w * w), &mut visit);
-                columns.push(play.map(|w| w * w * w), &mut visit);
-            }
+        let count = thresholds.len();
+        if base.shape == Shape::Free {
+            // Middle of the play's travel, so that odd and even powers stay apart.
+            columns.pass(next, 3, count, |k| plays[k]);
+            columns.pass(next + 1, 3, count, |k| plays[k].map(|w| w * w));
+            columns.pass(next + 2, 3, count, |k| plays[k].map(|w| w * w * w));
+            next += 3 * count;
+        } else {
+            columns.pass(next, 1, count, |k| plays[k]);
+            next += count;
         }
     }
-    let mut next = columns.finish(&mut visit);
     for effect in effects {
         extra(effect, trace, reference_um, &mut |series| {
-            visit(next, series);
+            columns.hand_on(next, |k| series[k]);
             next += 1;
         });
     }
@@ -232,7 +233,9 @@ pub(crate) fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
     }
     for effect in effects {
         match *effect {
-            Effect::LagBefore { tau_s } => Linear::lag(tau_s, trace.period_s).apply(std::slice::from_mut(&mut input)),
+            Effect::LagBefore { tau_s } => {
+                Linear::lag(tau_s, trace.period_s).apply(input.as_chunks_mut::<1>().0);
+            }
             Effect::Slew { per_s } => filters::slew(&mut input, per_s * trace.period_s),
             Effect::ClipDrive { low, high } => input.iter_mut().for_each(|v| *v = v.clamp(low, high)),
             _ => {}
@@ -242,53 +245,86 @@ pub(crate) fn drive_at_stack(effects: &[Effect], trace: &Trace) -> Vec<f64> {
     input
 }
 
-/// The hysteresis' columns on their way through what stands behind it.
-struct Filtered {
+/// The columns on their way through what stands behind the hysteresis, to the rows that are asked for.
+struct Columns<'a, V: FnMut(usize, &[f64])> {
     filters: Vec<Linear>,
-    /// Columns that wait until there are enough of them to be filtered side by side.
-    waiting: [Vec<f64>; filters::LANES],
-    filled: usize,
-    /// Number of the next column.
-    next: usize,
+    bend: Option<user::Bend<'a>>,
+    /// Every sample where there are none.
+    rows: Option<&'a [usize]>,
+    samples: usize,
+    side_by_side: Vec<[f64; filters::LANES]>,
+    at_rows: Vec<f64>,
+    visit: V,
 }
 
-impl Filtered {
-    fn new(effects: &[Effect], period_s: f64) -> Self {
+impl<'a, V: FnMut(usize, &[f64])> Columns<'a, V> {
+    fn new(
+        effects: &[Effect],
+        trace: &Trace,
+        bend: Option<user::Bend<'a>>,
+        rows: Option<&'a [usize]>,
+        visit: V,
+    ) -> Self {
         let filter = |effect: &Effect| match *effect {
-            Effect::Mode { frequency_hz, zeta } => Some(Linear::mode(frequency_hz, zeta, period_s)),
-            Effect::LagAfter { tau_s } => Some(Linear::lag(tau_s, period_s)),
+            Effect::Mode { frequency_hz, zeta } => Some(Linear::mode(frequency_hz, zeta, trace.period_s)),
+            Effect::LagAfter { tau_s } => Some(Linear::lag(tau_s, trace.period_s)),
             _ => None,
         };
         Self {
             filters: effects.iter().filter_map(filter).collect(),
-            waiting: Default::default(),
-            filled: 0,
-            next: 1,
+            bend,
+            rows,
+            samples: trace.len(),
+            side_by_side: Vec::new(),
+            at_rows: Vec::new(),
+            visit,
         }
     }
 
-    fn push(&mut self, column: impl Iterator<Item = f64>, visit: &mut impl FnMut(usize, &[f64])) {
-        let waiting = &mut self.waiting[self.filled];
-        waiting.clear();
-        waiting.extend(column);
-        self.filled += 1;
-        if self.filled == self.waiting.len() {
-            self.finish(visit);
+    /// Takes `count` columns of the hysteresis side by side, given sample by sample; their numbers start at `first` and lie
+    /// `apart`.
+    fn pass(&mut self, first: usize, apart: usize, count: usize, values: impl Fn(usize) -> [f64; filters::LANES]) {
+        let mut lanes = std::mem::take(&mut self.side_by_side);
+        lanes.clear();
+        let numbers = (0..count).map(|lane| (first + lane * apart, lane));
+        match self.rows {
+            // Without memory behind the hysteresis the other samples need not be known.
+            Some(rows) if self.filters.is_empty() && self.bend.is_none() => {
+                lanes.extend(rows.iter().map(|&k| values(k)));
+                for (number, lane) in numbers {
+                    self.visit(number, lanes.iter().map(|row| row[lane]));
+                }
+            }
+            _ => {
+                lanes.extend((0..self.samples).map(values));
+                for filter in &self.filters {
+                    filter.apply(&mut lanes);
+                }
+                for (number, lane) in numbers {
+                    self.hand_on(number, |k| lanes[k][lane]);
+                }
+            }
+        }
+        self.side_by_side = lanes;
+    }
+
+    /// Takes a column of the position before the user's own effects.
+    fn hand_on(&mut self, number: usize, value: impl Fn(usize) -> f64) {
+        let bent = self
+            .bend
+            .as_ref()
+            .map(|bend| bend.of_change(&(0..self.samples).map(&value).collect::<Vec<_>>()));
+        let value = |k: usize| bent.as_ref().map_or_else(|| value(k), |bent| bent[k]);
+        match self.rows {
+            Some(rows) => self.visit(number, rows.iter().map(|&k| value(k))),
+            None => self.visit(number, (0..self.samples).map(value)),
         }
     }
 
-    /// Filters and hands on what waits; the number of the next column.
-    fn finish(&mut self, visit: &mut impl FnMut(usize, &[f64])) -> usize {
-        let columns = &mut self.waiting[..self.filled];
-        for filter in &self.filters {
-            filter.apply(columns);
-        }
-        for column in columns {
-            visit(self.next, column);
-            self.next += 1;
-        }
-        self.filled = 0;
-        self.next
+    fn visit(&mut self, number: usize, values: impl Iterator<Item = f64>) {
+        self.at_rows.clear();
+        self.at_rows.extend(values);
+        (self.visit)(number, &self.at_rows);
     }
 }
 
@@ -379,13 +415,13 @@ fn side_by_side(
     let lowest = -1.0_f64;
     let mut w = thresholds.map(|threshold| input.first().map_or(0.0, |v| (v - fraction * threshold).max(lowest)));
     let half = thresholds.map(|threshold| threshold / 2.0);
-    let mut plays = vec![[0.0; filters::LANES]; input.len()];
-    for (k, (v, centred)) in input.iter().zip(&mut plays).enumerate() {
+    let mut plays = Vec::with_capacity(input.len());
+    for (k, v) in input.iter().enumerate() {
         for l in 0..filters::LANES {
             let [below, above] = apart(k, l);
             w[l] = pushed(v - below - thresholds[l], v + above, w[l]);
-            centred[l] = w[l] + half[l];
         }
+        plays.push(std::array::from_fn(|l| w[l] + half[l]));
     }
     plays
 }
@@ -506,10 +542,8 @@ fn cross(trace: &Trace, push: &mut dyn FnMut(&[f64])) {
 /// The columns of one record at its rows.
 pub(crate) fn matrix(base: &Base, effects: &[Effect], trace: &Trace, reference_um: Option<&[f64]>) -> DMatrix<f64> {
     let mut matrix = DMatrix::zeros(trace.rows.len(), width(base, effects));
-    for_each_column(base, effects, trace, reference_um, |j, series| {
-        for (cell, &k) in matrix.column_mut(j).iter_mut().zip(&trace.rows) {
-            *cell = series[k];
-        }
+    for_each_column(base, effects, trace, reference_um, Some(&trace.rows), |j, series| {
+        matrix.column_mut(j).copy_from_slice(series);
     });
     matrix
 }
@@ -524,7 +558,7 @@ pub(crate) fn simulate(
     columns: usize,
 ) -> Vec<f64> {
     let mut sum = vec![0.0; trace.len()];
-    for_each_column(base, effects, trace, reference_um, |j, series| {
+    for_each_column(base, effects, trace, reference_um, None, |j, series| {
         if j < columns && j < coefficients.len() {
             let c = coefficients[j];
             sum.iter_mut().zip(series).for_each(|(s, x)| *s += c * x);

@@ -1,6 +1,6 @@
 //! Linear elements on sampled series: delay, lag, mode; exact for straight lines between samples, started at rest.
 
-use nalgebra::{Matrix4, Vector2};
+use nalgebra::Matrix4;
 use std::f64::consts::TAU;
 
 /// `u(t - delay)` by the cubic through the four nearest samples; before the series its first value.
@@ -26,14 +26,13 @@ pub(crate) fn delayed(series: &[f64], delay_samples: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Series that are worked on side by side: each one's next sample waits for its last, four of them keep the processor busy.
-pub(crate) const LANES: usize = 4;
+/// Series that are worked on side by side: each one's next sample waits for its last, eight of them keep the processor busy.
+pub(crate) const LANES: usize = 8;
 
-/// A lag or a mode, ready for one sample period; its state is the output and its rate per sample.
+/// A lag or a mode, ready for one sample period: `y = b0 u + b1 u' + b2 u'' - a1 y' - a2 y''`.
 pub(crate) struct Linear {
-    transition: [[f64; 2]; 2],
-    of_last: [f64; 2],
-    of_now: [f64; 2],
+    b: [f64; 3],
+    a: [f64; 2],
 }
 
 impl Linear {
@@ -42,9 +41,8 @@ impl Linear {
         let a = (-period_s / tau_s).exp();
         let share = (1.0 - a) * tau_s / period_s;
         Self {
-            transition: [[a, 0.0], [0.0, 0.0]],
-            of_last: [share - a, 0.0],
-            of_now: [1.0 - share, 0.0],
+            b: [1.0 - share, share - a, 0.0],
+            a: [-a, 0.0],
         }
     }
 
@@ -71,42 +69,31 @@ impl Linear {
             0.0,
         );
         let e = system.exp();
-        let slope = Vector2::new(e[(0, 3)], e[(1, 3)]);
-        let level = Vector2::new(e[(0, 2)], e[(1, 2)]);
+        // Shares of the last and of this sample of the input in position and rate.
+        let (now, rate_now) = (e[(0, 3)], e[(1, 3)]);
+        let (last, rate_last) = (e[(0, 2)] - now, e[(1, 2)] - rate_now);
         Self {
-            transition: [[e[(0, 0)], e[(0, 1)]], [e[(1, 0)], e[(1, 1)]]],
-            of_last: [level[0] - slope[0], level[1] - slope[1]],
-            of_now: [slope[0], slope[1]],
+            b: [
+                now,
+                last - e[(1, 1)] * now + e[(0, 1)] * rate_now,
+                e[(0, 1)] * rate_last - e[(1, 1)] * last,
+            ],
+            a: [-e[(0, 0)] - e[(1, 1)], e[(0, 0)] * e[(1, 1)] - e[(0, 1)] * e[(1, 0)]],
         }
     }
 
-    /// Filters in place columns of the same length.
-    pub(crate) fn apply(&self, columns: &mut [Vec<f64>]) {
-        let mut chunks = columns.chunks_exact_mut(LANES);
-        for chunk in &mut chunks {
-            if let Ok(four) = <&mut [Vec<f64>; LANES]>::try_from(chunk) {
-                self.apply_to(four.each_mut());
-            }
-        }
-        for column in chunks.into_remainder() {
-            self.apply_to([column]);
-        }
-    }
-
-    fn apply_to<const N: usize>(&self, columns: [&mut Vec<f64>; N]) {
-        let a = &self.transition;
-        let mut x: [f64; N] = std::array::from_fn(|l| columns[l].first().copied().unwrap_or(0.0));
-        let (mut rate, mut last) = ([0.0; N], x);
-        let mut each = columns.map(|column| column.iter_mut());
-        loop {
-            for (l, values) in each.iter_mut().enumerate() {
-                let Some(value) = values.next() else { return };
-                let now = *value;
-                let next = a[0][0] * x[l] + a[0][1] * rate[l] + self.of_last[0] * last[l] + self.of_now[0] * now;
-                rate[l] = a[1][0] * x[l] + a[1][1] * rate[l] + self.of_last[1] * last[l] + self.of_now[1] * now;
-                x[l] = next;
-                last[l] = now;
-                *value = next;
+    /// Filters series that lie side by side, in place; settled at their first values.
+    pub(crate) fn apply<const N: usize>(&self, series: &mut [[f64; N]]) {
+        let Some(&first) = series.first() else { return };
+        let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
+        let (mut next, mut after) = (first.map(|u| (1.0 - b0) * u), first.map(|u| (b2 - a2) * u));
+        for row in series {
+            for l in 0..N {
+                let u = row[l];
+                let y = b0 * u + next[l];
+                next[l] = (b1 * u + after[l]) - a1 * y;
+                after[l] = b2 * u - a2 * y;
+                row[l] = y;
             }
         }
     }
@@ -149,6 +136,14 @@ mod tests {
             .collect()
     }
 
+    /// Three side by side, of which all have to come out the same.
+    fn filtered(filter: &Linear, series: &[f64]) -> Vec<f64> {
+        let mut rows: Vec<[f64; 3]> = series.iter().map(|&u| [u; 3]).collect();
+        filter.apply(&mut rows);
+        assert!(rows.iter().all(|[a, b, c]| a == b && b == c));
+        rows.iter().map(|row| row[0]).collect()
+    }
+
     #[test]
     fn val_delay_of_a_sine() {
         // 40 samples a period: the cubic errs by less than (2 pi / 40)^4 / 24 = 3e-5.
@@ -163,11 +158,7 @@ mod tests {
     #[test]
     fn val_lag_of_a_sine() {
         let (tau, f, t) = (2e-3, 20.0, 1e-4);
-        // Five: four side by side and one alone.
-        let mut columns = vec![sine(f, t, 4000); 5];
-        Linear::lag(tau, t).apply(&mut columns);
-        assert!(columns.iter().all(|column| *column == columns[4]));
-        let y = &columns[0];
+        let y = filtered(&Linear::lag(tau, t), &sine(f, t, 4000));
         let w = TAU * f;
         for (k, y) in y.iter().enumerate().skip(2000) {
             let wanted = (w * k as f64 * t - (w * tau).atan()).sin() / (1.0 + (w * tau).powi(2)).sqrt();
@@ -179,10 +170,7 @@ mod tests {
     #[test]
     fn val_mode_of_a_sine() {
         let (f0, zeta, f, t) = (100.0, 0.05, 60.0, 1e-4);
-        let mut columns = vec![sine(f, t, 20_000); 5];
-        Linear::mode(f0, zeta, t).apply(&mut columns);
-        assert!(columns.iter().all(|column| *column == columns[4]));
-        let y = &columns[0];
+        let y = filtered(&Linear::mode(f0, zeta, t), &sine(f, t, 20_000));
         let (w, w0) = (TAU * f, TAU * f0);
         let (re, im) = (w0 * w0 - w * w, 2.0 * zeta * w0 * w);
         let gain = w0 * w0 / re.hypot(im);
@@ -198,10 +186,12 @@ mod tests {
     fn val_mode_between_the_samples() {
         for f0 in [100.0, 742.0, 1231.0, 4000.0] {
             let (zeta, t) = (0.06, 1.0 / 1600.0);
-            let mut columns = [(0..4000).map(f64::from).collect::<Vec<_>>()];
-            Linear::mode(f0, zeta, t).apply(&mut columns);
+            let y = filtered(
+                &Linear::mode(f0, zeta, t),
+                &(0..4000).map(f64::from).collect::<Vec<_>>(),
+            );
             let behind = 2.0 * zeta / (TAU * f0 * t);
-            let found = 3999.0 - columns[0][3999];
+            let found = 3999.0 - y[3999];
             assert!((found - behind).abs() < 1e-9, "{f0}: {found} {behind}");
         }
     }

@@ -180,14 +180,16 @@ impl Lines {
         if rows.len() < 4 * HARMONICS + 4 {
             return lines;
         }
-        let columns = DMatrix::from_fn(rows.len(), 2 * HARMONICS + 2, |r, c| {
-            let k = rows[r] as f64;
-            match c {
-                0 => 1.0,
-                1 => k / own.len() as f64 - 0.5,
-                _ => lines.wave(c - 2, k),
-            }
-        });
+        let mut columns = DMatrix::zeros(rows.len(), 2 * HARMONICS + 2);
+        for (r, &k) in rows.iter().enumerate() {
+            let line = [1.0, k as f64 / own.len() as f64 - 0.5];
+            let row = line.into_iter().chain(lines.waves(k as f64));
+            columns
+                .row_mut(r)
+                .iter_mut()
+                .zip(row)
+                .for_each(|(cell, value)| *cell = value);
+        }
         let gram = columns.tr_mul(&columns) + DMatrix::identity(columns.ncols(), columns.ncols()) * 1e-9;
         if let Some(factor) = gram.cholesky() {
             lines.amplitudes = factor.solve(&columns.tr_mul(&y)).iter().skip(2).copied().collect();
@@ -195,21 +197,22 @@ impl Lines {
         lines
     }
 
-    fn wave(&self, column: usize, k: f64) -> f64 {
-        let angle = self.omega * (column / 2 + 1) as f64 * k;
-        if column.is_multiple_of(2) {
-            angle.cos()
-        } else {
-            angle.sin()
-        }
+    /// Cosine and sine of each harmonic at a sample, each from the one before it.
+    fn waves(&self, k: f64) -> impl Iterator<Item = f64> {
+        let (sin, cos) = (self.omega * k).sin_cos();
+        std::iter::successors(Some((cos, sin)), move |&(c, s)| {
+            Some((c * cos - s * sin, s * cos + c * sin))
+        })
+        .take(HARMONICS)
+        .flat_map(|(c, s)| [c, s])
     }
 
     /// The lines at a sample.
     fn at(&self, k: f64) -> f64 {
         self.amplitudes
             .iter()
-            .enumerate()
-            .map(|(c, a)| a * self.wave(c, k))
+            .zip(self.waves(k))
+            .map(|(a, wave)| a * wave)
             .sum()
     }
 
