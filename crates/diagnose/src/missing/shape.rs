@@ -43,10 +43,10 @@ pub(crate) fn is_determined(before: &Before, start: &Trial) -> bool {
 /// The model's own family of plays.
 pub(crate) fn of_family(model: &Model, traces: &Traces) -> Base {
     Base {
-        shape: if model.family == Family::Pi {
-            Shape::Pi
-        } else {
-            Shape::Mpi
+        shape: match model.family {
+            Family::Pi => Shape::Pi,
+            Family::PlayPolynomial => Shape::Free,
+            Family::Mpi | Family::Wrpi | Family::Mrpi => Shape::Mpi,
         },
         thresholds: model.thresholds.iter().map(|r| r / traces.unit_v).collect(),
         ridge: 1e-12,
