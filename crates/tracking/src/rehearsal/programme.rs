@@ -10,23 +10,17 @@ use hysteron_plant::{Hold, Stage, StageConfig};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Cycles of a second before a periodic record: as long as the holds that creep is identified from.
-const CYCLES: f64 = 48.0;
-/// Sample period of these cycles, seconds: a fiftieth of one.
-const CYCLE_PERIOD_S: f64 = 0.02;
-
 struct Planned {
     name: &'static str,
     role: Role,
-    /// Whether the record starts in periodic state.
-    periodic: bool,
     period_s: f64,
     excitation: Box<dyn Excitation + Send + Sync>,
 }
 
 impl Rehearsal {
     /// The records of a user: sines from 1 to 503 Hz, minor loops, a multisine, holds, a rest, and others to judge by; the other
-    /// axis moves where there is one. The converter's hold, which the controller knows, is accounted for in them.
+    /// axis moves where there is one. The converter's hold, which the controller knows, is accounted for in them. Each begins
+    /// after a long rest at 0 V: what slow states remember from before a record is in no file.
     ///
     /// # Errors
     /// A stage that cannot be simulated.
@@ -59,7 +53,6 @@ impl Rehearsal {
         let sine = |name, role, frequency_hz: f64, high: f64, periods: f64, period_s| Planned {
             name,
             role,
-            periodic: true,
             period_s,
             excitation: Box::new(Sine {
                 frequency_hz,
@@ -71,7 +64,6 @@ impl Rehearsal {
         let other = |name, role, period_s, excitation: Box<dyn Excitation + Send + Sync>| Planned {
             name,
             role,
-            periodic: false,
             period_s,
             excitation,
         };
@@ -133,42 +125,18 @@ impl Rehearsal {
     fn take(&self, stage: &StageConfig, number: usize, planned: &Planned) -> Result<Record, TrackingError> {
         let period_s = planned.period_s;
         let command_v = planned.excitation.samples(period_s)?;
-        let (lead_in, voltage_v) = if planned.periodic {
-            // 0.1 s and a whole record: ringing and filters are over, the first loop is closed.
-            let times = 1.0 + (0.1 / (period_s * command_v.len() as f64)).ceil();
-            (command_v.repeat(times as usize), command_v)
-        } else {
-            (
-                Vec::new(),
-                with_rise(&command_v, 0.02_f64.max(4.0 * period_s), period_s)?,
-            )
-        };
-        let drive_v: Vec<f64> = lead_in.iter().chain(&voltage_v).copied().collect();
+        let voltage_v = with_rise(&command_v, 0.02_f64.max(4.0 * period_s), period_s)?;
         // Whole cycles of a rate of its own over the record, from rest to rest.
         let cycles = [7.0, 11.0, 13.0, 17.0, 19.0][number % 5];
         let length = voltage_v.len();
         let beside = |k: usize| {
-            let turn = TAU * cycles * k.saturating_sub(lead_in.len()) as f64 / (length - 1).max(1) as f64;
+            let turn = TAU * cycles * k as f64 / (length - 1).max(1) as f64;
             0.4 * self.full_v() * (1.0 - turn.cos())
         };
         let couples = stage.cross_coupling.is_some();
-        let voltage2_v: Vec<f64> = (0..drive_v.len())
-            .map(|k| if couples { beside(k) } else { 0.0 })
-            .collect();
+        let voltage2_v: Vec<f64> = (0..length).map(|k| if couples { beside(k) } else { 0.0 }).collect();
         let mut stage = Stage::new(stage, self.noise_seed(number as u64))?;
-        if planned.periodic {
-            // A model takes what repeats for settled, its slow states as well: the stage goes up and down as far before.
-            let high_v = voltage_v.iter().copied().fold(0.0, f64::max);
-            let cycle = Sine {
-                frequency_hz: 1.0,
-                low_v: 0.0,
-                high_v,
-                periods: CYCLES,
-            };
-            stage.run(&cycle.samples(CYCLE_PERIOD_S)?, CYCLE_PERIOD_S)?;
-        }
-        let mut run = stage.run_two_axes(&drive_v, &voltage2_v, period_s)?;
-        let skip = lead_in.len();
+        let run = stage.run_two_axes(&voltage_v, &voltage2_v, period_s)?;
         Ok(Record {
             file: format!("{}.csv", planned.name),
             role: planned.role,
@@ -176,10 +144,10 @@ impl Rehearsal {
             start_s: 0.0,
             period_s,
             voltage_v,
-            position_um: run.position_um.split_off(skip),
+            position_um: run.position_um,
             reference_um: None,
             temperature_c: None,
-            voltage2_v: couples.then(|| voltage2_v[skip..].to_vec()),
+            voltage2_v: couples.then_some(voltage2_v),
         })
     }
 }

@@ -1,6 +1,6 @@
 //! Records and runs of a rehearsal on the firmware in the emulator.
 
-use super::programme::{Before, Piece, RATE_HZ, programme};
+use super::programme::{Piece, RATE_HZ, programme};
 use super::rows::{Hold, Kept};
 use crate::commands::export;
 use crate::error::CliError;
@@ -16,8 +16,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Seconds of one cycle a second before a record of a sine: with creep of 4 % a decade the next second then brings 0.17 %.
-const CYCLED_S: f64 = 10.0;
 /// Closed loops of up to so many ticks are exchanged tick by tick at the sample clock; all else is worked out ahead. 3 s of wall time.
 const LIVE_TICKS: u32 = 15_000;
 /// Ticks for the rise to a reference's first value: the whole range takes 20 ms at the inverse's mean slope, which its steepest may
@@ -117,21 +115,12 @@ impl Chip {
         let mut running = self.start("plain", straight_line(stage))?;
         let pieces = programme(rehearsal.seed)?;
         let bar = progress::bar("recording on the board");
-        let mut cycled: Option<(f64, Stage)> = None;
         let mut played = Vec::new();
         for (number, piece) in pieces.iter().enumerate() {
             bar.set_message(format!("recording {}", piece.name));
-            let seed = rehearsal.noise_seed(number as u64);
-            let fresh = match (piece.before, cycled.take()) {
-                (Before::Rest, _) => Stage::new(stage, seed)?,
-                (Before::Cycles(high), Some((before, stage))) if before == high => stage,
-                (Before::Cycles(high), _) => running.cycle(Stage::new(stage, seed)?, high)?,
-            };
-            let player = running.play(piece, fresh)?;
+            let rested = Stage::new(stage, rehearsal.noise_seed(number as u64))?;
+            let player = running.play(piece, rested)?;
             played.push(Kept::of(piece, &player));
-            if let Before::Cycles(high) = piece.before {
-                cycled = Some((high, player.stage));
-            }
             progress::advance(&bar, (number + 1) as f64 / pieces.len() as f64);
         }
         bar.finish_and_clear();
@@ -187,15 +176,6 @@ impl Running {
         no_fault(player)
     }
 
-    /// Up and down once a second.
-    fn cycle(&mut self, stage: Stage, high: f64) -> Result<Stage, CliError> {
-        let ticks = (CYCLED_S * RATE_HZ) as u32;
-        let request = self.request(Shape::Sine, 1.0, [0.0, high]);
-        let mut player = Player::new(stage, None, ticks);
-        self.play_ahead(&request, &mut player, ticks)?;
-        Ok(player.stage)
-    }
-
     fn request(&self, shape: Shape, frequency_hz: f64, range: [f64; 2]) -> Request {
         let top_um = f64::from(self.session.hello().input_max_um);
         Request {
@@ -209,7 +189,7 @@ impl Running {
     }
 
     fn play(&mut self, piece: &Piece, stage: Stage) -> Result<Player, CliError> {
-        let ticks = ((piece.settling_s.unwrap_or(0.0) + piece.kept_s) * RATE_HZ).ceil() as u32;
+        let ticks = (piece.kept_s * RATE_HZ).ceil() as u32;
         let [low, high] = piece.range;
         let moves = low < high;
         let request = self.request(piece.shape, piece.frequency_hz, [low, if moves { high } else { 1.0 }]);

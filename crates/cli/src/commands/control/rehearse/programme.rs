@@ -8,20 +8,10 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
 
-/// What the stage has done before a record.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Before {
-    /// It rested at 0 V for long.
-    Rest,
-    /// It went up so far (share of the whole) and down again, once a second.
-    Cycles(f64),
-}
-
 /// One record.
 pub(super) struct Piece {
     pub name: &'static str,
     pub role: Role,
-    pub before: Before,
     pub shape: Shape,
     /// Turns a second.
     pub frequency_hz: f64,
@@ -29,9 +19,7 @@ pub(super) struct Piece {
     pub range: [f64; 2],
     /// Points of a reference of its own, one period.
     pub points: Option<[u16; TABLE_POINTS]>,
-    /// Seconds of the reference that are played and not kept; `None` keeps the rise to the reference as well.
-    pub settling_s: Option<f64>,
-    /// Seconds that are kept; the board stays at rest where the range is empty.
+    /// Seconds of the reference; the rise to it is kept as well. The board stays at rest where the range is empty.
     pub kept_s: f64,
     /// Every how many ticks a row is kept.
     pub every: usize,
@@ -46,47 +34,38 @@ fn a_point_every(ticks: u32) -> f64 {
 }
 
 /// Sines from 1 to 503 Hz, minor loops, a multisine, holds, a rest, and others to judge by: what the host's rehearsal records, with
-/// references of 256 points where those are drawn freely.
+/// references of 256 points where those are drawn freely. Before each the stage has rested at 0 V for long.
 pub(super) fn programme(seed: u64) -> Result<Vec<Piece>, StageError> {
     use Role::{Identify, Validate};
     let sine = |name, role, frequency_hz: f64, high: f64, periods: f64, every| Piece {
         name,
         role,
-        before: Before::Cycles(high),
         shape: Shape::Sine,
         frequency_hz,
         range: [0.0, high],
         points: None,
-        // Ringing and filters are over, the first loop is closed, and periods are whole.
-        settling_s: Some((0.1 * frequency_hz).ceil().max(1.0) / frequency_hz),
         kept_s: periods / frequency_hz,
         every,
     };
     let drawn = |name, role, range, points, ticks: u32, periods: f64, every| Piece {
         name,
         role,
-        before: Before::Rest,
         shape: Shape::Table,
         frequency_hz: a_point_every(ticks),
         range,
         points: Some(points),
-        settling_s: None,
         // The way back to the first point is none of it.
         kept_s: (periods - 1.0 / TABLE_POINTS as f64) / a_point_every(ticks),
         every,
     };
     let harmonic = Piece {
         name: "complex-harmonic",
-        before: Before::Rest,
         shape: Shape::ComplexHarmonic,
-        settling_s: None,
         ..sine("", Validate, 13.0, 1.0, 4.0, 4)
     };
     let rest = Piece {
         name: "rest",
-        before: Before::Rest,
         range: [0.0, 0.0],
-        settling_s: None,
         kept_s: 1.5,
         ..sine("", Identify, 1.0, 1.0, 1.0, 25)
     };

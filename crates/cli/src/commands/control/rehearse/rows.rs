@@ -50,17 +50,9 @@ pub(super) struct Kept {
 
 impl Kept {
     pub(super) fn of(piece: &Piece, player: &Player) -> Self {
-        let begun = player.begun().unwrap_or(0);
-        let from = match piece.settling_s {
-            Some(settling_s) => begun + (settling_s * RATE_HZ).round() as usize,
-            None => player.ticks_before() as usize,
-        };
-        let rise = if piece.settling_s.is_none() {
-            begun.saturating_sub(from)
-        } else {
-            0
-        };
-        let to = (from + rise + (piece.kept_s * RATE_HZ).round() as usize).min(player.played.len());
+        let from = player.ticks_before() as usize;
+        let begun = player.begun().unwrap_or(from).max(from);
+        let to = (begun + (piece.kept_s * RATE_HZ).round() as usize).min(player.played.len());
         let ticks = &player.played;
         let rows = || (from..to).step_by(piece.every);
         let held_v = |k: usize| [k, k.saturating_sub(1), k.saturating_sub(2)].map(|k| ticks[k].voltage_v);
