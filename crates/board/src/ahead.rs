@@ -1,9 +1,11 @@
 //! Runs whose answers are worked out beforehand, so that nobody waits for the other: some microseconds a tick instead of 200.
 
+use crate::two_axes::{TwoAxisBench, TwoAxisSession, drive_both_here};
 use crate::{Bench, BoardError, Session, drive_here};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::law::Law;
 use hysteron_firmware::parameters::Parameters;
+use hysteron_firmware::two_axes::TwoAxes;
 use hysteron_firmware::wire::{Frame, Input, Setup};
 
 impl Session {
@@ -24,37 +26,80 @@ impl Session {
         parameters: Parameters<L>,
         bench: &mut dyn Bench,
     ) -> Result<(), BoardError> {
-        let setup = Setup {
-            clocked: false,
-            ..*setup
-        };
-        let mut watched = Watched {
-            bench,
-            inputs: Vec::with_capacity(setup.ticks as usize),
-            frames: Vec::with_capacity(setup.ticks as usize),
-        };
+        let setup = unclocked(setup);
+        let mut watched = Watched::new(bench);
         drive_here(&mut Controller::new(parameters, &setup), setup.ticks, &mut watched);
         let Watched { inputs, frames, .. } = watched;
-        let (answers, _) = self.replay(&setup, &inputs)?;
-        let differs = frames
-            .iter()
-            .zip(&answers)
-            .find(|(here, board)| here.to_bytes() != board.to_bytes());
-        match differs {
-            Some((here, _)) => Err(BoardError::Differs { tick: here.number }),
-            None => Ok(()),
-        }
+        same(&frames, &self.replay(&setup, &inputs)?.0)
     }
 }
 
-/// Remembers what a bench gave and was given.
-struct Watched<'a> {
-    bench: &'a mut dyn Bench,
+impl TwoAxisSession {
+    /// As [`Session::run_ahead`], for both axes.
+    ///
+    /// # Errors
+    /// An exchange that breaks off, or a frame that differs.
+    pub fn run_ahead<X: Law, Y: Law>(
+        &mut self,
+        setups: &[Setup; 2],
+        (x, y): (Parameters<X>, Parameters<Y>),
+        bench: &mut dyn TwoAxisBench,
+    ) -> Result<(), BoardError> {
+        let setups = setups.each_ref().map(unclocked);
+        let mut axes = TwoAxes::new(Controller::new(x, &setups[0]), Controller::new(y, &setups[1]));
+        let mut watched = Watched::new(bench);
+        drive_both_here(&mut axes, setups[0].ticks, &mut watched);
+        let Watched { inputs, frames, .. } = watched;
+        same(&frames, &self.replay(&setups, &inputs)?)
+    }
+}
+
+fn unclocked(setup: &Setup) -> Setup {
+    Setup {
+        clocked: false,
+        ..*setup
+    }
+}
+
+fn same(frames: &[Frame], answers: &[Frame]) -> Result<(), BoardError> {
+    let mut pairs = frames.iter().zip(answers);
+    match pairs.find(|(here, board)| here.to_bytes() != board.to_bytes()) {
+        Some((here, _)) => Err(BoardError::Differs { tick: here.number }),
+        None => Ok(()),
+    }
+}
+
+/// Remembers what a bench gave and was given; of two axes in turn.
+struct Watched<'a, B: ?Sized> {
+    bench: &'a mut B,
     inputs: Vec<Input>,
     frames: Vec<Frame>,
 }
 
-impl Bench for Watched<'_> {
+impl<'a, B: ?Sized> Watched<'a, B> {
+    fn new(bench: &'a mut B) -> Self {
+        Self {
+            bench,
+            inputs: Vec::new(),
+            frames: Vec::new(),
+        }
+    }
+}
+
+impl TwoAxisBench for Watched<'_, dyn TwoAxisBench + '_> {
+    fn inputs(&mut self, number: u32) -> [Input; 2] {
+        let inputs = self.bench.inputs(number);
+        self.inputs.extend(inputs);
+        inputs
+    }
+
+    fn outputs(&mut self, frames: &[Frame; 2]) {
+        self.bench.outputs(frames);
+        self.frames.extend(frames);
+    }
+}
+
+impl Bench for Watched<'_, dyn Bench + '_> {
     fn sample_rate_hz(&self) -> f64 {
         self.bench.sample_rate_hz()
     }

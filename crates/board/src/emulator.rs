@@ -2,6 +2,7 @@
 
 use crate::{BoardError, Machine};
 use std::fs::{File, OpenOptions};
+use std::io::{Read, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -79,6 +80,20 @@ impl Emulator {
             folder,
             guard,
         })
+    }
+
+    /// Sends bytes and takes as many as answer them, neither waiting for the other.
+    pub(crate) fn swap(&mut self, bytes: &[u8], answers: usize) -> std::io::Result<Vec<u8>> {
+        let mut to_board = self.to_board.try_clone()?;
+        let mut answers = vec![0; answers];
+        let from_board = &mut self.from_board;
+        std::thread::scope(|scope| {
+            let writer = scope.spawn(move || to_board.write_all(bytes));
+            let read = from_board.read_exact(&mut answers);
+            // A writer that failed has left the reader without an answer.
+            writer.join().unwrap_or(Ok(())).and(read)
+        })?;
+        Ok(answers)
     }
 
     /// What QEMU wrote to its standard error, and how it ended.

@@ -8,7 +8,7 @@ use std::process::Command;
 /// What the images are compiled for.
 const CHIP: &str = "thumbv7em-none-eabihf";
 
-/// Builds the application with a table in it, and puts the image beside it or wherever `image` says.
+/// Builds the application with a table in it, one for each axis, and puts the image where `image` says.
 ///
 /// Builds in one folder of sources wait for each other. What the image says of its table ([`crate::Session::hello`]) tells whether it
 /// is this one.
@@ -18,11 +18,18 @@ const CHIP: &str = "thumbv7em-none-eabihf";
 ///
 /// # Cost
 /// 5 s where the core is compiled already, 30 s where it is not.
-pub fn build(firmware: &Path, machine: Machine, table: &Path, image: &Path) -> Result<(), BoardError> {
+pub fn build(
+    firmware: &Path,
+    machine: Machine,
+    tables: (&Path, Option<&Path>),
+    image: &Path,
+) -> Result<(), BoardError> {
     if !firmware.join("mps2").is_dir() {
         return Err(BoardError::NoFirmware(firmware.to_owned()));
     }
-    let table = table.canonicalize()?;
+    let table = tables.0.canonicalize()?;
+    let beside = tables.1.map(Path::canonicalize).transpose()?;
+    let binary = if beside.is_some() { "xy" } else { "mps2" };
     let target = firmware.join("target");
     fs::create_dir_all(&target)?;
     let lock = File::create(target.join("image-of-a-table.lock"))?;
@@ -31,8 +38,9 @@ pub fn build(firmware: &Path, machine: Machine, table: &Path, image: &Path) -> R
         Machine::Mps2An386 => ("cortex-m4", &[]),
         Machine::Mps2An500 => ("cortex-m7", &["--features", "max-instruction"]),
     };
-    let built = Command::new("cargo")
-        .args(["build", "--release", "--locked", "--package", "mps2", "--bin", "mps2"])
+    let mut command = Command::new("cargo");
+    command
+        .args(["build", "--release", "--locked", "--package", "mps2", "--bin", binary])
         .args(["--target", CHIP, "--config"])
         .arg(format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]"))
         .args(features)
@@ -43,13 +51,13 @@ pub fn build(firmware: &Path, machine: Machine, table: &Path, image: &Path) -> R
         .env_remove("RUSTFLAGS")
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
         .env_remove("CARGO_TARGET_DIR")
-        .current_dir(firmware)
-        .output()
-        .map_err(|source| BoardError::Start {
-            program: "cargo",
-            package: "rustup",
-            source,
-        })?;
+        .envs(beside.map(|beside| ("HYSTERON_TABLE_Y", beside)))
+        .current_dir(firmware);
+    let built = command.output().map_err(|source| BoardError::Start {
+        program: "cargo",
+        package: "rustup",
+        source,
+    })?;
     if !built.status.success() {
         let said = String::from_utf8_lossy(&built.stderr);
         let lines: Vec<&str> = said
@@ -58,6 +66,6 @@ pub fn build(firmware: &Path, machine: Machine, table: &Path, image: &Path) -> R
             .collect();
         return Err(BoardError::Build(lines.join("\n")));
     }
-    fs::copy(target.join(CHIP).join("release/mps2"), image)?;
+    fs::copy(target.join(CHIP).join("release").join(binary), image)?;
     Ok(())
 }

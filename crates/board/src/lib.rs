@@ -12,14 +12,16 @@ pub mod telemetry;
 pub mod two_axes;
 pub mod upload;
 
+pub use hysteron_firmware::law::Law;
+pub use hysteron_firmware::parameters::Parameters;
 pub use hysteron_firmware::trajectory::{Shape, TABLE_POINTS};
 pub use hysteron_firmware::tuning::Change;
-pub use hysteron_firmware::wire::{Hello, Mode, Setup};
+pub use hysteron_firmware::wire::{Hello, Mode, Setup, Summary};
 pub use player::{Played, Player};
 pub use rig::{Bench, Recording, Remembering, Rig, drive_here};
 
 use emulator::Emulator;
-use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Input, MAGIC, SUMMARY_BYTES, Summary};
+use hysteron_firmware::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Input, MAGIC, SUMMARY_BYTES};
 use hysteron_plant::{Stage, StageError};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -405,27 +407,24 @@ impl Session {
     fn exchange_all(&mut self, setup: &Setup, inputs: &[Input]) -> Result<(Vec<Frame>, Summary), BoardError> {
         let mut bytes = setup.to_bytes().to_vec();
         bytes.extend(inputs.iter().flat_map(Input::to_bytes));
-        let mut to_board = self.emulator.to_board.try_clone()?;
         let length = setup.ticks as usize * FRAME_BYTES;
-        let mut answers = vec![0; length + SUMMARY_BYTES];
-        let from_board = &mut self.emulator.from_board;
-        let exchanged = std::thread::scope(|scope| {
-            let writer = scope.spawn(move || to_board.write_all(&bytes));
-            let read = from_board.read_exact(&mut answers);
-            // A writer that failed has left the reader without an answer.
-            writer.join().unwrap_or(Ok(())).and(read)
-        });
-        exchanged.map_err(|source| broken(&self.emulator, setup.ticks, source))?;
-        let (frames, summary) = answers.split_at(length);
-        let mut last = [0; SUMMARY_BYTES];
-        last.copy_from_slice(summary);
-        let frames = frames.chunks_exact(FRAME_BYTES).map(|chunk| {
-            let mut frame = [0; FRAME_BYTES];
-            frame.copy_from_slice(chunk);
-            Frame::from_bytes(&frame)
-        });
-        Ok((frames.collect(), Summary::from_bytes(&last)))
+        let exchanged = self.emulator.swap(&bytes, length + SUMMARY_BYTES);
+        let answers = exchanged.map_err(|source| broken(&self.emulator, setup.ticks, source))?;
+        Ok(frames_and_summary(&answers))
     }
+}
+
+/// The frames of a run in a row, and the summary behind them.
+fn frames_and_summary(answers: &[u8]) -> (Vec<Frame>, Summary) {
+    let (frames, summary) = answers.split_at(answers.len() - SUMMARY_BYTES);
+    let mut last = [0; SUMMARY_BYTES];
+    last.copy_from_slice(summary);
+    let frames = frames.chunks_exact(FRAME_BYTES).map(|chunk| {
+        let mut frame = [0; FRAME_BYTES];
+        frame.copy_from_slice(chunk);
+        Frame::from_bytes(&frame)
+    });
+    (frames.collect(), Summary::from_bytes(&last))
 }
 
 fn broken(emulator: &Emulator, tick: u32, source: std::io::Error) -> BoardError {

@@ -1,6 +1,7 @@
 //! The simulated stage with what a host has to send before a run: points of an uploaded reference, then the start.
 
 use crate::Bench;
+use crate::two_axes::TwoAxisBench;
 use hysteron_firmware::trajectory::{CHUNK_POINTS, TABLE_POINTS};
 use hysteron_firmware::tuning::Change;
 use hysteron_firmware::wire::{Frame, Input, Mode, Order};
@@ -17,6 +18,8 @@ pub struct Played {
     pub true_um: f64,
     /// Actuator voltage of the frame's code, volts.
     pub voltage_v: f64,
+    /// That of the other axis; 0 without one.
+    pub voltage2_v: f64,
 }
 
 /// One run on a simulated stage, which keeps its state for the next one.
@@ -24,6 +27,8 @@ pub struct Played {
 pub struct Player {
     /// The stage.
     pub stage: Stage,
+    /// The other axis of it.
+    other: Option<Stage>,
     /// Every tick so far.
     pub played: Vec<Played>,
     before: Vec<Order>,
@@ -46,10 +51,17 @@ impl Player {
         }
         Self {
             stage,
+            other: None,
             played: Vec::new(),
             before,
             stop_at: (ticks > 0).then_some(starts_at + ticks),
         }
+    }
+
+    /// With another axis beside it, which the board runs as well.
+    #[must_use]
+    pub fn beside(self, other: Option<Stage>) -> Self {
+        Self { other, ..self }
     }
 
     /// Ticks before the one that starts the run.
@@ -63,33 +75,62 @@ impl Player {
     }
 }
 
+/// The voltage of a frame's code at an axis of the stage.
+fn voltage_v(stage: &Stage, frame: &Frame) -> f64 {
+    let config = stage.config();
+    let dac = config.dac.unwrap_or(Converter::BIPOLAR_16_BIT);
+    dac.v_from_code(u32::from(frame.dac)) * config.amplifier.gain
+}
+
+fn adc(stage: &Stage) -> u16 {
+    u16::try_from(stage.sample().position_code).unwrap_or(u16::MAX)
+}
+
 impl Bench for Player {
     fn sample_rate_hz(&self) -> f64 {
         1.0 / self.stage.config().sample_period_s
     }
 
     fn input(&mut self, number: u32) -> Input {
-        let code = self.stage.sample().position_code;
         let order = match self.stop_at {
             Some(tick) if tick == number => Order::Stop,
             _ => self.before.get(number as usize).copied().unwrap_or_default(),
         };
         Input {
-            adc: u16::try_from(code).unwrap_or(u16::MAX),
+            adc: adc(&self.stage),
             order,
         }
     }
 
     fn output(&mut self, frame: &Frame) {
+        // The second is nobody's without another axis.
+        self.outputs(&[*frame; 2]);
+    }
+}
+
+impl TwoAxisBench for Player {
+    fn inputs(&mut self, number: u32) -> [Input; 2] {
+        let beside = Input {
+            adc: self.other.as_ref().map_or(0, adc),
+            order: Order::None,
+        };
+        [self.input(number), beside]
+    }
+
+    fn outputs(&mut self, [frame, beside]: &[Frame; 2]) {
         let sample = self.stage.sample();
-        let config = self.stage.config();
-        let dac = config.dac.unwrap_or(Converter::BIPOLAR_16_BIT);
+        let voltage_v = voltage_v(&self.stage, frame);
+        let voltage2_v = self.other.as_ref().map_or(0.0, |other| self::voltage_v(other, beside));
         self.played.push(Played {
             frame: *frame,
             position_um: sample.position_um,
             true_um: sample.true_position_um,
-            voltage_v: dac.v_from_code(u32::from(frame.dac)) * config.amplifier.gain,
+            voltage_v,
+            voltage2_v,
         });
-        self.stage.step_code(u32::from(frame.dac));
+        self.stage.step_two_axes(voltage_v, voltage2_v);
+        if let Some(other) = &mut self.other {
+            other.step(voltage2_v);
+        }
     }
 }

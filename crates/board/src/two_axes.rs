@@ -1,7 +1,7 @@
 //! Two axes: their image in QEMU, the simulated stage with both, and the same here.
 
 use crate::emulator::Emulator;
-use crate::{BoardError, Machine, Recording, banks, broken};
+use crate::{BoardError, Machine, Recording, banks, broken, frames_and_summary};
 use hysteron_firmware::law::Law;
 use hysteron_firmware::two_axes::TwoAxes;
 use hysteron_firmware::wire::{FRAME_BYTES, Frame, Hello, Input, Order, SUMMARY_BYTES, Setup, Summary};
@@ -45,7 +45,17 @@ impl TwoAxisRig {
             stop_at: (seconds / x.sample_period_s).round() as u32,
         })
     }
+}
 
+/// The other side of both axes' converters.
+pub trait TwoAxisBench {
+    /// The codes of a tick; the first one's order is for both.
+    fn inputs(&mut self, number: u32) -> [Input; 2];
+    /// Takes the codes that answer them.
+    fn outputs(&mut self, frames: &[Frame; 2]);
+}
+
+impl TwoAxisBench for TwoAxisRig {
     fn inputs(&mut self, number: u32) -> [Input; 2] {
         let order = match number {
             0 => Order::Start,
@@ -81,10 +91,10 @@ impl TwoAxisRig {
 }
 
 /// Both axes of the application against the stage, in this process.
-pub fn drive_both_here<X: Law, Y: Law>(axes: &mut TwoAxes<X, Y>, ticks: u32, rig: &mut TwoAxisRig) {
+pub fn drive_both_here<X: Law, Y: Law>(axes: &mut TwoAxes<X, Y>, ticks: u32, bench: &mut dyn TwoAxisBench) {
     for number in 0..ticks {
-        let inputs = rig.inputs(number);
-        rig.outputs(&axes.step(inputs, false));
+        let inputs = bench.inputs(number);
+        bench.outputs(&axes.step(inputs, false));
     }
 }
 
@@ -122,14 +132,14 @@ impl TwoAxisSession {
     ///
     /// # Errors
     /// An exchange that breaks off, or a frame that is missing.
-    pub fn run(&mut self, setups: &[Setup; 2], rig: &mut TwoAxisRig) -> Result<Summary, BoardError> {
+    pub fn run(&mut self, setups: &[Setup; 2], bench: &mut dyn TwoAxisBench) -> Result<Summary, BoardError> {
         let emulator = &mut self.emulator;
         let sent = setups.map(|setup| setup.to_bytes());
         let begun = emulator.to_board.write_all(sent.as_flattened());
         begun.map_err(|source| broken(emulator, 0, source))?;
         let mut answers = [[0; FRAME_BYTES]; 2];
         for wanted in 0..setups[0].ticks {
-            let asked = rig.inputs(wanted).map(|input| input.to_bytes());
+            let asked = bench.inputs(wanted).map(|input| input.to_bytes());
             let exchanged = emulator
                 .to_board
                 .write_all(asked.as_flattened())
@@ -140,11 +150,24 @@ impl TwoAxisSession {
                 let got = frame.number;
                 return Err(BoardError::LostFrame { got, wanted });
             }
-            rig.outputs(&frames);
+            bench.outputs(&frames);
         }
         let mut summary = [0; SUMMARY_BYTES];
         let read = emulator.from_board.read_exact(&mut summary);
         read.map_err(|source| broken(emulator, setups[0].ticks, source))?;
         Ok(Summary::from_bytes(&summary))
+    }
+
+    /// Runs both axes on pairs of inputs that are known, which they get ahead of their ticks; the setups are not `clocked`: the pairs of
+    /// frames that they answer with, in a row.
+    ///
+    /// # Errors
+    /// An exchange that breaks off.
+    pub(crate) fn replay(&mut self, setups: &[Setup; 2], inputs: &[Input]) -> Result<Vec<Frame>, BoardError> {
+        let mut bytes = setups.map(|setup| setup.to_bytes()).concat();
+        bytes.extend(inputs.iter().flat_map(Input::to_bytes));
+        let exchanged = self.emulator.swap(&bytes, inputs.len() * FRAME_BYTES + SUMMARY_BYTES);
+        let answers = exchanged.map_err(|source| broken(&self.emulator, setups[0].ticks, source))?;
+        Ok(frames_and_summary(&answers).0)
     }
 }

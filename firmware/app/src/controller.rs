@@ -35,6 +35,8 @@ pub struct Controller<L: Law> {
     coming_um: f32,
     /// What another axis takes in on this tick, less its rest, micrometres.
     beside_um: f32,
+    /// Its command, volts.
+    beside_v: f32,
     setup: Setup,
     mailbox: Mailbox,
     uploaded: Uploaded,
@@ -70,6 +72,7 @@ impl<L: Law> Controller<L> {
             first_um,
             coming_um: first_um,
             beside_um: 0.0,
+            beside_v: 0.0,
             trajectory,
             setup: *setup,
             mailbox: Mailbox::default(),
@@ -145,9 +148,14 @@ impl<L: Law> Controller<L> {
         }
     }
 
-    /// What another axis takes in on the next tick, less its rest.
-    pub fn set_beside_um(&mut self, beside_um: f32) {
-        self.beside_um = beside_um;
+    /// What another axis takes in on the next tick, less its rest, and its command.
+    pub fn set_beside(&mut self, beside_um: f32, beside_v: f32) {
+        (self.beside_um, self.beside_v) = (beside_um, beside_v);
+    }
+
+    /// The command of the last tick, volts.
+    pub fn command_v(&self) -> f32 {
+        self.command_v
     }
 
     /// The latched fault.
@@ -280,6 +288,7 @@ impl<L: Law> Controller<L> {
         let now = Now {
             measured_um,
             beside_um: self.beside_um,
+            beside_v: self.beside_v,
         };
         let Step {
             reference_um,
@@ -307,6 +316,7 @@ impl<L: Law> Controller<L> {
         let now = Now {
             measured_um,
             beside_um: self.beside_um,
+            beside_v: self.beside_v,
         };
         let (step, there) = law.rise(&mut self.state, &self.parameters.ramp, now);
         self.command_v = step.command_v;

@@ -29,6 +29,8 @@ pub struct Now {
     pub measured_um: f32,
     /// What another axis takes in on this tick, less its rest; 0 without one.
     pub beside_um: f32,
+    /// The other axis' command of the tick before, volts; 0 without one.
+    pub beside_v: f32,
 }
 
 /// What a tick of a law has done.
@@ -194,6 +196,8 @@ impl Complete {
         let input = LoopInput {
             reference_ahead: reference_um,
             measured: now.measured_um,
+            // Not ahead: its reference is known early, its command is not.
+            voltage2_ahead: now.beside_v,
             motion2_ahead: now.beside_um,
             ..LoopInput::default()
         };

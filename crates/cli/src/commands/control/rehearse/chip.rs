@@ -6,10 +6,14 @@ use crate::commands::export;
 use crate::error::CliError;
 use crate::progress;
 use hysteron_board::host::{complete, hello, parameters};
-use hysteron_board::{BoardError, FALL_TICKS, Machine, Mode, Player, Request, Session, Setup, Shape, image};
+use hysteron_board::two_axes::TwoAxisSession;
+use hysteron_board::{
+    BoardError, FALL_TICKS, Hello, Law, Machine, Mode, Parameters, Player, Request, Session, Setup, Shape, Summary,
+    image,
+};
 use hysteron_data::{Dataset, Known};
 use hysteron_plant::{Converter, Stage, StageConfig};
-use hysteron_table::{FORMAT, Table};
+use hysteron_table::{FORMAT, Table, TableError};
 use hysteron_tracking::design::Controller;
 use hysteron_tracking::rehearsal::Rehearsal;
 use std::collections::BTreeMap;
@@ -21,6 +25,8 @@ const LIVE_TICKS: u32 = 15_000;
 /// Ticks for the rise to a reference's first value: the whole range takes 20 ms at the inverse's mean slope, which its steepest may
 /// be three times.
 const RISE_TICKS: u32 = 3_000;
+/// What the other axis does while references are followed, turns a second.
+const BESIDE_HZ: f64 = 17.0;
 /// An emulator that has not ended by then is ended.
 const PATIENCE: Duration = Duration::from_secs(900);
 
@@ -59,8 +65,19 @@ pub(super) struct Reached {
 
 /// An image that runs, and the table in it.
 struct Running {
-    session: Session,
+    image: Image,
     table: Table,
+}
+
+/// Of one axis, or of both.
+enum Image {
+    One(Session),
+    /// The other axis follows its reference by a straight line.
+    Both {
+        session: TwoAxisSession,
+        other: Box<StageConfig>,
+        table: Box<Table>,
+    },
 }
 
 impl Chip {
@@ -88,38 +105,62 @@ impl Chip {
         self.machine.name()
     }
 
-    /// Builds the image of a table and starts it.
-    fn start(&self, name: &str, table: Table) -> Result<Running, CliError> {
+    /// Builds the image of a table and starts it; of two, where another axis couples into this one.
+    fn start(&self, name: &str, table: Table, stage: &StageConfig) -> Result<Running, CliError> {
+        let (path, said) = self.write(name, &table)?;
+        let image = self.folder.path().join(name);
+        let Some(other) = other_axis(stage) else {
+            image::build(&self.firmware, self.machine, (&path, None), &image)?;
+            let session = Session::start(self.machine, &image, PATIENCE)?;
+            if *session.hello() != said {
+                return Err(BoardError::OtherVersion.into());
+            }
+            let image = Image::One(session);
+            return Ok(Running { image, table });
+        };
+        let beside = straight_line(&other);
+        let (path_y, said_y) = self.write("other-axis", &beside)?;
+        image::build(&self.firmware, self.machine, (&path, Some(&path_y)), &image)?;
+        let session = TwoAxisSession::start(self.machine, &image, PATIENCE)?;
+        if *session.banks() != [vec![said], vec![said_y]] {
+            return Err(BoardError::OtherVersion.into());
+        }
+        let image = Image::Both {
+            session,
+            other: Box::new(other),
+            table: Box::new(beside),
+        };
+        Ok(Running { image, table })
+    }
+
+    /// Writes a table: where to, and what an image says of it.
+    fn write(&self, name: &str, table: &Table) -> Result<(PathBuf, Hello), CliError> {
         let path = self.folder.path().join(format!("{name}.toml"));
-        let refused = |source| CliError::Table {
+        let text = table.to_toml().map_err(|source| CliError::Table {
             path: path.clone(),
             source,
-        };
-        let text = table.to_toml().map_err(refused)?;
+        })?;
         std::fs::write(&path, &text).map_err(|source| CliError::Write {
             path: path.clone(),
             source,
         })?;
-        let image = self.folder.path().join(name);
-        image::build(&self.firmware, self.machine, &path, &image)?;
-        let session = Session::start(self.machine, &image, PATIENCE)?;
-        if *session.hello() != hello(&table, &text) {
-            return Err(BoardError::OtherVersion.into());
-        }
-        Ok(Running { session, table })
+        let said = hello(table, &text);
+        Ok((path, said))
     }
 
     /// The records: the board plays them with a straight line for a law; commands are what its frames say.
     pub(super) fn records(&self, rehearsal: &Rehearsal) -> Result<Dataset, CliError> {
         let stage = &rehearsal.stage;
-        let mut running = self.start("plain", straight_line(stage))?;
+        let mut running = self.start("plain", straight_line(stage), stage)?;
         let pieces = programme(rehearsal.seed)?;
         let bar = progress::bar("recording on the board");
         let mut played = Vec::new();
         for (number, piece) in pieces.iter().enumerate() {
             bar.set_message(format!("recording {}", piece.name));
             let rested = Stage::new(stage, rehearsal.noise_seed(number as u64))?;
-            let player = running.play(piece, rested)?;
+            // Whole cycles of a rate of its own over the record.
+            let cycles = [7.0, 11.0, 13.0, 17.0, 19.0][number % 5];
+            let player = running.play(piece, rested, cycles / piece.kept_s)?;
             played.push(Kept::of(piece, &player));
             progress::advance(&bar, (number + 1) as f64 / pieces.len() as f64);
         }
@@ -141,7 +182,7 @@ impl Chip {
             records: pieces
                 .iter()
                 .zip(&played)
-                .map(|(piece, kept)| kept.record(piece, hold))
+                .map(|(piece, kept)| kept.record(piece, hold, stage.cross_coupling.is_some()))
                 .collect(),
             ..Dataset::default()
         })
@@ -155,29 +196,78 @@ impl Chip {
         name: &str,
     ) -> Result<Reached, CliError> {
         let table = export::law_table(controller, &options(&rehearsal.stage))?;
-        self.start(name, table)?.track(rehearsal, controller.feedback.is_some())
+        let mut running = self.start(name, table, &rehearsal.stage)?;
+        running.track(rehearsal, controller.feedback.is_some())
     }
 }
 
 impl Running {
+    fn hello(&self) -> &Hello {
+        match &self.image {
+            Image::One(session) => session.hello(),
+            Image::Both { session, .. } => &session.banks()[0][0],
+        }
+    }
+
     fn setup(&self, request: &Request, ticks: u32) -> Result<Setup, CliError> {
-        let setup = request.setup(self.session.hello())?;
+        let setup = request.setup(self.hello())?;
         Ok(Setup { ticks, ..setup })
     }
 
-    /// The straight line, ahead.
-    fn play_ahead(&mut self, request: &Request, player: &mut Player, ticks: u32) -> Result<(), CliError> {
-        let setup = self.setup(request, player.ticks_before() + ticks + FALL_TICKS)?;
-        let law = parameters(&self.table).map_err(|source| CliError::Table {
-            path: PathBuf::from("plain.toml"),
+    /// The other axis' stage; none without one.
+    fn other_stage(&self, seed: u64) -> Result<Option<Stage>, CliError> {
+        match &self.image {
+            Image::One(_) => Ok(None),
+            Image::Both { other, .. } => Ok(Some(Stage::new(other, seed)?)),
+        }
+    }
+
+    /// What the other axis is asked for: up and down four fifths of the whole.
+    fn setup_beside(&self, session: &TwoAxisSession, hz: f64, ticks: u32) -> Result<Setup, CliError> {
+        let hello = &session.banks()[1][0];
+        let request = Request {
+            shape: Shape::Sine,
+            frequency_hz: hz,
+            range_um: Some([0.0, 0.8 * f64::from(hello.input_max_um)]),
+            seconds: 1.0,
+            feedforward: true,
+            feedback: false,
+        };
+        Ok(Setup {
+            ticks,
+            ..request.setup(hello)?
+        })
+    }
+
+    /// Runs a law ahead, the other axis at `beside_hz` where there is one.
+    fn run_ahead<L: Law>(
+        &mut self,
+        setup: &Setup,
+        law: Result<Parameters<L>, TableError>,
+        player: &mut Player,
+        beside_hz: f64,
+    ) -> Result<(), CliError> {
+        let refused = |source| CliError::Table {
+            path: PathBuf::from("controller.toml"),
             source,
-        })?;
-        self.session.run_ahead(&setup, law, player)?;
+        };
+        let law = law.map_err(refused)?;
+        let setups = match &self.image {
+            Image::One(_) => [*setup; 2],
+            Image::Both { session, .. } => [*setup, self.setup_beside(session, beside_hz, setup.ticks)?],
+        };
+        match &mut self.image {
+            Image::One(session) => session.run_ahead(setup, law, player)?,
+            Image::Both { session, table, .. } => {
+                let beside = parameters(table).map_err(refused)?;
+                session.run_ahead(&setups, (law, beside), player)?;
+            }
+        }
         no_fault(player)
     }
 
     fn request(&self, shape: Shape, frequency_hz: f64, range: [f64; 2]) -> Request {
-        let top_um = f64::from(self.session.hello().input_max_um);
+        let top_um = f64::from(self.hello().input_max_um);
         Request {
             shape,
             frequency_hz,
@@ -188,21 +278,37 @@ impl Running {
         }
     }
 
-    fn play(&mut self, piece: &Piece, stage: Stage) -> Result<Player, CliError> {
+    /// Tick by tick at the sample clock.
+    fn run_live(&mut self, setup: &Setup, player: &mut Player) -> Result<Summary, CliError> {
+        let beside = match &self.image {
+            Image::One(_) => None,
+            Image::Both { session, .. } => Some(self.setup_beside(session, BESIDE_HZ, setup.ticks)?),
+        };
+        let summary = match (&mut self.image, beside) {
+            (Image::One(session), _) => session.run(setup, player, &mut |_| {})?,
+            (Image::Both { session, .. }, beside) => session.run(&[*setup, beside.unwrap_or(*setup)], player)?,
+        };
+        no_fault(player)?;
+        Ok(summary)
+    }
+
+    fn play(&mut self, piece: &Piece, stage: Stage, beside_hz: f64) -> Result<Player, CliError> {
         let ticks = (piece.kept_s * RATE_HZ).ceil() as u32;
         let [low, high] = piece.range;
         let moves = low < high;
         let request = self.request(piece.shape, piece.frequency_hz, [low, if moves { high } else { 1.0 }]);
         let ticks = ticks + RISE_TICKS;
-        let mut player = Player::new(stage, piece.points.as_ref(), if moves { ticks } else { 0 });
-        self.play_ahead(&request, &mut player, ticks)?;
+        let player = Player::new(stage, piece.points.as_ref(), if moves { ticks } else { 0 });
+        let mut player = player.beside(self.other_stage(u64::from(ticks))?);
+        let setup = self.setup(&request, player.ticks_before() + ticks + FALL_TICKS)?;
+        self.run_ahead(&setup, parameters(&self.table), &mut player, beside_hz)?;
         Ok(player)
     }
 
     /// Along the references of the rehearsal.
     fn track(&mut self, rehearsal: &Rehearsal, feedback: bool) -> Result<Reached, CliError> {
         let [low_um, high_um] = rehearsal.range_um();
-        let top_um = f64::from(self.session.hello().input_max_um);
+        let top_um = f64::from(self.hello().input_max_um);
         let settling_s = rehearsal.settling_s();
         // Shape, range, frequency, seconds of settling and seconds that are judged. Points that were never uploaded are all the lowest.
         let sine = |hz: f64| {
@@ -233,19 +339,15 @@ impl Running {
             let ticks = ((settling_s + judged_s) * RATE_HZ) as u32 + RISE_TICKS;
             let setup = self.setup(&request, ticks + FALL_TICKS)?;
             let seed = !rehearsal.noise_seed(number as u64);
-            let mut player = Player::new(Stage::new(&rehearsal.stage, seed)?, None, ticks);
+            let player = Player::new(Stage::new(&rehearsal.stage, seed)?, None, ticks);
+            let mut player = player.beside(self.other_stage(!seed)?);
             if feedback && setup.ticks <= LIVE_TICKS {
-                let summary = self.session.run(&setup, &mut player, &mut |_| {})?;
+                let summary = self.run_live(&setup, &mut player)?;
                 reached.clocked_ticks += setup.ticks;
                 reached.late_ticks += summary.overruns + summary.lost;
             } else {
-                let law = complete(&self.table).map_err(|source| CliError::Table {
-                    path: PathBuf::from("controller.toml"),
-                    source,
-                })?;
-                self.session.run_ahead(&setup, law, &mut player)?;
+                self.run_ahead(&setup, complete(&self.table), &mut player, BESIDE_HZ)?;
             }
-            no_fault(&player)?;
             let from = player.begun().unwrap_or(0) + (settling_s * RATE_HZ).round() as usize;
             let judged = player
                 .played
@@ -315,6 +417,16 @@ fn straight_line(stage: &StageConfig) -> Table {
         weights_v_per_um: vec![0.0],
         ..export::empty(hysteron_table::Family::Pi)
     }
+}
+
+/// The other axis that a stage's coupling stands for, on its own.
+fn other_axis(stage: &StageConfig) -> Option<StageConfig> {
+    let hysteresis = stage.cross_coupling.as_ref()?.hysteresis.clone();
+    Some(StageConfig {
+        hysteresis,
+        cross_coupling: None,
+        ..stage.clone()
+    })
 }
 
 fn no_fault(player: &Player) -> Result<(), CliError> {

@@ -39,7 +39,7 @@ pub(crate) struct RehearseArgs {
     #[arg(long, value_enum, default_value_t = ModelName::PlayPolynomial)]
     pub model: ModelName,
     /// Number of play operators, 1 to 64
-    #[arg(long, default_value_t = 12)]
+    #[arg(long, default_value_t = 16)]
     pub plays: usize,
     /// Record and track with the firmware in QEMU instead of on the host: a plain image plays the records, and an image is built for
     /// each controller
@@ -129,7 +129,6 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<Done, CliError> {
     let rehearsal = Rehearsal::draw(hidden, args.seed)?;
     let ground = match args.emulator {
         None => Ground::Host,
-        Some(_) if hidden == Hidden::CrossCoupling => return Err(CliError::Option(NO_SECOND_AXIS.to_owned())),
         Some(emulator) => {
             let folder = args.output.as_ref().map(|folder| folder.join("board"));
             let chip = Chip::new(emulator.machine(), &args.firmware, folder)?;
@@ -165,9 +164,6 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<Done, CliError> {
     }
     Ok(Done::Answered)
 }
-
-const NO_SECOND_AXIS: &str = "cross-coupling cannot be rehearsed in the emulator: an image of one axis is not told what the other \
-    axis does; rehearse it on the host, and see `hysteron export --cross` for images of both";
 
 fn design(stage: &StageConfig, model: &Model) -> Result<Controller, CliError> {
     let limits = [stage.amplifier.min_v, stage.amplifier.max_v];

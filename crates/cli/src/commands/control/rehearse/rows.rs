@@ -45,6 +45,8 @@ fn correlation(a: impl Iterator<Item = f64> + Clone, b: impl Iterator<Item = f64
 pub(super) struct Kept {
     /// The command that the board gives at each reading, and those of the two ticks before, volts.
     held_v: Vec<[f64; 3]>,
+    /// The same of the other axis.
+    held2_v: Vec<[f64; 3]>,
     position_um: Vec<f64>,
 }
 
@@ -55,19 +57,21 @@ impl Kept {
         let to = (begun + (piece.kept_s * RATE_HZ).round() as usize).min(player.played.len());
         let ticks = &player.played;
         let rows = || (from..to).step_by(piece.every);
-        let held_v = |k: usize| [k, k.saturating_sub(1), k.saturating_sub(2)].map(|k| ticks[k].voltage_v);
+        let held = |k: usize| [k, k.saturating_sub(1), k.saturating_sub(2)].map(|k| &ticks[k]);
         Self {
-            held_v: rows().map(held_v).collect(),
+            held_v: rows().map(|k| held(k).map(|tick| tick.voltage_v)).collect(),
+            held2_v: rows().map(|k| held(k).map(|tick| tick.voltage2_v)).collect(),
             position_um: rows().map(|k| ticks[k].position_um).collect(),
         }
     }
 
-    pub(super) fn record(&self, piece: &Piece, hold: Hold) -> Record {
+    /// `both`: with the other axis' voltage.
+    pub(super) fn record(&self, piece: &Piece, hold: Hold, both: bool) -> Record {
         let [low, high] = piece.range;
-        let voltage_v = self.held_v.iter().map(|[now, before, _]| match hold {
+        let straight = |[now, before, _]: &[f64; 3]| match hold {
             Hold::Followed => *before,
             Hold::Smoothed => 0.5 * (now + before),
-        });
+        };
         Record {
             file: format!("{}.csv", piece.name),
             role: piece.role,
@@ -80,11 +84,11 @@ impl Kept {
             ),
             start_s: 0.0,
             period_s: piece.every as f64 / RATE_HZ,
-            voltage_v: voltage_v.collect(),
+            voltage_v: self.held_v.iter().map(straight).collect(),
             position_um: self.position_um.clone(),
             reference_um: None,
             temperature_c: None,
-            voltage2_v: None,
+            voltage2_v: both.then(|| self.held2_v.iter().map(straight).collect()),
         }
     }
 }
