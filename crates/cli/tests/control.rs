@@ -1,5 +1,9 @@
 //! From a model to a controller as a user meets it, and what is refused: the reason, what to do, exit code 2.
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up its files fails")]
+#![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
+
+#[path = "../../board/tests/common/mod.rs"]
+mod emulator;
 
 use assert_cmd::Command;
 use hysteron_core::law_numbers::LawNumbers;
@@ -289,4 +293,49 @@ fn val_design_from_a_model_names_every_effect() {
         &["track", out, "--stage", "8k"],
         &["mode 1 at 800 Hz has a damping ratio of 0", "record a longer"],
     );
+}
+
+/// Three plays know little of the stage, and are off by as much on the chip as here: 16-bit codes and f32 are a tenth of a percent of
+/// that.
+#[test]
+fn val_a_controller_tracks_on_the_chip_as_it_does_here() {
+    if emulator::image("mps2-an386").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (rough, controller, page) = (path("model.toml"), path("controller.toml"), path("page.html"));
+    std::fs::write(&rough, model(RISING, "delay", &[("delay", 60e-6, "s")])).unwrap();
+    let answered = |args: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_hysteron"))
+            .args(args)
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(0), "{args:?}: {said}");
+        output.stdout
+    };
+    answered(&["design", &rough, "-o", &controller, "--open"]);
+    let firmware = concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware");
+    let on_chip = [
+        "--emulator",
+        "mps2-an386",
+        "--firmware",
+        firmware,
+        "-o",
+        &page,
+        "--json",
+    ];
+    let track = ["track", &controller, "--stage", "8k", "--alone", "--range", "1,6"];
+    let answer: serde_json::Value = serde_json::from_slice(&answered(&[&track[..], &on_chip].concat())).unwrap();
+    let (here, there) = (&answer["controllers"][0], &answer["board"]["controllers"][0]);
+    assert_eq!(there["loop"], "open");
+    for (key, here) in here["rms_percent"].as_object().unwrap() {
+        let (here, there) = (here.as_f64().unwrap(), there["rms_percent"][key].as_f64().unwrap());
+        assert!(
+            here > 1.0 && (there - here).abs() < 0.01 * here,
+            "{key}: {here} % here, {there} % there"
+        );
+    }
+    assert!(std::fs::read_to_string(page).unwrap().contains("The same as firmware"));
 }

@@ -1,6 +1,10 @@
 //! `export` and `board` as a user meets them.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot run its subject fails")]
+#![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
+
+#[path = "../../board/tests/common/mod.rs"]
+mod emulator;
 
 use assert_cmd::Command;
 use hysteron_core::bank::PlayState;
@@ -176,19 +180,8 @@ fn refuse_bad_exports() {
 }
 
 /// An image that the emulator can run; `None`, and said so, where a machine has none.
-#[expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 fn image(name: &str) -> Option<String> {
-    let image = root().join("firmware/target/images").join(name);
-    let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
-    if !image.is_file() || emulator.is_err() {
-        assert!(
-            std::env::var_os("HYSTERON_EMULATOR").is_none(),
-            "no image or no emulator"
-        );
-        eprintln!("skipped: no image or no qemu-system-arm; run `cargo xtask test`");
-        return None;
-    }
-    Some(image.display().to_string())
+    Some(emulator::image(name)?.display().to_string())
 }
 
 /// What the board saw is a dataset: the latency that its builder knows is in it, and `compare` takes it.

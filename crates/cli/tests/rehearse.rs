@@ -4,6 +4,9 @@
 #![expect(clippy::print_stdout, reason = "a failed figure needs its table")]
 #![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 
+#[path = "../../board/tests/common/mod.rs"]
+mod emulator;
+
 use assert_cmd::Command;
 use serde_json::Value;
 use std::path::Path;
@@ -79,16 +82,8 @@ fn val_creep_is_learned_and_compensated() {
 
 /// Records and runs of the firmware in the emulator: a plain image plays the records, images of the designed controllers track.
 fn on_the_chip(effect: &str, kept: &Path) -> Option<Value> {
+    emulator::image("mps2-an386")?;
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let emulator = std::process::Command::new("qemu-system-arm").arg("--version").output();
-    if !root.join("firmware/target/images/mps2-an386").is_file() || emulator.is_err() {
-        assert!(
-            std::env::var_os("HYSTERON_EMULATOR").is_none(),
-            "no image or no emulator"
-        );
-        eprintln!("skipped: no image or no qemu-system-arm; run `cargo xtask test`");
-        return None;
-    }
     let (kept, firmware) = (kept.display().to_string(), root.join("firmware").display().to_string());
     let options = ["--emulator", "mps2-an386", "--firmware", &firmware, "-o", &kept];
     let answer = learned_and_compensated(effect, 1, &options);

@@ -1,5 +1,6 @@
 //! From records to a controller that tracks: `campaign`, `design`, `track`; `rehearse` all of it.
 
+mod chip;
 pub(crate) mod design;
 mod page;
 pub(crate) mod record;

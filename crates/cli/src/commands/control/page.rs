@@ -1,6 +1,6 @@
 //! The page of `hysteron track`.
 
-use super::track::{PUBLISHED_500_HZ, TrackArgs};
+use super::track::{OnChip, PUBLISHED_500_HZ, TrackArgs};
 use hysteron_report::figures::{Line, Lines, lines};
 use hysteron_report::{Block, Cell, Figure, Ink, Page, Picture, Section, Size, Table, significant};
 use hysteron_tracking::bench::{ControllerFigures, SHAPES, TrackReport};
@@ -22,7 +22,7 @@ const LOST_PERCENT: f64 = 50.0;
 const CLOSE_PERCENT: f64 = 2.0;
 
 /// The page as HTML.
-pub(super) fn page(report: &TrackReport, controller: &Controller, args: &TrackArgs) -> String {
+pub(super) fn page(report: &TrackReport, board: Option<&OnChip>, controller: &Controller, args: &TrackArgs) -> String {
     let mode = report
         .first_mode_hz
         .map_or("rigid".to_owned(), |hz| format!("{hz:.0} Hz"));
@@ -51,11 +51,17 @@ pub(super) fn page(report: &TrackReport, controller: &Controller, args: &TrackAr
     if let Some(most) = args.iterations {
         command.push_str(&format!(" --iterations {most}"));
     }
+    if let Some(board) = board {
+        command.push_str(&format!(" --emulator {}", board.machine));
+    }
     page = page.section(
         Section::new("Errors")
             .with(Block::Table(table(report)))
             .with(Block::Gallery(pictures(report))),
     );
+    if let Some(board) = board {
+        page = page.section(Section::new("The same as firmware").with(Block::Table(board_table(board))));
+    }
     if !report.learned.is_empty() {
         page = page.section(
             Section::new("References learned run by run")
@@ -122,6 +128,25 @@ fn table(report: &TrackReport) -> Table {
             cells.push(Cell::number(controller.minus3db_hz));
             cells.push(Cell::number(controller.noise_nm));
             cells.push(Cell::number(published.map(|(_, percent)| *percent)));
+            table.row(cells)
+        })
+}
+
+fn board_table(board: &OnChip) -> Table {
+    let mut columns = vec!["Controller", "Loop"];
+    columns.extend(SHAPES.iter().map(|(key, _)| key.split('-').next().unwrap_or(key)));
+    let caption = format!(
+        "Rms error of the same references, % of peak to peak, true position: the firmware in {}, an image for each loop; {} ticks by \
+         the sample clock, {} of them late or lost, the others worked out ahead and compared with the host's bit by bit",
+        board.machine, board.clocked_ticks, board.late_ticks
+    );
+    board
+        .controllers
+        .iter()
+        .fold(Table::new(caption, &columns), |table, controller| {
+            let mut cells = vec![Cell::text(&controller.name), Cell::text(controller.loop_kind)];
+            let values = SHAPES.iter().map(|(key, _)| controller.rms_percent.get(*key).copied());
+            cells.extend(values.map(Cell::number));
             table.row(cells)
         })
 }

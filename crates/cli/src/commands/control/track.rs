@@ -1,20 +1,28 @@
 //! `hysteron track`.
 
+use crate::commands::board::EmulatorName;
+use crate::commands::control::chip::{Chip, Follow};
 use crate::commands::control::{page, stage};
 use crate::error::CliError;
 use crate::exit::Done;
-use crate::output;
+use crate::{output, progress};
 use clap::Args;
+use hysteron_board::Shape;
+use hysteron_plant::StageConfig;
 use hysteron_tracking::bench::{Bench, ControllerFigures, SHAPES, TrackReport, compare};
 use hysteron_tracking::design::Controller;
 use hysteron_tracking::learning::learn_references;
+use hysteron_tracking::reference;
 use hysteron_tracking::robustness::{RobustnessRow, robustness};
 use hysteron_tracking::scans::LINES_HZ;
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
 
 #[derive(Args)]
-#[command(after_help = "Example:\n  hysteron track controller.toml --stage 8k --json\n\n\
+#[command(after_help = "Examples:\n  hysteron track controller.toml --stage 8k --json\n  \
+    hysteron track controller.toml --stage 8k --alone --emulator mps2-an386    # and on the chip\n\n\
     Errors are rms of reference minus true position over whole periods after settling, percent of the reference's\n\
     peak to peak, the mean included. Position k is compared with reference k: nothing is shifted.")]
 pub(crate) struct TrackArgs {
@@ -38,6 +46,12 @@ pub(crate) struct TrackArgs {
     /// Also learn references that repeat, run by run, with at most so many corrections: 1 to 50
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=50), conflicts_with = "robustness")]
     pub iterations: Option<u32>,
+    /// Also run the controller as firmware in QEMU at the same stage: an image is built for each loop
+    #[arg(long, value_enum, conflicts_with = "robustness")]
+    pub emulator: Option<EmulatorName>,
+    /// The firmware's sources
+    #[arg(long, value_name = "FOLDER", default_value = "firmware", requires = "emulator")]
+    pub firmware: PathBuf,
     /// Seed of the sensor noise
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -54,6 +68,36 @@ pub(super) const PUBLISHED_500_HZ: [(&str, f64); 5] = [
     ("paper's PI + MPI", 12.3),
     ("paper's PI + MRPI", 2.3),
 ];
+
+/// What the same controller reached as firmware.
+#[derive(Serialize)]
+pub(super) struct OnChip {
+    /// The machine that ran it.
+    pub machine: &'static str,
+    /// Open loop, and closed where there is feedback.
+    pub controllers: Vec<OnChipFigures>,
+    /// Ticks that ran at the sample clock; the others were worked out ahead and compared bit by bit.
+    pub clocked_ticks: u32,
+    /// Of these the late and lost ones.
+    pub late_ticks: u32,
+}
+
+#[derive(Serialize)]
+pub(super) struct OnChipFigures {
+    pub name: String,
+    #[serde(rename = "loop")]
+    pub loop_kind: &'static str,
+    /// As the controllers' of the report.
+    pub rms_percent: BTreeMap<String, f64>,
+}
+
+#[derive(Serialize)]
+struct Answer<'a> {
+    #[serde(flatten)]
+    report: &'a TrackReport,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    board: &'a Option<OnChip>,
+}
 
 pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
     let stage = stage(&args.stage)?;
@@ -87,15 +131,112 @@ pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
         learned,
         ..compare(&args.stage, &bench, &controller, !args.alone)?
     };
+    let board = args
+        .emulator
+        .map(|emulator| on_chip(args, emulator, &bench, &controller))
+        .transpose()?;
     if let Some(path) = &args.output {
-        output::write_file(path, &page::page(&report, &controller, args))?;
+        output::write_file(path, &page::page(&report, board.as_ref(), &controller, args))?;
     }
     if args.json {
-        output::print_json(&report)?;
+        output::print_json(&Answer {
+            report: &report,
+            board: &board,
+        })?;
     } else {
-        output::print(&text(&report))?;
+        output::print(&(text(&report) + &board.as_ref().map_or_else(String::new, board_text)))?;
     }
     Ok(Done::Answered)
+}
+
+/// The references of [`SHAPES`] by the firmware, settled and judged for as long as here.
+fn on_chip(
+    args: &TrackArgs,
+    emulator: EmulatorName,
+    bench: &Bench<'_>,
+    controller: &Controller,
+) -> Result<OnChip, CliError> {
+    let stage: &StageConfig = bench.stage;
+    let chip = Chip::new(emulator.machine(), &args.firmware, None)?;
+    let [low_um, high_um] = bench.range_um;
+    let period_s = stage.sample_period_s;
+    let references: Vec<Follow> = SHAPES
+        .into_iter()
+        .map(|(name, shape)| {
+            let here = shape.reference(bench.range_um, period_s);
+            Follow {
+                name,
+                shape: match shape {
+                    reference::Shape::Sine { .. } => Shape::Sine,
+                    reference::Shape::ComplexHarmonic { .. } => Shape::ComplexHarmonic,
+                    reference::Shape::Triangle { .. } => Shape::Triangle,
+                },
+                frequency_hz: shape.frequency_hz(),
+                range_um: bench.range_um,
+                stroke_um: high_um - low_um,
+                settling_s: here.judged_from as f64 * period_s,
+                judged_s: (here.samples_um.len() - here.judged_from) as f64 * period_s,
+            }
+        })
+        .collect();
+    let open = Controller {
+        feedback: None,
+        ..controller.clone()
+    };
+    let loops = [
+        ("open", Some(&open)),
+        ("closed", controller.feedback.as_ref().map(|_| controller)),
+    ];
+    let mut board = OnChip {
+        machine: chip.name(),
+        controllers: Vec::new(),
+        clocked_ticks: 0,
+        late_ticks: 0,
+    };
+    let bar = progress::bar("on the chip");
+    for (number, (loop_kind, controller)) in loops.into_iter().enumerate() {
+        let Some(controller) = controller else { continue };
+        bar.set_message(format!("on the chip, {loop_kind} loop"));
+        let mut running = chip.start_law(loop_kind, controller, stage)?;
+        let seed = |number: usize| bench.seed.wrapping_add(number as u64);
+        let reached = running.follow(stage, &references, controller.feedback.is_some(), seed)?;
+        board.clocked_ticks += reached.clocked_ticks;
+        board.late_ticks += reached.late_ticks;
+        board.controllers.push(OnChipFigures {
+            name: format!("complete on {}", chip.name()),
+            loop_kind,
+            rms_percent: reached.percent,
+        });
+        progress::advance(&bar, (number + 1) as f64 / 2.0);
+    }
+    bar.finish_and_clear();
+    Ok(board)
+}
+
+fn board_text(board: &OnChip) -> String {
+    let mut text = format!(
+        "\nON THE CHIP: the controller as firmware in {}, an image for each loop; the same references, true position, %\n\n{:<6}",
+        board.machine, "loop"
+    );
+    // Writing to a String does not fail.
+    for column in COLUMNS {
+        let _ = write!(text, " {column:>8}");
+    }
+    text.push('\n');
+    for controller in &board.controllers {
+        let _ = write!(text, "{:<6}", controller.loop_kind);
+        for (key, _) in SHAPES {
+            let value = controller.rms_percent.get(key).copied().unwrap_or(f64::NAN);
+            let _ = write!(text, " {value:>8.3}");
+        }
+        text.push('\n');
+    }
+    let _ = writeln!(
+        text,
+        "{} ticks by the sample clock, {} of them late or lost; the others worked out ahead, every frame compared with the host's",
+        board.clocked_ticks, board.late_ticks
+    );
+    text
 }
 
 /// Heads of the columns of [`SHAPES`].

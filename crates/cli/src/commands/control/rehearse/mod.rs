@@ -6,11 +6,11 @@ mod rows;
 mod text;
 
 use crate::commands::board::EmulatorName;
+use crate::commands::control::chip::{Chip, Reached};
 use crate::commands::fit::ModelName;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
-use chip::{Chip, Reached};
 use clap::Args;
 use hysteron_data::{Dataset, Overwrite, write_dataset};
 use hysteron_diagnose::{Learned, learn_with};
@@ -103,7 +103,7 @@ impl Ground {
     fn records(&self, rehearsal: &Rehearsal) -> Result<Dataset, CliError> {
         match self {
             Self::Host => Ok(rehearsal.records(&rehearsal.stage)?),
-            Self::Board(chip) => chip.records(rehearsal),
+            Self::Board(chip) => chip::records(chip, rehearsal),
         }
     }
 
@@ -113,7 +113,7 @@ impl Ground {
                 percent: rehearsal.errors(&rehearsal.stage, controller)?,
                 ..Reached::default()
             }),
-            Self::Board(chip) => chip.errors(rehearsal, controller, name),
+            Self::Board(chip) => chip::errors(chip, rehearsal, controller, name),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The records that a board takes of the stage: what it can play with a straight line for a law and 256 points of a reference.
 
+use crate::commands::control::chip::RATE_HZ;
 use hysteron_board::{Shape, TABLE_POINTS};
 use hysteron_data::Role;
 use hysteron_plant::StageError;
@@ -24,9 +25,6 @@ pub(super) struct Piece {
     /// Every how many ticks a row is kept.
     pub every: usize,
 }
-
-/// Sample rate of the boards' tables, hertz.
-pub(super) const RATE_HZ: f64 = 50e3;
 
 /// Turns a second of a reference whose points are so many ticks apart.
 fn a_point_every(ticks: u32) -> f64 {

@@ -1,6 +1,7 @@
 //! The rows of a record of the board's telemetry: what stands beside a reading, the command having been held for a sample.
 
-use super::programme::{Piece, RATE_HZ};
+use super::programme::Piece;
+use crate::commands::control::chip::RATE_HZ;
 use hysteron_board::Player;
 use hysteron_data::Record;
 

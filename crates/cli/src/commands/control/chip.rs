@@ -1,0 +1,374 @@
+//! Images of controllers on the firmware in the emulator, and the references that they follow there.
+
+use crate::commands::export;
+use crate::error::CliError;
+use hysteron_board::host::{complete, hello, parameters};
+use hysteron_board::two_axes::TwoAxisSession;
+use hysteron_board::{
+    BoardError, FALL_TICKS, Hello, Law, Machine, Mode, Parameters, Player, Request, Session, Setup, Shape, Summary,
+    image,
+};
+use hysteron_plant::{Converter, Stage, StageConfig};
+use hysteron_table::{FORMAT, Table, TableError};
+use hysteron_tracking::design::Controller;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Sample rate of the boards' tables, hertz.
+pub(super) const RATE_HZ: f64 = 50e3;
+/// Closed loops of up to so many ticks are exchanged tick by tick at the sample clock; all else is worked out ahead. 3 s of wall time.
+const LIVE_TICKS: u32 = 15_000;
+/// Ticks for the rise to a reference's first value: the whole range takes 20 ms at the inverse's mean slope, which its steepest may
+/// be three times.
+pub(super) const RISE_TICKS: u32 = 3_000;
+/// What the other axis does while references are followed, turns a second.
+const BESIDE_HZ: f64 = 17.0;
+/// An emulator that has not ended by then is ended.
+const PATIENCE: Duration = Duration::from_secs(900);
+
+/// Where the board's images come from and go.
+pub(super) struct Chip {
+    machine: Machine,
+    firmware: PathBuf,
+    folder: Folder,
+}
+
+/// Where tables and images are.
+enum Folder {
+    Kept(PathBuf),
+    Passing(tempfile::TempDir),
+}
+
+impl Folder {
+    fn path(&self) -> &Path {
+        match self {
+            Self::Kept(path) => path,
+            Self::Passing(folder) => folder.path(),
+        }
+    }
+}
+
+/// What a controller reached.
+#[derive(Default)]
+pub(super) struct Reached {
+    /// Rms of the error of the true position, percent of the references' range, by reference.
+    pub percent: BTreeMap<String, f64>,
+    /// Ticks that ran at the sample clock.
+    pub clocked_ticks: u32,
+    /// Of these the late and the lost ones.
+    pub late_ticks: u32,
+}
+
+/// A reference to follow.
+pub(super) struct Follow {
+    pub name: &'static str,
+    pub shape: Shape,
+    pub frequency_hz: f64,
+    /// Lowest and highest position, micrometres.
+    pub range_um: [f64; 2],
+    /// What its error is a share of, micrometres.
+    pub stroke_um: f64,
+    /// Time before it is judged, seconds.
+    pub settling_s: f64,
+    pub judged_s: f64,
+}
+
+/// An image that runs, and the table in it.
+pub(super) struct Running {
+    image: Image,
+    pub table: Table,
+}
+
+/// Of one axis, or of both.
+enum Image {
+    One(Session),
+    /// The other axis follows its reference by a straight line.
+    Both {
+        session: TwoAxisSession,
+        other: Box<StageConfig>,
+        table: Box<Table>,
+    },
+}
+
+impl Chip {
+    /// Builds from the sources in a folder; tables and images go to another, or to one that does not stay.
+    pub(super) fn new(machine: Machine, firmware: &Path, folder: Option<PathBuf>) -> Result<Self, CliError> {
+        let folder = match folder {
+            Some(folder) => {
+                std::fs::create_dir_all(&folder).map_err(|source| CliError::Write {
+                    path: folder.clone(),
+                    source,
+                })?;
+                Folder::Kept(folder)
+            }
+            None => Folder::Passing(tempfile::tempdir()?),
+        };
+        Ok(Self {
+            machine,
+            firmware: firmware.to_owned(),
+            folder,
+        })
+    }
+
+    /// The machine's name.
+    pub(super) fn name(&self) -> &'static str {
+        self.machine.name()
+    }
+
+    /// Exports a controller, builds its image and starts it.
+    pub(super) fn start_law(
+        &self,
+        name: &str,
+        controller: &Controller,
+        stage: &StageConfig,
+    ) -> Result<Running, CliError> {
+        let table = export::law_table(controller, &options(stage))?;
+        self.start(name, table, stage)
+    }
+
+    /// Builds the image of a table and starts it; of two, where another axis couples into this one.
+    pub(super) fn start(&self, name: &str, table: Table, stage: &StageConfig) -> Result<Running, CliError> {
+        let (path, said) = self.write(name, &table)?;
+        let image = self.folder.path().join(name);
+        let Some(other) = other_axis(stage) else {
+            image::build(&self.firmware, self.machine, (&path, None), &image)?;
+            let session = Session::start(self.machine, &image, PATIENCE)?;
+            if *session.hello() != said {
+                return Err(BoardError::OtherVersion.into());
+            }
+            let image = Image::One(session);
+            return Ok(Running { image, table });
+        };
+        let beside = straight_line(&other);
+        let (path_y, said_y) = self.write("other-axis", &beside)?;
+        image::build(&self.firmware, self.machine, (&path, Some(&path_y)), &image)?;
+        let session = TwoAxisSession::start(self.machine, &image, PATIENCE)?;
+        if *session.banks() != [vec![said], vec![said_y]] {
+            return Err(BoardError::OtherVersion.into());
+        }
+        let image = Image::Both {
+            session,
+            other: Box::new(other),
+            table: Box::new(beside),
+        };
+        Ok(Running { image, table })
+    }
+
+    /// Writes a table: where to, and what an image says of it.
+    fn write(&self, name: &str, table: &Table) -> Result<(PathBuf, Hello), CliError> {
+        let path = self.folder.path().join(format!("{name}.toml"));
+        let text = table.to_toml().map_err(|source| CliError::Table {
+            path: path.clone(),
+            source,
+        })?;
+        std::fs::write(&path, &text).map_err(|source| CliError::Write {
+            path: path.clone(),
+            source,
+        })?;
+        let said = hello(table, &text);
+        Ok((path, said))
+    }
+}
+
+impl Running {
+    pub(super) fn hello(&self) -> &Hello {
+        match &self.image {
+            Image::One(session) => session.hello(),
+            Image::Both { session, .. } => &session.banks()[0][0],
+        }
+    }
+
+    pub(super) fn setup(&self, request: &Request, ticks: u32) -> Result<Setup, CliError> {
+        let setup = request.setup(self.hello())?;
+        Ok(Setup { ticks, ..setup })
+    }
+
+    /// The other axis' stage; none without one.
+    pub(super) fn other_stage(&self, seed: u64) -> Result<Option<Stage>, CliError> {
+        match &self.image {
+            Image::One(_) => Ok(None),
+            Image::Both { other, .. } => Ok(Some(Stage::new(other, seed)?)),
+        }
+    }
+
+    /// What the other axis is asked for: up and down four fifths of the whole.
+    fn setup_beside(&self, session: &TwoAxisSession, hz: f64, ticks: u32) -> Result<Setup, CliError> {
+        let hello = &session.banks()[1][0];
+        let request = Request {
+            shape: Shape::Sine,
+            frequency_hz: hz,
+            range_um: Some([0.0, 0.8 * f64::from(hello.input_max_um)]),
+            seconds: 1.0,
+            feedforward: true,
+            feedback: false,
+        };
+        Ok(Setup {
+            ticks,
+            ..request.setup(hello)?
+        })
+    }
+
+    /// Runs a law ahead, the other axis at `beside_hz` where there is one.
+    pub(super) fn run_ahead<L: Law>(
+        &mut self,
+        setup: &Setup,
+        law: Result<Parameters<L>, TableError>,
+        player: &mut Player,
+        beside_hz: f64,
+    ) -> Result<(), CliError> {
+        let refused = |source| CliError::Table {
+            path: PathBuf::from("controller.toml"),
+            source,
+        };
+        let law = law.map_err(refused)?;
+        let setups = match &self.image {
+            Image::One(_) => [*setup; 2],
+            Image::Both { session, .. } => [*setup, self.setup_beside(session, beside_hz, setup.ticks)?],
+        };
+        match &mut self.image {
+            Image::One(session) => session.run_ahead(setup, law, player)?,
+            Image::Both { session, table, .. } => {
+                let beside = parameters(table).map_err(refused)?;
+                session.run_ahead(&setups, (law, beside), player)?;
+            }
+        }
+        no_fault(player)
+    }
+
+    /// Tick by tick at the sample clock.
+    fn run_live(&mut self, setup: &Setup, player: &mut Player) -> Result<Summary, CliError> {
+        let beside = match &self.image {
+            Image::One(_) => None,
+            Image::Both { session, .. } => Some(self.setup_beside(session, BESIDE_HZ, setup.ticks)?),
+        };
+        let summary = match (&mut self.image, beside) {
+            (Image::One(session), _) => session.run(setup, player, &mut |_| {})?,
+            (Image::Both { session, .. }, beside) => session.run(&[*setup, beside.unwrap_or(*setup)], player)?,
+        };
+        no_fault(player)?;
+        Ok(summary)
+    }
+
+    /// Along references on a stage, each run with noise of its own.
+    pub(super) fn follow(
+        &mut self,
+        stage: &StageConfig,
+        references: &[Follow],
+        feedback: bool,
+        seed: impl Fn(usize) -> u64,
+    ) -> Result<Reached, CliError> {
+        let mut reached = Reached::default();
+        for (number, follow) in references.iter().enumerate() {
+            let request = Request {
+                shape: follow.shape,
+                frequency_hz: follow.frequency_hz,
+                range_um: Some(follow.range_um),
+                seconds: 1.0,
+                feedforward: true,
+                feedback,
+            };
+            let ticks = ((follow.settling_s + follow.judged_s) * RATE_HZ) as u32 + RISE_TICKS;
+            let setup = self.setup(&request, ticks + FALL_TICKS)?;
+            let seed = seed(number);
+            let player = Player::new(Stage::new(stage, seed)?, None, ticks);
+            let mut player = player.beside(self.other_stage(!seed)?);
+            if feedback && setup.ticks <= LIVE_TICKS {
+                let summary = self.run_live(&setup, &mut player)?;
+                reached.clocked_ticks += setup.ticks;
+                reached.late_ticks += summary.overruns + summary.lost;
+            } else {
+                self.run_ahead(&setup, complete(&self.table), &mut player, BESIDE_HZ)?;
+            }
+            let from = player.begun().unwrap_or(0) + (follow.settling_s * RATE_HZ).round() as usize;
+            let judged = player
+                .played
+                .iter()
+                .skip(from)
+                .take((follow.judged_s * RATE_HZ).round() as usize);
+            // A rise that took longer leaves fewer of them.
+            let judged = judged.filter(|tick| tick.frame.mode() == Mode::Running);
+            let errors = judged.map(|tick| f64::from(tick.frame.reference_um) - tick.true_um);
+            let (count, squares) = errors.fold((0.0, 0.0), |(n, sum), error| (n + 1.0, sum + error * error));
+            let rms_um = (squares / f64::max(count, 1.0)).sqrt();
+            let percent = 100.0 * rms_um / follow.stroke_um;
+            reached.percent.insert(follow.name.to_owned(), percent);
+        }
+        Ok(reached)
+    }
+}
+
+/// The options of `export` for converters and amplifier of a stage.
+fn options(stage: &StageConfig) -> Vec<String> {
+    let pair = |name: &str, [low, high]: [f64; 2]| format!("--{name}={low},{high}");
+    let (dac_v, adc_um) = ends(stage);
+    let amplifier = &stage.amplifier;
+    vec![
+        pair("amplifier", [amplifier.min_v, amplifier.max_v]),
+        pair("dac", dac_v),
+        pair("adc", adc_um),
+    ]
+}
+
+/// Full scale of both converters: volts at the stack, micrometres.
+fn ends(stage: &StageConfig) -> ([f64; 2], [f64; 2]) {
+    let dac = stage.dac.unwrap_or(Converter::BIPOLAR_16_BIT);
+    let adc = stage.sensor.adc.unwrap_or(Converter::BIPOLAR_16_BIT);
+    let scaled = |converter: Converter, factor: f64| [converter.min_v * factor, converter.max_v * factor];
+    (scaled(dac, stage.amplifier.gain), scaled(adc, stage.sensor.um_per_v))
+}
+
+/// A law that knows the stage's data sheet only: stroke and voltage.
+pub(super) fn straight_line(stage: &StageConfig) -> Table {
+    let (dac_v, adc_um) = ends(stage);
+    // Position and voltage of the highest of 65536 codes.
+    let top = |[low, full]: [f64; 2]| full - (full - low) / 65_536.0;
+    let output_max_v = stage.amplifier.max_v.min(top(dac_v));
+    let hysteresis = &stage.hysteresis;
+    let v_per_um = hysteresis.reference_v / hysteresis.stroke_um;
+    Table {
+        format: FORMAT.to_owned(),
+        sample_rate_hz: 1.0 / stage.sample_period_s,
+        input_min_um: 0.0,
+        // Just inside of what the converter reaches, in f32 as well.
+        input_max_um: hysteresis.stroke_um.min((1.0 - 1e-6) * output_max_v / v_per_um),
+        output_min_v: stage.amplifier.min_v.max(dac_v[0]),
+        output_max_v,
+        // As `export` sets them for a complete law.
+        slew_v_per_s: 1e4 * output_max_v,
+        ramp_v_per_s: 50.0 * output_max_v,
+        feedback_up_to_hz: 0.5 / stage.sample_period_s,
+        dac_min_v: dac_v[0],
+        dac_top_v: top(dac_v),
+        adc_min_um: adc_um[0],
+        adc_top_um: top(adc_um),
+        linear_v_per_um: v_per_um,
+        // One play without a weight.
+        thresholds_um: vec![1.0],
+        weights_v_per_um: vec![0.0],
+        ..export::empty(hysteron_table::Family::Pi)
+    }
+}
+
+/// The other axis that a stage's coupling stands for, on its own.
+fn other_axis(stage: &StageConfig) -> Option<StageConfig> {
+    let hysteresis = stage.cross_coupling.as_ref()?.hysteresis.clone();
+    Some(StageConfig {
+        hysteresis,
+        cross_coupling: None,
+        ..stage.clone()
+    })
+}
+
+fn no_fault(player: &Player) -> Result<(), CliError> {
+    let fault = player
+        .played
+        .iter()
+        .find_map(|tick| Some((tick.frame.number, tick.frame.fault()?)));
+    match fault {
+        None => Ok(()),
+        Some((tick, fault)) => Err(CliError::Option(format!(
+            "the board stopped at tick {tick} with fault {fault:?}; the stage is not one that this controller can run on"
+        ))),
+    }
+}
