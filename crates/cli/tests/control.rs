@@ -7,6 +7,7 @@ mod emulator;
 
 use assert_cmd::Command;
 use hysteron_core::law_numbers::LawNumbers;
+use hysteron_plant::{Stage, preset};
 use hysteron_table::Table;
 use hysteron_tracking::design::Controller;
 
@@ -338,4 +339,82 @@ fn val_a_controller_tracks_on_the_chip_as_it_does_here() {
         );
     }
     assert!(std::fs::read_to_string(page).unwrap().contains("The same as firmware"));
+}
+
+/// A bench of one's own, played here by a simulated stage: the files are commands, what came back is checked, and at the end stands a
+/// controller.
+#[test]
+fn val_a_campaign_by_files_ends_in_a_controller() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let campaign = |options: &[&str]| {
+        let fixed = ["campaign", "--top-v", "200", "--rate-hz", "50000"];
+        Command::new(env!("CARGO_BIN_EXE_hysteron"))
+            .args([&fixed, options].concat())
+            .output()
+            .unwrap()
+    };
+    let stage = preset::tracking_8k();
+    let back = folder.path().join("back");
+    std::fs::create_dir(&back).unwrap();
+    let mut toml = String::from("format = 1\nname = \"bench\"\n[known]\nvoltage_min_v = 0.0\nvoltage_max_v = 200.0\n");
+    // Plays every command of a folder, and writes what a user would have recorded.
+    let mut play = |from: &str| {
+        let mut files: Vec<_> = std::fs::read_dir(from)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .collect();
+        files.retain(|file| file.extension().is_some_and(|end| end == "csv"));
+        files.sort();
+        assert!(files.len() > 6, "{files:?}");
+        for (number, file) in (0..).zip(&files) {
+            let text = std::fs::read_to_string(file).unwrap();
+            let rows = text.lines().skip(1).map(|line| line.split_once(',').unwrap());
+            let (times, volts): (Vec<&str>, Vec<&str>) = rows.unzip();
+            let voltage_v: Vec<f64> = volts.iter().map(|v| v.parse().unwrap()).collect();
+            let period_s = times[1].parse::<f64>().unwrap();
+            let run = Stage::new(&stage, number).unwrap().run(&voltage_v, period_s).unwrap();
+            let mut text = String::from("time_s,voltage_v,position_um\n");
+            for ((t, v), y) in times.iter().zip(&volts).zip(&run.position_um) {
+                text.push_str(&format!("{t},{v},{y:.5}\n"));
+            }
+            let name = file.file_name().unwrap().to_str().unwrap();
+            std::fs::write(back.join(name), text).unwrap();
+            toml.push_str(&format!("[[record]]\nfile = \"{name}\"\nrole = \"identify\"\n"));
+        }
+        std::fs::write(back.join("dataset.toml"), &toml).unwrap();
+    };
+    let (plan, records, recorded) = (path("plan"), path("records"), path("back"));
+    assert!(campaign(&["-o", &plan]).status.success());
+    play(&plan);
+    let come_back = ["--recorded", &recorded, "-o", &records];
+    let refused = campaign(&come_back);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--latency-us"));
+    for pass in 1..=2 {
+        let done = campaign(&[&come_back[..], &["--latency-us", "30", "--overwrite"]].concat());
+        assert!(
+            done.status.success(),
+            "{pass}: {}",
+            String::from_utf8_lossy(&done.stderr)
+        );
+        play(&path("records/next"));
+        std::fs::remove_dir_all(path("records/next")).unwrap();
+    }
+    let done = campaign(&[&come_back[..], &["--latency-us", "30", "--overwrite"]].concat());
+    let said = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(said.contains("next: hysteron design"), "{said}");
+    // As the built-in campaign's: 0.05 % of a command's range is a tenth of a volt.
+    let (_, missed) = said.split_once("misses the commands by ").unwrap();
+    let missed: f64 = missed.split_once(' ').unwrap().0.parse().unwrap();
+    assert!(missed < 0.1, "{missed}");
+    let designed = Command::new(env!("CARGO_BIN_EXE_hysteron"))
+        .args(["design", &records, "--open", "-o", &path("controller.toml")])
+        .output()
+        .unwrap();
+    assert!(
+        designed.status.success(),
+        "{}",
+        String::from_utf8_lossy(&designed.stderr)
+    );
 }

@@ -1,4 +1,5 @@
-//! The experiment protocol: the records from which a stage is identified for control, taken on a simulated stage.
+//! The experiment protocol: the commands whose records a stage is identified for control from, and those records taken on a simulated
+//! stage.
 
 use crate::complete;
 use crate::design::{Controller, ReferenceKind};
@@ -7,11 +8,11 @@ use crate::reference::{Reference, Shape, noise};
 use hysteron_data::{Dataset, Known, Record, Role};
 use hysteron_identify::control::{self, ControlModel};
 use hysteron_plant::excitation::{BandNoise, Excitation, Multisine, Sine, with_rise};
-use hysteron_plant::{Run, Stage, StageConfig};
+use hysteron_plant::{Stage, StageConfig};
 use rayon::prelude::*;
 
 /// Passes of training: records along references that the last inverse was asked to follow.
-const TRAINING_PASSES: usize = 2;
+pub const TRAINING_PASSES: usize = 2;
 /// Rise from 0 V to where an excitation starts, seconds.
 const RISE_S: f64 = 0.02;
 /// Sample period of the holds, seconds: creep needs decades of time, not samples.
@@ -53,88 +54,120 @@ pub fn campaign(
         },
         ..Dataset::default()
     };
-    let bench = Bench { stage, seed };
-    records.records.push(bench.small_multisine()?);
-    records.records.push(bench.holds()?);
-    records.records.extend(bench.large_signals()?);
+    let protocol = Protocol {
+        period_s: stage.sample_period_s,
+        top_v: stage.hysteresis.reference_v.min(stage.amplifier.max_v),
+        seed,
+    };
+    let play = |commands: Vec<Command>| -> Result<Vec<Record>, TrackingError> {
+        commands.into_par_iter().map(|command| command.play(stage)).collect()
+    };
+    records.records.extend(play(protocol.first()?)?);
     progress(0.3);
     let mut model = control::identify(&records)?;
     for pass in 1..=TRAINING_PASSES {
-        let controller = Controller::design(&model, ReferenceKind::Previewed)?;
-        records.records.extend(bench.training(&controller, pass)?);
+        records.records.extend(play(protocol.training(&model, pass)?)?);
         model = control::identify(&records)?;
         progress(0.3 + 0.7 * pass as f64 / TRAINING_PASSES as f64);
     }
     Ok(Campaign { records, model })
 }
 
-/// The stage to record on.
-struct Bench<'a> {
-    stage: &'a StageConfig,
-    seed: u64,
+/// A command, to be played to a stage that was cycled and rests at 0 V.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Command {
+    /// Name of its record's file.
+    pub file: String,
+    /// What it is, for a person.
+    pub words: String,
+    /// Sample period, seconds.
+    pub period_s: f64,
+    /// Volts at the actuator.
+    pub voltage_v: Vec<f64>,
+    /// Samples at its beginning that are played and are no part of the record.
+    pub skip: usize,
+    /// What it is to bring the position to, micrometres, over the record.
+    pub reference_um: Option<Vec<f64>>,
+    /// Seed of a simulated stage's noise.
+    pub(crate) seed: u64,
 }
 
-impl Bench<'_> {
-    /// Highest voltage that is used: where the stroke is reached.
-    fn top_v(&self) -> f64 {
-        self.stage.hysteresis.reference_v.min(self.stage.amplifier.max_v)
+impl Command {
+    fn play(self, stage: &StageConfig) -> Result<Record, TrackingError> {
+        let mut run = Stage::new(stage, self.seed)?.run(&self.voltage_v, self.period_s)?;
+        let mut voltage_v = self.voltage_v;
+        Ok(Record {
+            file: self.file,
+            role: Role::Identify,
+            excitation: self.words,
+            start_s: 0.0,
+            period_s: self.period_s,
+            voltage_v: voltage_v.split_off(self.skip),
+            position_um: run.position_um.split_off(self.skip),
+            reference_um: self.reference_um,
+            temperature_c: run.temperature_c.map(|mut t| t.split_off(self.skip)),
+            voltage2_v: None,
+        })
     }
+}
 
+/// What the commands are made for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Protocol {
+    /// Sample period of the controller, seconds.
+    pub period_s: f64,
+    /// Highest voltage that is used; the lowest is 0 V.
+    pub top_v: f64,
+    /// Seed of what is random.
+    pub seed: u64,
+}
+
+impl Protocol {
     /// A seed of its own for each record.
     fn seed_of(&self, number: u64) -> u64 {
         // The golden-ratio increment of splitmix64 keeps streams apart.
         self.seed.wrapping_add((number + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15))
     }
 
-    fn record(&self, file: &str, excitation: String, period_s: f64, voltage_v: Vec<f64>, run: Run) -> Record {
-        Record {
-            file: format!("{file}.csv"),
-            role: Role::Identify,
-            excitation,
-            start_s: 0.0,
-            period_s,
-            voltage_v,
-            position_um: run.position_um,
-            reference_um: None,
-            temperature_c: run.temperature_c,
-            voltage2_v: None,
-        }
+    /// What is played before anything is known: small multisine, holds, large signals.
+    ///
+    /// # Errors
+    /// A rate or a voltage that cannot be played.
+    pub fn first(&self) -> Result<Vec<Command>, TrackingError> {
+        let mut commands = vec![self.small_multisine()?, self.holds()];
+        commands.extend(self.large_signals()?);
+        Ok(commands)
     }
 
     /// 1.5 % of the range about 40 % of it, up to a quarter of the sample rate, nine periods of 0.4 s of which eight count.
-    fn small_multisine(&self) -> Result<Record, TrackingError> {
-        let period_s = self.stage.sample_period_s;
+    fn small_multisine(&self) -> Result<Command, TrackingError> {
+        let period_s = self.period_s;
         let multisine = Multisine {
             low_hz: 20.0,
             high_hz: 0.24 / period_s,
             period_s: 20_000.0 * period_s,
             periods: 9,
-            bias_v: 0.4 * self.top_v(),
-            peak_v: 0.015 * self.top_v(),
+            bias_v: 0.4 * self.top_v,
+            peak_v: 0.015 * self.top_v,
             seed: self.seed_of(0),
         };
         let voltage_v = with_rise(&multisine.samples(period_s)?, RISE_S, period_s)?;
-        let run = Stage::new(self.stage, self.seed_of(0))?.run(&voltage_v, period_s)?;
-        // The rise and the first period, in which creep and ringing settle, are left out.
-        let skip = voltage_v.len() - 8 * 20_000;
-        let run = Run {
-            position_um: run.position_um[skip..].to_vec(),
-            true_position_um: Vec::new(),
-            temperature_c: run.temperature_c.map(|t| t[skip..].to_vec()),
-        };
-        Ok(self.record(
-            "frf-small",
-            multisine.description(),
+        Ok(Command {
+            file: "frf-small.csv".to_owned(),
+            words: multisine.description(),
             period_s,
-            voltage_v[skip..].to_vec(),
-            run,
-        ))
+            // The rise and the first period, in which creep and ringing settle, are left out.
+            skip: voltage_v.len() - 8 * 20_000,
+            voltage_v,
+            reference_um: None,
+            seed: self.seed_of(0),
+        })
     }
 
     /// Half the range, then a fifth of it, 12 s each, after 50 ms at rest; moves of half a cosine in 20 ms, which hardly ring.
-    fn holds(&self) -> Result<Record, TrackingError> {
+    fn holds(&self) -> Command {
         let samples = |time_s: f64| (time_s / HOLD_PERIOD_S).round() as usize;
-        let levels = [0.0, 0.5 * self.top_v(), 0.2 * self.top_v()];
+        let levels = [0.0, 0.5 * self.top_v, 0.2 * self.top_v];
         let mut voltage_v = vec![0.0; samples(0.05)];
         for pair in levels.windows(2) {
             let ramp = samples(0.02);
@@ -142,16 +175,21 @@ impl Bench<'_> {
             voltage_v.extend((1..ramp).map(|k| pair[0] + (pair[1] - pair[0]) * share(k)));
             voltage_v.extend(std::iter::repeat_n(pair[1], samples(HOLD_S)));
         }
-        let run = Stage::new(self.stage, self.seed_of(1))?.run(&voltage_v, HOLD_PERIOD_S)?;
-        let words = format!("{} V and {} V held for {HOLD_S} s each", levels[1], levels[2]);
-        Ok(self.record("hold", words, HOLD_PERIOD_S, voltage_v, run))
+        Command {
+            file: "hold.csv".to_owned(),
+            words: format!("{} V and {} V held for {HOLD_S} s each", levels[1], levels[2]),
+            period_s: HOLD_PERIOD_S,
+            voltage_v,
+            skip: 0,
+            reference_um: None,
+            seed: self.seed_of(1),
+        }
     }
 
     /// Voltages before any inverse is known: noise and sines over most of the range.
-    fn large_signals(&self) -> Result<Vec<Record>, TrackingError> {
-        let period_s = self.stage.sample_period_s;
-        let top_v = self.top_v();
-        let sine = |frequency_hz: f64, low: f64, high: f64, seconds: f64| -> Box<dyn Excitation + Sync> {
+    fn large_signals(&self) -> Result<Vec<Command>, TrackingError> {
+        let (period_s, top_v) = (self.period_s, self.top_v);
+        let sine = |frequency_hz: f64, low: f64, high: f64, seconds: f64| -> Box<dyn Excitation> {
             Box::new(Sine {
                 frequency_hz,
                 low_v: low * top_v,
@@ -167,26 +205,34 @@ impl Bench<'_> {
             high_v: 0.75 * top_v,
             seed: self.seed_of(2),
         };
-        let plan: Vec<(&str, Box<dyn Excitation + Sync>)> = vec![
+        let plan: [(&str, Box<dyn Excitation>); 5] = [
             ("large-noise", Box::new(random)),
             ("large-007hz", sine(7.0, 0.0, 0.75, 0.572)),
             ("large-023hz", sine(23.0, 0.1, 0.72, 0.261)),
             ("large-097hz", sine(97.0, 0.1, 0.72, 0.2)),
             ("large-403hz", sine(403.0, 0.12, 0.7, 0.15)),
         ];
-        plan.par_iter()
-            .enumerate()
-            .map(|(number, (file, excitation))| {
-                let voltage_v = with_rise(&excitation.samples(period_s)?, RISE_S, period_s)?;
-                let run = Stage::new(self.stage, self.seed_of(10 + number as u64))?.run(&voltage_v, period_s)?;
-                Ok(self.record(file, excitation.description(), period_s, voltage_v, run))
+        let command = |(number, (file, excitation)): (u64, (&str, Box<dyn Excitation>))| {
+            Ok(Command {
+                file: format!("{file}.csv"),
+                words: excitation.description(),
+                period_s,
+                voltage_v: with_rise(&excitation.samples(period_s)?, RISE_S, period_s)?,
+                skip: 0,
+                reference_um: None,
+                seed: self.seed_of(10 + number),
             })
-            .collect()
+        };
+        (0..).zip(plan).map(command).collect()
     }
 
-    /// References along which the inverse is asked to go, over the middle and lower part of the stroke.
-    fn training(&self, controller: &Controller, pass: usize) -> Result<Vec<Record>, TrackingError> {
-        let period_s = self.stage.sample_period_s;
+    /// References along which the inverse is asked to go, over the middle and lower part of the stroke: its commands for them.
+    ///
+    /// # Errors
+    /// A model that has no controller.
+    pub fn training(&self, model: &ControlModel, pass: usize) -> Result<Vec<Command>, TrackingError> {
+        let controller = Controller::design(model, ReferenceKind::Previewed)?;
+        let period_s = self.period_s;
         let top_um = controller.model.inverse.input_max_um;
         let range = |low: f64, high: f64| [low * top_um, high * top_um];
         let sine = |frequency_hz: f64, ends: [f64; 2]| Shape::Sine { frequency_hz }.reference(ends, period_s);
@@ -195,7 +241,7 @@ impl Bench<'_> {
             let seed = self.seed_of(100 * pass as u64 + stream);
             noise(ends, 0.25 * (ends[1] - ends[0]), bandwidth_hz, seconds, seed, period_s)
         };
-        let plan: Vec<(&str, Reference)> = vec![
+        let plan: [(&str, Reference); 8] = [
             ("noise", random(500.0, 1.5, wide, 50)?),
             ("fast-noise", random(1200.0, 0.4, range(0.2, 0.85), 51)?),
             ("023hz", sine(23.0, wide)),
@@ -209,25 +255,15 @@ impl Bench<'_> {
             ),
         ];
         let law = controller.law::<f64>()?;
-        plan.par_iter()
-            .enumerate()
-            .map(|(number, (file, reference))| {
-                let seed = self.seed_of(100 * pass as u64 + number as u64);
-                let run = complete::track(self.stage, seed, &law, reference)?;
-                Ok(Record {
-                    file: format!("training{pass}-{file}.csv"),
-                    role: Role::Identify,
-                    excitation: format!("open loop along {file}, pass {pass}"),
-                    start_s: 0.0,
-                    period_s,
-                    // As the converter rounded them or not: the command is what is known.
-                    voltage_v: run.command_v,
-                    position_um: run.measured_um,
-                    reference_um: Some(run.reference_um),
-                    temperature_c: None,
-                    voltage2_v: None,
-                })
-            })
-            .collect()
+        let command = |(number, (file, reference)): (usize, (&str, Reference))| Command {
+            file: format!("training{pass}-{file}.csv"),
+            words: format!("open loop along {file}, pass {pass}"),
+            period_s,
+            voltage_v: complete::commands(&law, &reference),
+            skip: law.ahead(),
+            reference_um: Some(reference.samples_um),
+            seed: self.seed_of(100 * pass as u64 + number as u64),
+        };
+        Ok(plan.into_iter().enumerate().map(command).collect())
     }
 }

@@ -76,3 +76,20 @@ pub fn track_beside(
     }
     Ok(tracked)
 }
+
+/// What a law without feedback commands along a reference, with what it commands before the first sample is due.
+pub fn commands(law: &CompleteLaw<f64>, reference: &Reference) -> Vec<f64> {
+    let samples_um = &reference.samples_um;
+    let last = samples_um.last().copied().unwrap_or(0.0);
+    let mut state = law.rest(0.0);
+    (0..samples_um.len() + law.ahead())
+        .map(|k| {
+            let reference_ahead = samples_um.get(k).copied().unwrap_or(last);
+            let input = LoopInput {
+                reference_ahead,
+                ..LoopInput::default()
+            };
+            law.step(&mut state, input)
+        })
+        .collect()
+}

@@ -22,5 +22,6 @@ pub mod response;
 pub mod robustness;
 pub mod run;
 pub mod scans;
+pub mod usable;
 
 pub use error::TrackingError;

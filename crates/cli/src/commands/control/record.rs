@@ -1,26 +1,51 @@
-//! `hysteron campaign`.
+//! `hysteron campaign`: on a simulated stage, or as files for one's own.
 
 use crate::commands::control::stage;
+use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
-use hysteron_data::{Overwrite, write_dataset};
-use hysteron_tracking::campaign::campaign;
+use hysteron_data::{Dataset, Overwrite, Record, write_dataset};
+use hysteron_identify::control::identify;
+use hysteron_tracking::campaign::{Command, Protocol, TRAINING_PASSES, campaign};
+use hysteron_tracking::usable::usable;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 #[command(
-    after_help = "Example:\n  hysteron campaign --stage 8k -o records\n  hysteron design records -o controller.toml\n  \
+    after_help = "Examples:\n  hysteron campaign --stage 8k -o records\n  hysteron design records -o controller.toml\n  \
     hysteron track controller.toml --stage 8k\n\n\
     What is recorded: a small multisine about a bias (modes, first guess of the lag), two holds of 12 s (creep),\n\
-    large signals, and two passes along references with the inverse identified so far. 37 s of records; on disk 50 MB."
+    large signals, and two passes along references with the inverse identified so far. 37 s of records; on disk 50 MB.\n\n\
+    On a stage of your own, commands as files (time_s, voltage_v), each to be played from rest at 0 V:\n  \
+    hysteron campaign --top-v 150 --rate-hz 50000 -o plan                  # frf-small.csv, hold.csv, large-...csv\n  \
+    hysteron import recorded/*.csv -o back                                 # same names, with position_um\n  \
+    hysteron campaign --top-v 150 --rate-hz 50000 --recorded back --latency-us 30 -o records    # checks; writes records/next\n\n\
+    Play what is in records/next, import all of it again, and so on until nothing more is asked for."
 )]
 pub(crate) struct CampaignArgs {
     /// The simulated stage: paper-rate, paper-delay, 8k, 2.5k or 739
-    #[arg(long, value_name = "PRESET")]
-    pub stage: String,
+    #[arg(
+        long,
+        value_name = "PRESET",
+        conflicts_with = "top_v",
+        required_unless_present = "top_v"
+    )]
+    pub stage: Option<String>,
+    /// Instead of a simulated stage: the highest voltage to use on your own, volts at the actuator; the lowest is 0 V
+    #[arg(long, value_name = "V", requires = "rate_hz")]
+    pub top_v: Option<f64>,
+    /// Sample rate that your controller will run at, and that the commands are played and recorded at, hertz
+    #[arg(long, value_name = "HZ", requires = "top_v")]
+    pub rate_hz: Option<f64>,
+    /// What came back: a dataset with a record of each command, under the command's name
+    #[arg(long, value_name = "DATASET", requires = "top_v")]
+    pub recorded: Option<PathBuf>,
+    /// Latency of your controller from reading to command, microseconds, where the dataset does not say it
+    #[arg(long, value_name = "US", requires = "recorded")]
+    pub latency_us: Option<f64>,
     /// Seed of the noise, and of excitations that are random
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -33,19 +58,63 @@ pub(crate) struct CampaignArgs {
 }
 
 pub(crate) fn run(args: &CampaignArgs) -> Result<Done, CliError> {
-    let stage = stage(&args.stage)?;
+    match (&args.stage, args.top_v, args.rate_hz) {
+        (Some(name), ..) => simulated(args, name),
+        (None, Some(top_v), Some(rate_hz)) => {
+            within("--top-v", top_v, [1.0, 1e3], "V")?;
+            within("--rate-hz", rate_hz, [1e3, 1e6], "Hz")?;
+            let protocol = Protocol {
+                period_s: 1.0 / rate_hz,
+                top_v,
+                seed: args.seed,
+            };
+            match &args.recorded {
+                None => plan(args, &protocol),
+                Some(recorded) => came_back(args, &protocol, recorded),
+            }
+        }
+        // What clap has refused already.
+        _ => Err(CliError::Option("give --stage, or --top-v and --rate-hz".to_owned())),
+    }
+}
+
+fn within(option: &str, value: f64, [min, max]: [f64; 2], unit: &str) -> Result<(), CliError> {
+    // A NaN fails both comparisons.
+    if value >= min && value <= max {
+        return Ok(());
+    }
+    Err(CliError::Option(format!(
+        "{option} {value}: give {min} to {max} {unit}"
+    )))
+}
+
+fn simulated(args: &CampaignArgs, name: &str) -> Result<Done, CliError> {
+    let stage = stage(name)?;
     let bar = progress::bar("recording");
-    let done = campaign(&args.stage, &stage, args.seed, &|share| progress::advance(&bar, share))?;
+    let done = campaign(name, &stage, args.seed, &|share| progress::advance(&bar, share))?;
     bar.finish_and_clear();
-    let overwrite = if args.overwrite {
+    write_dataset(&done.records, &args.output, overwrite(args))?;
+    let folder = args.output.display();
+    output::print(&format!(
+        "{}\nwritten to {folder}\nnext: hysteron design {folder} -o controller.toml\n",
+        listed(&done.records.records, done.model.misfit_percent)
+    ))?;
+    Ok(Done::Answered)
+}
+
+fn overwrite(args: &CampaignArgs) -> Overwrite {
+    if args.overwrite {
         Overwrite::Allow
     } else {
         Overwrite::Refuse
-    };
-    write_dataset(&done.records, &args.output, overwrite)?;
+    }
+}
+
+/// The records, and how well what is identified from them explains their commands.
+fn listed(records: &[Record], misfit_percent: f64) -> String {
     let mut text = String::new();
     let mut total_s = 0.0;
-    for record in &done.records.records {
+    for record in records {
         total_s += record.duration_s();
         // Writing to a String does not fail.
         let _ = writeln!(
@@ -57,16 +126,125 @@ pub(crate) fn run(args: &CampaignArgs) -> Result<Done, CliError> {
             record.excitation
         );
     }
+    let _ = writeln!(
+        text,
+        "\n{total_s:.1} s of records; identified from them: the inverse misses the commands by {misfit_percent:.3} % of their range"
+    );
+    text
+}
+
+/// The commands to begin with, as files.
+fn plan(args: &CampaignArgs, protocol: &Protocol) -> Result<Done, CliError> {
+    let text = write_commands(&protocol.first()?, &args.output)?;
+    output::print(&format!(
+        "{text}\nplay each from rest at 0 V and record it from its first sample on, with the position, under the same name\nnext: {}\n",
+        again(args, "BACK")
+    ))?;
+    Ok(Done::Answered)
+}
+
+/// How to come back with records.
+fn again(args: &CampaignArgs, recorded: &str) -> String {
+    let latency = args
+        .latency_us
+        .map_or("US".to_owned(), |latency_us| latency_us.to_string());
+    format!(
+        "hysteron campaign --top-v {} --rate-hz {} --recorded {recorded} --latency-us {latency} -o records",
+        args.top_v.unwrap_or(f64::NAN),
+        args.rate_hz.unwrap_or(f64::NAN)
+    )
+}
+
+/// Checks what came back, identifies, and asks for the next pass until both are there.
+fn came_back(args: &CampaignArgs, protocol: &Protocol, folder: &Path) -> Result<Done, CliError> {
+    let recorded = load::dataset(folder)?;
+    let checked = |commands: &[Command]| {
+        usable(commands, &recorded).map_err(|wrong| {
+            CliError::Option(format!(
+                "{} of {} records cannot be used:\n{}",
+                wrong.len(),
+                commands.len(),
+                wrong.join("\n")
+            ))
+        })
+    };
+    let mut dataset = Dataset {
+        name: recorded.name.clone(),
+        description: format!("campaign for control, seed {}", args.seed),
+        known: recorded.known,
+        records: checked(&protocol.first()?)?,
+        ..Dataset::default()
+    };
+    if let Some(latency_us) = args.latency_us {
+        within("--latency-us", latency_us, [0.0, 1e4], "us")?;
+        dataset.known.delay_s = Some(1e-6 * latency_us);
+    }
+    if dataset.known.delay_s.is_none() {
+        return Err(CliError::Option(
+            "the latency of your controller, from reading to command, is not known: give --latency-us, or delay_s under [known] in \
+             dataset.toml"
+                .to_owned(),
+        ));
+    }
+    dataset.known.voltage_min_v = dataset.known.voltage_min_v.or(Some(0.0));
+    dataset.known.voltage_max_v = dataset.known.voltage_max_v.or(Some(protocol.top_v));
+    let mut model = identify(&dataset)?;
+    let mut next = None;
+    for pass in 1..=TRAINING_PASSES {
+        let commands = protocol.training(&model, pass)?;
+        let any = commands
+            .iter()
+            .any(|command| recorded.records.iter().any(|record| record.file == command.file));
+        if !any {
+            next = Some(commands);
+            break;
+        }
+        dataset.records.extend(checked(&commands)?);
+        model = identify(&dataset)?;
+    }
+    write_dataset(&dataset, &args.output, overwrite(args))?;
+    let mut text = listed(&dataset.records, model.misfit_percent);
     let folder = args.output.display();
-    let _ = writeln!(
-        text,
-        "\n{total_s:.1} s of records; identified from them: the inverse misses the commands by {:.3} % of their range",
-        done.model.misfit_percent
-    );
-    let _ = writeln!(
-        text,
-        "written to {folder}\nnext: hysteron design {folder} -o controller.toml"
-    );
+    // Writing to a String does not fail.
+    let _ = match next {
+        Some(commands) => {
+            let to = args.output.join("next");
+            let list = write_commands(&commands, &to)?;
+            writeln!(
+                text,
+                "\nwritten to {folder}; play these as well, made with what is known so far:\n\n{list}\nnext: import all records so far, \
+                 then {} --overwrite",
+                again(args, "ALL")
+            )
+        }
+        None => writeln!(
+            text,
+            "\nwritten to {folder}\nnext: hysteron design {folder} -o controller.toml"
+        ),
+    };
     output::print(&text)?;
     Ok(Done::Answered)
+}
+
+/// Commands as files; which ones, in words.
+fn write_commands(commands: &[Command], folder: &Path) -> Result<String, CliError> {
+    let mut list = String::new();
+    for command in commands {
+        let mut text = String::from("time_s,voltage_v\n");
+        for (k, voltage_v) in command.voltage_v.iter().enumerate() {
+            // Writing to a String does not fail.
+            let _ = writeln!(text, "{:.7},{voltage_v:.6}", k as f64 * command.period_s);
+        }
+        let path = folder.join(&command.file);
+        output::write_file(&path, &text)?;
+        let n = command.voltage_v.len();
+        let _ = writeln!(
+            list,
+            "{:<40} {n:>8} samples  {:>7.3} s  {}",
+            path.display(),
+            n as f64 * command.period_s,
+            command.words
+        );
+    }
+    Ok(list)
 }

@@ -1,0 +1,248 @@
+//! Whether what came back of a campaign's commands can be used, and cut to what is.
+
+use crate::campaign::Command;
+use hysteron_data::{Dataset, Record, Role};
+use hysteron_identify::family::{peak_to_peak, range};
+
+/// Largest difference between the voltage that was recorded and the command, rms, as a share of the command's range: a monitor output of an
+/// amplifier is good to a percent.
+const SAME_VOLTAGE: f64 = 0.02;
+
+/// A factor beyond this is another unit or an amplifier that was forgotten, not a monitor's tolerance.
+const SAME_GAIN: f64 = 0.05;
+
+/// Share of samples at an end of the range, while the command moves, from which on a sensor or converter is at its end.
+const AT_ITS_END: f64 = 0.01;
+
+/// The small multisine must stand out of what does not repeat by this ratio of powers, 20 dB: 2 % of error a line over 2000 lines places a
+/// lag to a microsecond.
+const STANDS_OUT: f64 = 100.0;
+
+/// The records of these commands, cut to what they are for.
+///
+/// # Errors
+/// What is wrong with the recordings, one sentence each, and what to do.
+pub fn usable(commands: &[Command], recorded: &Dataset) -> Result<Vec<Record>, Vec<String>> {
+    let (mut records, mut wrong) = (Vec::new(), Vec::new());
+    for command in commands {
+        let found = recorded.records.iter().find(|record| record.file == command.file);
+        let missing = || "not there; play it and record the position".to_owned();
+        match found.ok_or_else(missing).and_then(|record| one(command, record)) {
+            Ok(record) => records.push(record),
+            Err(reason) => wrong.push(format!("{}: {reason}", command.file)),
+        }
+    }
+    if wrong.is_empty() { Ok(records) } else { Err(wrong) }
+}
+
+fn one(command: &Command, record: &Record) -> Result<Record, String> {
+    let n = command.voltage_v.len();
+    if (record.period_s / command.period_s - 1.0).abs() > 1e-3 {
+        return Err(format!(
+            "sampled every {} s and played every {} s; record it at the rate that it is played at",
+            record.period_s, command.period_s
+        ));
+    }
+    if record.len() < n {
+        return Err(format!(
+            "{} samples, the command has {n}; record all of it",
+            record.len()
+        ));
+    }
+    same_voltage(&command.voltage_v, &record.voltage_v[..n])?;
+    let position_um = &record.position_um[command.skip..n];
+    at_its_end(position_um, &command.voltage_v[command.skip..])?;
+    // The small multisine is what begins with periods that are left out.
+    if command.skip > 0 && command.reference_um.is_none() {
+        stands_out(position_um, 8)?;
+    }
+    Ok(Record {
+        file: command.file.clone(),
+        role: Role::Identify,
+        excitation: command.words.clone(),
+        start_s: 0.0,
+        period_s: command.period_s,
+        voltage_v: command.voltage_v[command.skip..].to_vec(),
+        position_um: position_um.to_vec(),
+        reference_um: command.reference_um.clone(),
+        temperature_c: record.temperature_c.as_ref().map(|t| t[command.skip..n].to_vec()),
+        voltage2_v: None,
+    })
+}
+
+fn same_voltage(command_v: &[f64], recorded_v: &[f64]) -> Result<(), String> {
+    let n = command_v.len() as f64;
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / n;
+    let (middle, found) = (mean(command_v), mean(recorded_v));
+    let (mut alike, mut own, mut off) = (0.0, 0.0, 0.0);
+    for (c, r) in command_v.iter().zip(recorded_v) {
+        alike += (c - middle) * (r - found);
+        own += (c - middle).powi(2);
+        off += (c - r).powi(2);
+    }
+    let gain = if own > 0.0 { alike / own } else { 1.0 };
+    let share = (off / n).sqrt() / peak_to_peak(command_v).max(f64::MIN_POSITIVE);
+    if share <= SAME_VOLTAGE {
+        return Ok(());
+    }
+    if (gain - 1.0).abs() > SAME_GAIN
+        && (alike * alike) > 0.9 * own * recorded_v.iter().map(|r| (r - found).powi(2)).sum::<f64>()
+    {
+        return Err(format!(
+            "its voltage is {gain:.4} times the command's; volts are those at the actuator, after the amplifier"
+        ));
+    }
+    Err(format!(
+        "its voltage is not the command's, {:.0} % of the range off; the record must begin with the command's first sample",
+        100.0 * share
+    ))
+}
+
+fn at_its_end(position_um: &[f64], command_v: &[f64]) -> Result<(), String> {
+    let (low, high) = range(position_um.iter().copied());
+    if high <= low {
+        return Err("the position stands still".to_owned());
+    }
+    for end in [low, high] {
+        let stuck = (1..position_um.len())
+            .filter(|&k| position_um[k] == end && position_um[k - 1] == end && command_v[k] != command_v[k - 1])
+            .count();
+        if stuck as f64 > AT_ITS_END * position_um.len() as f64 {
+            return Err(format!(
+                "the position stands at {end} um for {stuck} samples while the command moves; the sensor or its converter is at its \
+                 end: shift its range, or take a lower --top-v"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Whole periods, of which what they share is compared with what they do not.
+fn stands_out(position_um: &[f64], periods: usize) -> Result<(), String> {
+    let n = position_um.len() / periods;
+    let means: Vec<f64> = position_um
+        .chunks(n)
+        .map(|p| p.iter().sum::<f64>() / n as f64)
+        .collect();
+    let at = |period: usize, k: usize| position_um[period * n + k] - means[period];
+    let (mut shared, mut scatter) = (0.0, 0.0);
+    for k in 0..n {
+        let mean = (0..periods).map(|p| at(p, k)).sum::<f64>() / periods as f64;
+        shared += mean * mean;
+        scatter += (0..periods).map(|p| (at(p, k) - mean).powi(2)).sum::<f64>() / (periods - 1) as f64;
+    }
+    // The mean has its share of the scatter.
+    let ratio = shared / (scatter / periods as f64).max(f64::MIN_POSITIVE);
+    if ratio >= STANDS_OUT {
+        return Ok(());
+    }
+    Err(format!(
+        "the response stands out of what does not repeat by {:.0} dB, {:.0} are needed; look \
+         for what disturbs the stage at rest, or choose a finer range of the sensor",
+        10.0 * ratio.log10(),
+        10.0 * STANDS_OUT.log10()
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hysteron_plant::preset;
+    use hysteron_plant::{Stage, StageConfig};
+
+    /// A command of a tenth of a second, and what the stage answers to it.
+    fn pair() -> (Command, Record) {
+        let period_s = 20e-6;
+        let voltage_v: Vec<f64> = (0..5000)
+            .map(|k| 60.0 * (1.0 - (std::f64::consts::TAU * 40.0 * f64::from(k) * period_s).cos()))
+            .collect();
+        let stage: StageConfig = preset::tracking_8k();
+        let run = Stage::new(&stage, 3).unwrap().run(&voltage_v, period_s).unwrap();
+        let command = Command {
+            file: "large.csv".to_owned(),
+            words: "sine".to_owned(),
+            period_s,
+            voltage_v: voltage_v.clone(),
+            skip: 0,
+            reference_um: None,
+            seed: 0,
+        };
+        let record = Record {
+            file: "large.csv".to_owned(),
+            role: Role::Identify,
+            excitation: String::new(),
+            start_s: 0.0,
+            period_s,
+            voltage_v,
+            position_um: run.position_um,
+            reference_um: None,
+            temperature_c: None,
+            voltage2_v: None,
+        };
+        (command, record)
+    }
+
+    fn with(record: Record) -> Dataset {
+        Dataset {
+            records: vec![record],
+            ..Dataset::default()
+        }
+    }
+
+    #[test]
+    fn val_a_record_of_its_command_is_taken_and_what_follows_it_left_out() {
+        let (command, mut record) = pair();
+        // A monitor output: half a percent off, with noise.
+        for (k, v) in record.voltage_v.iter_mut().enumerate() {
+            *v = 1.005 * *v + 0.1 * ((k * 7919) % 100) as f64 / 100.0;
+        }
+        record.voltage_v.extend([0.0; 300]);
+        record.position_um.extend([0.0; 300]);
+        let records = usable(std::slice::from_ref(&command), &with(record)).unwrap();
+        assert_eq!(records[0].voltage_v, command.voltage_v);
+        assert_eq!(records[0].len(), 5000);
+    }
+
+    #[test]
+    fn refuse_records_that_are_of_no_use() {
+        let refused = |change: &dyn Fn(&mut Record)| {
+            let (command, mut record) = pair();
+            change(&mut record);
+            usable(&[command], &with(record)).unwrap_err().join("; ")
+        };
+        for (said, change) in [
+            (
+                "0.0500 times the command's",
+                (|r| r.voltage_v.iter_mut().for_each(|v| *v *= 0.05)) as fn(&mut Record),
+            ),
+            ("is not the command's", |r| r.voltage_v.rotate_right(200)),
+            ("the position stands still", |r| r.position_um.fill(1.0)),
+            ("stands at 8 um for", |r| {
+                r.position_um.iter_mut().for_each(|y| *y = y.min(8.0))
+            }),
+            ("record all of it", |r| {
+                r.voltage_v.truncate(4000);
+                r.position_um.truncate(4000);
+            }),
+            ("record it at the rate", |r| r.period_s = 1e-4),
+            ("not there", |r| r.file = "other.csv".to_owned()),
+        ] {
+            let reasons = refused(&change);
+            assert!(reasons.contains(said), "{said}: {reasons}");
+        }
+    }
+
+    #[test]
+    fn refuse_a_small_multisine_in_noise() {
+        let (mut command, mut record) = pair();
+        // Eight periods of 500 samples behind 1000 that are left out.
+        command.skip = 1000;
+        let noise = |k: usize| ((k * 7919 + k * k % 104_729) % 1000) as f64 / 1000.0 - 0.5;
+        let periodic = |k: usize| 0.02 * (std::f64::consts::TAU * k as f64 / 500.0).sin();
+        record.position_um = (0..5000).map(|k| periodic(k) + 0.001 * noise(k)).collect();
+        assert!(usable(&[command.clone()], &with(record.clone())).is_ok());
+        record.position_um = (0..5000).map(|k| periodic(k) + 0.2 * noise(k)).collect();
+        let reasons = usable(&[command], &with(record)).unwrap_err().join("; ");
+        assert!(reasons.contains("20 are needed"), "{reasons}");
+    }
+}
