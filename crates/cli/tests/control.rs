@@ -44,6 +44,22 @@ fn refuse_stages_and_ranges_that_are_not_there() {
     let text = text.to_str().unwrap();
     refused(&["track", text, "--stage", "8k"], &["missing field", "hysteron design"]);
     refused(&["track", "no-such-file.toml", "--stage", "8k"], &["no-such-file.toml"]);
+    refused(
+        &["design", text, "--margin", "1"],
+        &["--margin 1: a peak of the sensitivity from 1.2"],
+    );
+    refused(
+        &[
+            "campaign",
+            "--top-v",
+            "15000",
+            "--rate-hz",
+            "50000",
+            "-o",
+            path.to_str().unwrap(),
+        ],
+        &["--top-v 15000: give 1 to 1000 V"],
+    );
 }
 
 #[test]

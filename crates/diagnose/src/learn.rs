@@ -84,7 +84,7 @@ const MOST_STEPS: usize = 6;
 /// `progress` is called with what is done now, and the share of it done.
 ///
 /// # Errors
-/// As [`hysteron_identify::fit`].
+/// As [`hysteron_identify::fit()`].
 /// # Cost
 /// A diagnosis a step, and one more: seconds each.
 pub fn learn(

@@ -1,6 +1,6 @@
 //! Fits the models of the core to records, and runs the fitted models on them.
 //!
-//! Data flows one way: a [`hysteron_data::Dataset`] goes into [`fit`], a [`Model`] comes out; [`Model::simulate`] runs
+//! Data flows one way: a [`hysteron_data::Dataset`] goes into [`fit()`], a [`Model`] comes out; [`Model::simulate`] runs
 //! it freely on a record. The operators and the arithmetic are those of `hysteron_core` in `f64`.
 #![forbid(unsafe_code)]
 

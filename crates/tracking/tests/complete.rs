@@ -388,3 +388,19 @@ fn refuse_to_learn_live_references() {
         "{refused}"
     );
 }
+
+/// A tighter margin is kept, and costs rejection.
+#[test]
+fn val_a_margin_is_kept() {
+    let model = &FAST.campaign.model;
+    let designed = Controller::design(model, ReferenceKind::Previewed).unwrap();
+    let tight = designed.with_feedback_within(1.4).feedback.unwrap();
+    let usual = FAST.controller.feedback.as_ref().unwrap();
+    assert!(tight.peak_sensitivity < 1.43, "{}", tight.peak_sensitivity);
+    assert!(
+        tight.rejection_hz < 0.8 * usual.rejection_hz,
+        "{} {}",
+        tight.rejection_hz,
+        usual.rejection_hz
+    );
+}

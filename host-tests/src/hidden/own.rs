@@ -68,7 +68,7 @@ pub struct Answers {
 /// The start model of an example.
 ///
 /// # Errors
-/// As [`fit`].
+/// As [`fit()`].
 pub fn start(example: &Example) -> Result<Model, IdentifyError> {
     Ok(fit(&example.dataset, &FitOptions::new(example.start), &|_| {})?.model)
 }
@@ -76,7 +76,7 @@ pub fn start(example: &Example) -> Result<Model, IdentifyError> {
 /// Asks the tool, without the file and with it; adds the effect where asked.
 ///
 /// # Errors
-/// As [`fit`] and [`add_own_effect`].
+/// As [`fit()`] and [`add_own_effect`].
 pub fn answers(example: &Example, subject: Subject, add: bool) -> Result<Answers, IdentifyError> {
     let own = subject.file(example)?;
     let model = start(example)?;

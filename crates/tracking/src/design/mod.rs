@@ -77,8 +77,14 @@ impl Controller {
     /// The same controller with feedback, where there is a robust one.
     #[must_use]
     pub fn with_feedback(self) -> Self {
+        self.with_feedback_within(feedback::LARGEST_SENSITIVITY)
+    }
+
+    /// As [`Self::with_feedback`], with another largest peak of the sensitivity.
+    #[must_use]
+    pub fn with_feedback_within(self, largest_sensitivity: f64) -> Self {
         Self {
-            feedback: feedback::design(&self.model),
+            feedback: feedback::design(&self.model, largest_sensitivity),
             ..self
         }
     }

@@ -31,6 +31,9 @@ pub(crate) struct DesignArgs {
     /// Rate that the controller runs at, hertz; from a model without it the highest of its records
     #[arg(long, value_name = "HZ")]
     pub rate_hz: Option<f64>,
+    /// Largest peak of the sensitivity over modes +-10 % and loop gain 0.6 to 1.3, 1.2 to 4: less is more robust and rejects less
+    #[arg(long, value_name = "PEAK", default_value_t = 2.0, conflicts_with = "open")]
+    pub margin: f64,
     /// Without feedback
     #[arg(long)]
     pub open: bool,
@@ -68,6 +71,13 @@ struct Source {
 }
 
 pub(crate) fn run(args: &DesignArgs) -> Result<Done, CliError> {
+    // A NaN fails both comparisons.
+    if !(args.margin >= 1.2 && args.margin <= 4.0) {
+        return Err(CliError::Option(format!(
+            "--margin {}: a peak of the sensitivity from 1.2 (hardly any feedback) to 4 (a quarter of its size from instability)",
+            args.margin
+        )));
+    }
     let source = if args.source.extension().is_some_and(|ending| ending == "toml") {
         from_model(args)?
     } else {
@@ -77,7 +87,7 @@ pub(crate) fn run(args: &DesignArgs) -> Result<Done, CliError> {
     let controller = if args.open {
         controller
     } else {
-        controller.with_feedback()
+        controller.with_feedback_within(args.margin)
     };
     output::write_file(&args.output, &controller.to_toml()?)?;
     if args.json {
