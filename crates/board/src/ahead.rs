@@ -27,7 +27,7 @@ impl Session {
         bench: &mut dyn Bench,
     ) -> Result<(), BoardError> {
         let setup = unclocked(setup);
-        let mut watched = Watched::new(bench);
+        let mut watched = Watched::new(bench, setup.ticks as usize);
         drive_here(&mut Controller::new(parameters, &setup), setup.ticks, &mut watched);
         let Watched { inputs, frames, .. } = watched;
         same(&frames, &self.replay(&setup, &inputs)?.0)
@@ -47,7 +47,7 @@ impl TwoAxisSession {
     ) -> Result<(), BoardError> {
         let setups = setups.each_ref().map(unclocked);
         let mut axes = TwoAxes::new(Controller::new(x, &setups[0]), Controller::new(y, &setups[1]));
-        let mut watched = Watched::new(bench);
+        let mut watched = Watched::new(bench, 2 * setups[0].ticks as usize);
         drive_both_here(&mut axes, setups[0].ticks, &mut watched);
         let Watched { inputs, frames, .. } = watched;
         same(&frames, &self.replay(&setups, &inputs)?)
@@ -77,11 +77,11 @@ struct Watched<'a, B: ?Sized> {
 }
 
 impl<'a, B: ?Sized> Watched<'a, B> {
-    fn new(bench: &'a mut B) -> Self {
+    fn new(bench: &'a mut B, answers: usize) -> Self {
         Self {
             bench,
-            inputs: Vec::new(),
-            frames: Vec::new(),
+            inputs: Vec::with_capacity(answers),
+            frames: Vec::with_capacity(answers),
         }
     }
 }

@@ -38,8 +38,7 @@ pub fn build(
         Machine::Mps2An386 => ("cortex-m4", &[]),
         Machine::Mps2An500 => ("cortex-m7", &["--features", "max-instruction"]),
     };
-    let mut command = Command::new("cargo");
-    command
+    let built = Command::new("cargo")
         .args(["build", "--release", "--locked", "--package", "mps2", "--bin", binary])
         .args(["--target", CHIP, "--config"])
         .arg(format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]"))
@@ -52,12 +51,13 @@ pub fn build(
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
         .env_remove("CARGO_TARGET_DIR")
         .envs(beside.map(|beside| ("HYSTERON_TABLE_Y", beside)))
-        .current_dir(firmware);
-    let built = command.output().map_err(|source| BoardError::Start {
-        program: "cargo",
-        package: "rustup",
-        source,
-    })?;
+        .current_dir(firmware)
+        .output()
+        .map_err(|source| BoardError::Start {
+            program: "cargo",
+            package: "rustup",
+            source,
+        })?;
     if !built.status.success() {
         let said = String::from_utf8_lossy(&built.stderr);
         let lines: Vec<&str> = said

@@ -1,11 +1,12 @@
 //! The simulated stage with what a host has to send before a run: points of an uploaded reference, then the start.
 
 use crate::Bench;
+use crate::rig::adc;
 use crate::two_axes::TwoAxisBench;
 use hysteron_firmware::trajectory::{CHUNK_POINTS, TABLE_POINTS};
 use hysteron_firmware::tuning::Change;
 use hysteron_firmware::wire::{Frame, Input, Mode, Order};
-use hysteron_plant::{Converter, Stage};
+use hysteron_plant::Stage;
 
 /// What board and stage did in a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,15 +76,20 @@ impl Player {
     }
 }
 
-/// The voltage of a frame's code at an axis of the stage.
-fn voltage_v(stage: &Stage, frame: &Frame) -> f64 {
-    let config = stage.config();
-    let dac = config.dac.unwrap_or(Converter::BIPOLAR_16_BIT);
-    dac.v_from_code(u32::from(frame.dac)) * config.amplifier.gain
-}
-
-fn adc(stage: &Stage) -> u16 {
-    u16::try_from(stage.sample().position_code).unwrap_or(u16::MAX)
+impl Player {
+    /// A tick of the stage, the other axis at a voltage.
+    fn step(&mut self, frame: &Frame, voltage2_v: f64) {
+        let sample = self.stage.sample();
+        let voltage_v = self.stage.v_from_code(u32::from(frame.dac));
+        self.played.push(Played {
+            frame: *frame,
+            position_um: sample.position_um,
+            true_um: sample.true_position_um,
+            voltage_v,
+            voltage2_v,
+        });
+        self.stage.step_two_axes(voltage_v, voltage2_v);
+    }
 }
 
 impl Bench for Player {
@@ -103,8 +109,7 @@ impl Bench for Player {
     }
 
     fn output(&mut self, frame: &Frame) {
-        // The second is nobody's without another axis.
-        self.outputs(&[*frame; 2]);
+        self.step(frame, 0.0);
     }
 }
 
@@ -118,19 +123,12 @@ impl TwoAxisBench for Player {
     }
 
     fn outputs(&mut self, [frame, beside]: &[Frame; 2]) {
-        let sample = self.stage.sample();
-        let voltage_v = voltage_v(&self.stage, frame);
-        let voltage2_v = self.other.as_ref().map_or(0.0, |other| self::voltage_v(other, beside));
-        self.played.push(Played {
-            frame: *frame,
-            position_um: sample.position_um,
-            true_um: sample.true_position_um,
-            voltage_v,
-            voltage2_v,
+        let other = self.other.as_mut();
+        let voltage2_v = other.map_or(0.0, |other| {
+            let voltage_v = other.v_from_code(u32::from(beside.dac));
+            other.step(voltage_v);
+            voltage_v
         });
-        self.stage.step_two_axes(voltage_v, voltage2_v);
-        if let Some(other) = &mut self.other {
-            other.step(voltage2_v);
-        }
+        self.step(frame, voltage2_v);
     }
 }

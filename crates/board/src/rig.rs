@@ -45,6 +45,11 @@ impl Recording {
     }
 }
 
+/// The code of the sensor's reading.
+pub(crate) fn adc(stage: &Stage) -> u16 {
+    u16::try_from(stage.sample().position_code).unwrap_or(u16::MAX)
+}
+
 /// The simulated stage: as in a simulation of the loop, the first reading that a command can move is the next one.
 #[derive(Debug, Clone)]
 pub struct Rig {
@@ -108,7 +113,7 @@ impl Bench for Rig {
 
     fn input(&mut self, number: u32) -> Input {
         let sample = self.stage.sample();
-        let adc = u16::try_from(sample.position_code).unwrap_or(u16::MAX);
+        let adc = adc(&self.stage);
         if let Some(&order) = self.orders.get(number as usize) {
             return Input { adc, order };
         }
@@ -124,10 +129,8 @@ impl Bench for Rig {
     }
 
     fn output(&mut self, frame: &Frame) {
-        let config = self.stage.config();
-        let dac = config.dac.unwrap_or(hysteron_plant::Converter::BIPOLAR_16_BIT);
-        let voltage_v = dac.v_from_code(u32::from(frame.dac)) * config.amplifier.gain;
-        self.stage.step_code(u32::from(frame.dac));
+        let voltage_v = self.stage.v_from_code(u32::from(frame.dac));
+        self.stage.step(voltage_v);
         if frame.number < self.changing_ticks() {
             if frame.flags & REFUSED != 0 {
                 self.refused.get_or_insert(frame.number);

@@ -1,11 +1,12 @@
 //! Two axes: their image in QEMU, the simulated stage with both, and the same here.
 
 use crate::emulator::Emulator;
+use crate::rig::adc;
 use crate::{BoardError, Machine, Recording, banks, broken, frames_and_summary};
 use hysteron_firmware::law::Law;
 use hysteron_firmware::two_axes::TwoAxes;
 use hysteron_firmware::wire::{FRAME_BYTES, Frame, Hello, Input, Order, SUMMARY_BYTES, Setup, Summary};
-use hysteron_plant::{Converter, CrossCoupling, Stage, StageConfig, StageError};
+use hysteron_plant::{CrossCoupling, Stage, StageConfig, StageError};
 use std::io::{Read, Write};
 use std::path::Path;
 use std::time::Duration;
@@ -64,10 +65,9 @@ impl TwoAxisBench for TwoAxisRig {
         };
         let mut inputs = [Input::default(); 2];
         for ((stage, recording), input) in self.stages.iter().zip(&mut self.recordings).zip(&mut inputs) {
-            let sample = stage.sample();
-            let adc = u16::try_from(sample.position_code).unwrap_or(u16::MAX);
+            let adc = adc(stage);
             recording.adc.push(adc);
-            recording.position_um.push(sample.position_um);
+            recording.position_um.push(stage.sample().position_um);
             *input = Input { adc, order };
         }
         inputs
@@ -76,9 +76,7 @@ impl TwoAxisBench for TwoAxisRig {
     fn outputs(&mut self, frames: &[Frame; 2]) {
         let mut voltages_v = [0.0; 2];
         for ((stage, frame), voltage_v) in self.stages.iter().zip(frames).zip(&mut voltages_v) {
-            let config = stage.config();
-            let dac = config.dac.unwrap_or(Converter::BIPOLAR_16_BIT);
-            *voltage_v = dac.v_from_code(u32::from(frame.dac)) * config.amplifier.gain;
+            *voltage_v = stage.v_from_code(u32::from(frame.dac));
         }
         let [x_v, y_v] = voltages_v;
         self.stages[0].step_two_axes(x_v, y_v);

@@ -9,7 +9,7 @@ mod common;
 use common::image;
 use hysteron_board::host::{complete, hello};
 use hysteron_board::two_axes::{TwoAxisRig, TwoAxisSession, drive_both_here};
-use hysteron_board::{Machine, Request, Shape};
+use hysteron_board::{Machine, Recording, Request, Shape};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::law::Complete;
 use hysteron_firmware::monitor::Fault;
@@ -100,22 +100,28 @@ fn val_two_axes_give_the_same_bits() {
     }
 }
 
+/// What both axes of the stage did in an open-loop run of 0.2 s.
+fn moved(tables: &[Table; 2]) -> [Recording; 2] {
+    let setups = setups([(Shape::Sine, 31.0), (Shape::Sine, 97.0)], false, 0.2);
+    let mut rig = rig(0.2);
+    drive_both_here(&mut axes(tables, &setups), setups[0].ticks, &mut rig);
+    rig.recordings
+}
+
+/// The tables without a word of the other axis.
+fn alone() -> [Table; 2] {
+    tables().map(|mut table| {
+        table.controller.as_mut().unwrap().cross_um_per_um = None;
+        table
+    })
+}
+
 /// What of the other axis' motion is left in an axis: in open loop, where nothing else would take it away, less than a fifth of what it is
 /// without the decoupling.
 #[test]
 fn val_axes_are_decoupled() {
-    let references = [(Shape::Sine, 31.0), (Shape::Sine, 97.0)];
-    let setups = setups(references, false, 0.2);
-    let errors = |tables: &[Table; 2]| {
-        let mut rig = rig(0.2);
-        drive_both_here(&mut axes(tables, &setups), setups[0].ticks, &mut rig);
-        rig.recordings.map(|recording| recording.rms_um())
-    };
-    let with = errors(&tables());
-    let without = errors(&tables().map(|mut table| {
-        table.controller.as_mut().unwrap().cross_um_per_um = None;
-        table
-    }));
+    let errors = |tables: &[Table; 2]| moved(tables).map(|recording| recording.rms_um());
+    let (with, without) = (errors(&tables()), errors(&alone()));
     for ((with, without), share) in with.into_iter().zip(without).zip(SHARES) {
         // A sine of 10 um from 3 to 13: its rms about 0 is 8.7 um.
         assert!(without > 0.8 * 8.7 * share.abs(), "{share}: {without} um without");
@@ -127,29 +133,18 @@ fn val_axes_are_decoupled() {
 /// to 0.2 of what couples at these rates, and a gain alone knows nothing of its loops.
 #[test]
 fn val_axes_are_decoupled_by_the_others_command() {
-    let references = [(Shape::Sine, 31.0), (Shape::Sine, 97.0)];
-    let setups = setups(references, false, 0.2);
-    let run = |tables: &[Table; 2]| {
-        let mut rig = rig(0.2);
-        drive_both_here(&mut axes(tables, &setups), setups[0].ticks, &mut rig);
-        rig.recordings
-    };
-    let bare = tables().map(|mut table| {
-        table.controller.as_mut().unwrap().cross_um_per_um = None;
-        table
-    });
-    let without = run(&bare);
+    let without = moved(&alone());
     // Micrometres a volt of each axis, by what it did.
     let span = |values: &[f64]| values.iter().fold(0.0, |most: f64, v| most.max(*v));
     let gains = without
         .each_ref()
         .map(|axis| span(&axis.position_um) / span(&axis.voltage_v));
-    let mut coupled = bare;
+    let mut coupled = alone();
     for (axis, table) in coupled.iter_mut().enumerate() {
         let gain = SHARES[axis] * gains[1 - axis];
         table.controller.as_mut().unwrap().coupling = Some([gain, 0.0, 0.0, 0.0]);
     }
-    let with = run(&coupled);
+    let with = moved(&coupled);
     for (with, without) in with.iter().zip(&without) {
         let (with, without) = (with.rms_um(), without.rms_um());
         assert!(with < 0.4 * without, "{with} um with, {without} um without");

@@ -50,6 +50,15 @@ impl Record {
     pub fn duration_s(&self) -> f64 {
         self.period_s * self.len().saturating_sub(1) as f64
     }
+
+    /// Samples at which the position stays exactly at a value while the voltage moves: at its highest or lowest, a sensor or converter
+    /// at the end of its range.
+    pub fn stuck_at(&self, position_um: f64) -> usize {
+        let y = &self.position_um;
+        (1..self.len())
+            .filter(|&k| y[k] == position_um && y[k - 1] == position_um && self.voltage_v[k] != self.voltage_v[k - 1])
+            .count()
+    }
 }
 
 /// What is known of the measuring chain, from `[known]` in `dataset.toml`.

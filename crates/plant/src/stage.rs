@@ -133,8 +133,13 @@ impl Stage {
     /// As [`Self::step`], with the converter's code for the command; without a converter the code counts as one of
     /// [`crate::Converter::BIPOLAR_16_BIT`].
     pub fn step_code(&mut self, code: u32) -> Sample {
+        self.step(self.v_from_code(code))
+    }
+
+    /// The actuator voltage of a converter's code, as [`Self::step_code`] takes it.
+    pub fn v_from_code(&self, code: u32) -> f64 {
         let dac = self.config.dac.unwrap_or(crate::Converter::BIPOLAR_16_BIT);
-        self.step(dac.v_from_code(code) * self.config.amplifier.gain)
+        dac.v_from_code(code) * self.config.amplifier.gain
     }
 
     /// Records the answer to a voltage, one sample every `sample_period_s`.

@@ -5,6 +5,7 @@ use crate::complete;
 use crate::design::{Controller, ReferenceKind};
 use crate::error::TrackingError;
 use crate::reference::{Reference, Shape, noise};
+use crate::run::seed_of;
 use hysteron_data::{Dataset, Known, Record, Role};
 use hysteron_identify::control::{self, ControlModel};
 use hysteron_plant::excitation::{BandNoise, Excitation, Multisine, Sine, with_rise};
@@ -13,6 +14,8 @@ use rayon::prelude::*;
 
 /// Passes of training: records along references that the last inverse was asked to follow.
 pub const TRAINING_PASSES: usize = 2;
+/// Periods of the small multisine that its record has.
+pub(crate) const PERIODS_KEPT: usize = 8;
 /// Rise from 0 V to where an excitation starts, seconds.
 const RISE_S: f64 = 0.02;
 /// Sample period of the holds, seconds: creep needs decades of time, not samples.
@@ -125,8 +128,7 @@ pub struct Protocol {
 impl Protocol {
     /// A seed of its own for each record.
     fn seed_of(&self, number: u64) -> u64 {
-        // The golden-ratio increment of splitmix64 keeps streams apart.
-        self.seed.wrapping_add((number + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15))
+        seed_of(self.seed, number)
     }
 
     /// What is played before anything is known: small multisine, holds, large signals.
@@ -146,7 +148,7 @@ impl Protocol {
             low_hz: 20.0,
             high_hz: 0.24 / period_s,
             period_s: 20_000.0 * period_s,
-            periods: 9,
+            periods: PERIODS_KEPT as u32 + 1,
             bias_v: 0.4 * self.top_v,
             peak_v: 0.015 * self.top_v,
             seed: self.seed_of(0),
@@ -157,7 +159,7 @@ impl Protocol {
             words: multisine.description(),
             period_s,
             // The rise and the first period, in which creep and ringing settle, are left out.
-            skip: voltage_v.len() - 8 * 20_000,
+            skip: voltage_v.len() - PERIODS_KEPT * 20_000,
             voltage_v,
             reference_um: None,
             seed: self.seed_of(0),

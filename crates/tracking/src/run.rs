@@ -163,3 +163,8 @@ pub fn track_from<F: Hysteresis<f64>>(
     }
     Ok(tracked)
 }
+
+/// A seed of its own for each record or run: the golden-ratio increment of splitmix64 keeps streams apart.
+pub(crate) fn seed_of(seed: u64, number: u64) -> u64 {
+    seed.wrapping_add((number + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15))
+}

@@ -1,7 +1,8 @@
 //! Whether what came back of a campaign's commands can be used, and cut to what is.
 
-use crate::campaign::Command;
+use crate::campaign::{Command, PERIODS_KEPT};
 use hysteron_data::{Dataset, Record, Role};
+use hysteron_identify::control::FRF;
 use hysteron_identify::family::{peak_to_peak, range};
 
 /// Largest difference between the voltage that was recorded and the command, rms, as a share of the command's range: a monitor output of an
@@ -50,34 +51,34 @@ fn one(command: &Command, record: &Record) -> Result<Record, String> {
         ));
     }
     same_voltage(&command.voltage_v, &record.voltage_v[..n])?;
-    let position_um = &record.position_um[command.skip..n];
-    at_its_end(position_um, &command.voltage_v[command.skip..])?;
-    // The small multisine is what begins with periods that are left out.
-    if command.skip > 0 && command.reference_um.is_none() {
-        stands_out(position_um, 8)?;
-    }
-    Ok(Record {
+    let cut = Record {
         file: command.file.clone(),
         role: Role::Identify,
         excitation: command.words.clone(),
         start_s: 0.0,
         period_s: command.period_s,
         voltage_v: command.voltage_v[command.skip..].to_vec(),
-        position_um: position_um.to_vec(),
+        position_um: record.position_um[command.skip..n].to_vec(),
         reference_um: command.reference_um.clone(),
         temperature_c: record.temperature_c.as_ref().map(|t| t[command.skip..n].to_vec()),
         voltage2_v: None,
-    })
+    };
+    at_its_end(&cut)?;
+    if cut.file.starts_with(FRF) {
+        stands_out(&cut.position_um, PERIODS_KEPT)?;
+    }
+    Ok(cut)
 }
 
 fn same_voltage(command_v: &[f64], recorded_v: &[f64]) -> Result<(), String> {
     let n = command_v.len() as f64;
     let mean = |values: &[f64]| values.iter().sum::<f64>() / n;
     let (middle, found) = (mean(command_v), mean(recorded_v));
-    let (mut alike, mut own, mut off) = (0.0, 0.0, 0.0);
+    let (mut alike, mut own, mut theirs, mut off) = (0.0, 0.0, 0.0, 0.0);
     for (c, r) in command_v.iter().zip(recorded_v) {
         alike += (c - middle) * (r - found);
         own += (c - middle).powi(2);
+        theirs += (r - found).powi(2);
         off += (c - r).powi(2);
     }
     let gain = if own > 0.0 { alike / own } else { 1.0 };
@@ -85,9 +86,7 @@ fn same_voltage(command_v: &[f64], recorded_v: &[f64]) -> Result<(), String> {
     if share <= SAME_VOLTAGE {
         return Ok(());
     }
-    if (gain - 1.0).abs() > SAME_GAIN
-        && (alike * alike) > 0.9 * own * recorded_v.iter().map(|r| (r - found).powi(2)).sum::<f64>()
-    {
+    if (gain - 1.0).abs() > SAME_GAIN && alike * alike > 0.9 * own * theirs {
         return Err(format!(
             "its voltage is {gain:.4} times the command's; volts are those at the actuator, after the amplifier"
         ));
@@ -98,16 +97,14 @@ fn same_voltage(command_v: &[f64], recorded_v: &[f64]) -> Result<(), String> {
     ))
 }
 
-fn at_its_end(position_um: &[f64], command_v: &[f64]) -> Result<(), String> {
-    let (low, high) = range(position_um.iter().copied());
+fn at_its_end(record: &Record) -> Result<(), String> {
+    let (low, high) = range(record.position_um.iter().copied());
     if high <= low {
         return Err("the position stands still".to_owned());
     }
     for end in [low, high] {
-        let stuck = (1..position_um.len())
-            .filter(|&k| position_um[k] == end && position_um[k - 1] == end && command_v[k] != command_v[k - 1])
-            .count();
-        if stuck as f64 > AT_ITS_END * position_um.len() as f64 {
+        let stuck = record.stuck_at(end);
+        if stuck as f64 > AT_ITS_END * record.len() as f64 {
             return Err(format!(
                 "the position stands at {end} um for {stuck} samples while the command moves; the sensor or its converter is at its \
                  end: shift its range, or take a lower --top-v"
@@ -237,6 +234,9 @@ mod tests {
         let (mut command, mut record) = pair();
         // Eight periods of 500 samples behind 1000 that are left out.
         command.skip = 1000;
+        for file in [&mut command.file, &mut record.file] {
+            *file = "frf-small.csv".to_owned();
+        }
         let noise = |k: usize| ((k * 7919 + k * k % 104_729) % 1000) as f64 / 1000.0 - 0.5;
         let periodic = |k: usize| 0.02 * (std::f64::consts::TAU * k as f64 / 500.0).sin();
         record.position_um = (0..5000).map(|k| periodic(k) + 0.001 * noise(k)).collect();

@@ -7,6 +7,7 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
 use clap::{Args, Parser};
+pub(crate) use controller::SLEW_RANGES_PER_S as SLEW_OF_A_LAW;
 use hysteron_identify::{Direction, Model};
 use hysteron_plant::{Amplifier, Converter, Sensor, StageConfig};
 use hysteron_table::gains::{Design, LoopData, design};
@@ -176,19 +177,26 @@ impl Ends {
             || (Amplifier::default(), Sensor::default()),
             |stage| (stage.amplifier.clone(), stage.sensor.clone()),
         );
-        let dac = stage.and_then(|stage| stage.dac).unwrap_or(Converter::BIPOLAR_16_BIT);
-        let adc = sensor.adc.unwrap_or(Converter::BIPOLAR_16_BIT);
-        let scaled = |converter: Converter, factor: f64| [converter.min_v * factor, converter.max_v * factor];
+        let (dac_v, adc_um) = full_scales(stage.and_then(|stage| stage.dac), &amplifier, &sensor);
         Self {
             amplifier_v: args.amplifier.unwrap_or([amplifier.min_v, amplifier.max_v]),
-            dac_v: args.dac.unwrap_or(scaled(dac, amplifier.gain)),
-            adc_um: args.adc.unwrap_or(scaled(adc, sensor.um_per_v)),
+            dac_v: args.dac.unwrap_or(dac_v),
+            adc_um: args.adc.unwrap_or(adc_um),
         }
     }
 }
 
+/// Ends of both converters: volts at the stack, micrometres.
+pub(crate) fn full_scales(dac: Option<Converter>, amplifier: &Amplifier, sensor: &Sensor) -> ([f64; 2], [f64; 2]) {
+    let scaled = |converter: Option<Converter>, factor: f64| {
+        let converter = converter.unwrap_or(Converter::BIPOLAR_16_BIT);
+        [converter.min_v * factor, converter.max_v * factor]
+    };
+    (scaled(dac, amplifier.gain), scaled(sensor.adc, sensor.um_per_v))
+}
+
 /// Position of the highest of 65536 codes.
-fn top([low, full_scale]: [f64; 2]) -> f64 {
+pub(crate) fn top([low, full_scale]: [f64; 2]) -> f64 {
     full_scale - (full_scale - low) / 65_536.0
 }
 
@@ -198,7 +206,7 @@ type KnownLoop = (f64, Option<[f64; 2]>);
 /// The whole range in 1 ms: with 200 V, five times the slope of a 26 V sine at 500 Hz (pi x 500 Hz x 26 V).
 const SLEW_RANGES_PER_S: f64 = 1e3;
 /// The whole range in 20 ms: many periods of every mode above 200 Hz, which it then does not excite.
-const RAMP_RANGES_PER_S: f64 = 50.0;
+pub(crate) const RAMP_RANGES_PER_S: f64 = 50.0;
 
 /// What the loop's gain depends on, where it is known.
 fn loop_data(stage: Option<&StageConfig>, args: &ExportArgs) -> Result<Option<KnownLoop>, CliError> {

@@ -452,12 +452,7 @@ fn stuck_at_extremes(record: &hysteron_data::Record) -> usize {
     if high <= low {
         return 0;
     }
-    (1..record.len())
-        .filter(|&k| {
-            let y = record.position_um[k];
-            y == record.position_um[k - 1] && (y == low || y == high) && record.voltage_v[k] != record.voltage_v[k - 1]
-        })
-        .count()
+    record.stuck_at(low) + record.stuck_at(high)
 }
 
 /// How many different things were played: sines of one frequency and amplitude count once, anything broad counts as two.

@@ -8,6 +8,7 @@ mod tracking;
 pub use hide::Hidden;
 
 use crate::error::TrackingError;
+use crate::run::seed_of;
 use hysteron_plant::challenge::StageFamily;
 use hysteron_plant::{Amplifier, Converter, Hold, Sensor, StageConfig};
 use rand::{RngExt, SeedableRng};
@@ -28,6 +29,8 @@ pub struct Rehearsal {
     pub seed: u64,
 }
 
+/// What the other axis does while references are followed, turns a second.
+pub const BESIDE_HZ: f64 = 17.0;
 /// Sample period of controller and fast records, seconds.
 const PERIOD_S: f64 = 20e-6;
 
@@ -84,8 +87,13 @@ impl Rehearsal {
         [0.15 * stroke_um, 0.65 * stroke_um]
     }
 
+    /// Times that the other axis goes up and down, four fifths of its range, over a record: a rate of its own for each.
+    pub fn cycles_beside(number: usize) -> f64 {
+        [7.0, 11.0, 13.0, 17.0, 19.0][number % 5]
+    }
+
     /// Seed of the noise of a record.
     pub fn noise_seed(&self, number: u64) -> u64 {
-        self.seed.wrapping_add((number + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15))
+        seed_of(self.seed, number)
     }
 }

@@ -127,7 +127,7 @@ impl Rehearsal {
         let command_v = planned.excitation.samples(period_s)?;
         let voltage_v = with_rise(&command_v, 0.02_f64.max(4.0 * period_s), period_s)?;
         // Whole cycles of a rate of its own over the record, from rest to rest.
-        let cycles = [7.0, 11.0, 13.0, 17.0, 19.0][number % 5];
+        let cycles = Self::cycles_beside(number);
         let length = voltage_v.len();
         let beside = |k: usize| {
             let turn = TAU * cycles * k as f64 / (length - 1).max(1) as f64;

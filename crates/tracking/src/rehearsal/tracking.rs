@@ -1,6 +1,6 @@
 //! The references that controllers are asked to follow on the stage, and how far off the position is.
 
-use super::{Hidden, PERIOD_S, Rehearsal};
+use super::{BESIDE_HZ, Hidden, PERIOD_S, Rehearsal};
 use crate::complete::track_beside;
 use crate::design::Controller;
 use crate::error::TrackingError;
@@ -40,7 +40,7 @@ impl Rehearsal {
                 let reference = self.reference(kind);
                 let couples = stage.cross_coupling.is_some();
                 let beside: Vec<f64> = (0..reference.samples_um.len())
-                    .map(|k| 0.4 * self.full_v() * (1.0 - (TAU * 17.0 * k as f64 * PERIOD_S).cos()))
+                    .map(|k| 0.4 * self.full_v() * (1.0 - (TAU * BESIDE_HZ * k as f64 * PERIOD_S).cos()))
                     .collect();
                 let seed = !self.noise_seed(number as u64);
                 let run = track_beside(stage, seed, &law, &reference, if couples { &beside } else { &[] })?;

@@ -8,9 +8,10 @@ use hysteron_board::{
     BoardError, FALL_TICKS, Hello, Law, Machine, Mode, Parameters, Player, Request, Session, Setup, Shape, Summary,
     image,
 };
-use hysteron_plant::{Converter, Stage, StageConfig};
+use hysteron_plant::{Stage, StageConfig};
 use hysteron_table::{FORMAT, Table, TableError};
 use hysteron_tracking::design::Controller;
+use hysteron_tracking::rehearsal::BESIDE_HZ;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -22,8 +23,6 @@ const LIVE_TICKS: u32 = 15_000;
 /// Ticks for the rise to a reference's first value: the whole range takes 20 ms at the inverse's mean slope, which its steepest may
 /// be three times.
 pub(super) const RISE_TICKS: u32 = 3_000;
-/// What the other axis does while references are followed, turns a second.
-const BESIDE_HZ: f64 = 17.0;
 /// An emulator that has not ended by then is ended.
 const PATIENCE: Duration = Duration::from_secs(900);
 
@@ -184,29 +183,36 @@ impl Running {
         Ok(Setup { ticks, ..setup })
     }
 
-    /// The other axis' stage; none without one.
-    pub(super) fn other_stage(&self, seed: u64) -> Result<Option<Stage>, CliError> {
+    /// The other axis' stage; none without one. It runs without feedback: its noise reaches no command.
+    pub(super) fn other_stage(&self) -> Result<Option<Stage>, CliError> {
         match &self.image {
             Image::One(_) => Ok(None),
-            Image::Both { other, .. } => Ok(Some(Stage::new(other, seed)?)),
+            Image::Both { other, .. } => Ok(Some(Stage::new(other, 0)?)),
         }
     }
 
-    /// What the other axis is asked for: up and down four fifths of the whole.
-    fn setup_beside(&self, session: &TwoAxisSession, hz: f64, ticks: u32) -> Result<Setup, CliError> {
+    /// What both axes are asked for, the other one up and down four fifths of its range; the same twice without one.
+    fn setups(&self, setup: &Setup, beside_hz: f64) -> Result<[Setup; 2], CliError> {
+        let Image::Both { session, .. } = &self.image else {
+            return Ok([*setup; 2]);
+        };
         let hello = &session.banks()[1][0];
         let request = Request {
             shape: Shape::Sine,
-            frequency_hz: hz,
+            frequency_hz: beside_hz,
             range_um: Some([0.0, 0.8 * f64::from(hello.input_max_um)]),
             seconds: 1.0,
             feedforward: true,
             feedback: false,
         };
-        Ok(Setup {
-            ticks,
-            ..request.setup(hello)?
-        })
+        let beside = request.setup(hello)?;
+        Ok([
+            *setup,
+            Setup {
+                ticks: setup.ticks,
+                ..beside
+            },
+        ])
     }
 
     /// Runs a law ahead, the other axis at `beside_hz` where there is one.
@@ -222,10 +228,7 @@ impl Running {
             source,
         };
         let law = law.map_err(refused)?;
-        let setups = match &self.image {
-            Image::One(_) => [*setup; 2],
-            Image::Both { session, .. } => [*setup, self.setup_beside(session, beside_hz, setup.ticks)?],
-        };
+        let setups = self.setups(setup, beside_hz)?;
         match &mut self.image {
             Image::One(session) => session.run_ahead(setup, law, player)?,
             Image::Both { session, table, .. } => {
@@ -238,13 +241,10 @@ impl Running {
 
     /// Tick by tick at the sample clock.
     fn run_live(&mut self, setup: &Setup, player: &mut Player) -> Result<Summary, CliError> {
-        let beside = match &self.image {
-            Image::One(_) => None,
-            Image::Both { session, .. } => Some(self.setup_beside(session, BESIDE_HZ, setup.ticks)?),
-        };
-        let summary = match (&mut self.image, beside) {
-            (Image::One(session), _) => session.run(setup, player, &mut |_| {})?,
-            (Image::Both { session, .. }, beside) => session.run(&[*setup, beside.unwrap_or(*setup)], player)?,
+        let setups = self.setups(setup, BESIDE_HZ)?;
+        let summary = match &mut self.image {
+            Image::One(session) => session.run(setup, player, &mut |_| {})?,
+            Image::Both { session, .. } => session.run(&setups, player)?,
         };
         no_fault(player)?;
         Ok(summary)
@@ -270,9 +270,8 @@ impl Running {
             };
             let ticks = ((follow.settling_s + follow.judged_s) * RATE_HZ) as u32 + RISE_TICKS;
             let setup = self.setup(&request, ticks + FALL_TICKS)?;
-            let seed = seed(number);
-            let player = Player::new(Stage::new(stage, seed)?, None, ticks);
-            let mut player = player.beside(self.other_stage(!seed)?);
+            let player = Player::new(Stage::new(stage, seed(number))?, None, ticks);
+            let mut player = player.beside(self.other_stage()?);
             if feedback && setup.ticks <= LIVE_TICKS {
                 let summary = self.run_live(&setup, &mut player)?;
                 reached.clocked_ticks += setup.ticks;
@@ -301,7 +300,7 @@ impl Running {
 /// The options of `export` for converters and amplifier of a stage.
 fn options(stage: &StageConfig) -> Vec<String> {
     let pair = |name: &str, [low, high]: [f64; 2]| format!("--{name}={low},{high}");
-    let (dac_v, adc_um) = ends(stage);
+    let (dac_v, adc_um) = export::full_scales(stage.dac, &stage.amplifier, &stage.sensor);
     let amplifier = &stage.amplifier;
     vec![
         pair("amplifier", [amplifier.min_v, amplifier.max_v]),
@@ -310,20 +309,11 @@ fn options(stage: &StageConfig) -> Vec<String> {
     ]
 }
 
-/// Full scale of both converters: volts at the stack, micrometres.
-fn ends(stage: &StageConfig) -> ([f64; 2], [f64; 2]) {
-    let dac = stage.dac.unwrap_or(Converter::BIPOLAR_16_BIT);
-    let adc = stage.sensor.adc.unwrap_or(Converter::BIPOLAR_16_BIT);
-    let scaled = |converter: Converter, factor: f64| [converter.min_v * factor, converter.max_v * factor];
-    (scaled(dac, stage.amplifier.gain), scaled(adc, stage.sensor.um_per_v))
-}
-
 /// A law that knows the stage's data sheet only: stroke and voltage.
 pub(super) fn straight_line(stage: &StageConfig) -> Table {
-    let (dac_v, adc_um) = ends(stage);
-    // Position and voltage of the highest of 65536 codes.
-    let top = |[low, full]: [f64; 2]| full - (full - low) / 65_536.0;
-    let output_max_v = stage.amplifier.max_v.min(top(dac_v));
+    let (dac_v, adc_um) = export::full_scales(stage.dac, &stage.amplifier, &stage.sensor);
+    let (dac_top_v, adc_top_um) = (export::top(dac_v), export::top(adc_um));
+    let output_max_v = stage.amplifier.max_v.min(dac_top_v);
     let hysteresis = &stage.hysteresis;
     let v_per_um = hysteresis.reference_v / hysteresis.stroke_um;
     Table {
@@ -334,14 +324,13 @@ pub(super) fn straight_line(stage: &StageConfig) -> Table {
         input_max_um: hysteresis.stroke_um.min((1.0 - 1e-6) * output_max_v / v_per_um),
         output_min_v: stage.amplifier.min_v.max(dac_v[0]),
         output_max_v,
-        // As `export` sets them for a complete law.
-        slew_v_per_s: 1e4 * output_max_v,
-        ramp_v_per_s: 50.0 * output_max_v,
+        slew_v_per_s: export::SLEW_OF_A_LAW * output_max_v,
+        ramp_v_per_s: export::RAMP_RANGES_PER_S * output_max_v,
         feedback_up_to_hz: 0.5 / stage.sample_period_s,
         dac_min_v: dac_v[0],
-        dac_top_v: top(dac_v),
+        dac_top_v,
         adc_min_um: adc_um[0],
-        adc_top_um: top(adc_um),
+        adc_top_um,
         linear_v_per_um: v_per_um,
         // One play without a weight.
         thresholds_um: vec![1.0],

@@ -157,6 +157,9 @@ fn again(args: &CampaignArgs, recorded: &str) -> String {
 
 /// Checks what came back, identifies, and asks for the next pass until both are there.
 fn came_back(args: &CampaignArgs, protocol: &Protocol, folder: &Path) -> Result<Done, CliError> {
+    if let Some(latency_us) = args.latency_us {
+        within("--latency-us", latency_us, [0.0, 1e4], "us")?;
+    }
     let recorded = load::dataset(folder)?;
     let checked = |commands: &[Command]| {
         usable(commands, &recorded).map_err(|wrong| {
@@ -176,7 +179,6 @@ fn came_back(args: &CampaignArgs, protocol: &Protocol, folder: &Path) -> Result<
         ..Dataset::default()
     };
     if let Some(latency_us) = args.latency_us {
-        within("--latency-us", latency_us, [0.0, 1e4], "us")?;
         dataset.known.delay_s = Some(1e-6 * latency_us);
     }
     if dataset.known.delay_s.is_none() {

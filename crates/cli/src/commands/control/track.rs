@@ -179,10 +179,7 @@ fn on_chip(
             }
         })
         .collect();
-    let open = Controller {
-        feedback: None,
-        ..controller.clone()
-    };
+    let open = controller.without_feedback();
     let loops = [
         ("open", Some(&open)),
         ("closed", controller.feedback.as_ref().map(|_| controller)),
@@ -215,21 +212,14 @@ fn on_chip(
 
 fn board_text(board: &OnChip) -> String {
     let mut text = format!(
-        "\nON THE CHIP: the controller as firmware in {}, an image for each loop; the same references, true position, %\n\n{:<6}",
-        board.machine, "loop"
+        "\nON THE CHIP: the controller as firmware in {}, an image for each loop; the same references, true position, %\n\n{:<6}{}\n",
+        board.machine,
+        "loop",
+        heads()
     );
-    // Writing to a String does not fail.
-    for column in COLUMNS {
-        let _ = write!(text, " {column:>8}");
-    }
-    text.push('\n');
     for controller in &board.controllers {
-        let _ = write!(text, "{:<6}", controller.loop_kind);
-        for (key, _) in SHAPES {
-            let value = controller.rms_percent.get(key).copied().unwrap_or(f64::NAN);
-            let _ = write!(text, " {value:>8.3}");
-        }
-        text.push('\n');
+        // Writing to a String does not fail.
+        let _ = writeln!(text, "{:<6}{}", controller.loop_kind, cells(&controller.rms_percent));
     }
     let _ = writeln!(
         text,
@@ -241,6 +231,17 @@ fn board_text(board: &OnChip) -> String {
 
 /// Heads of the columns of [`SHAPES`].
 const COLUMNS: [&str; 7] = ["10 Hz", "100", "500", "503", "1000", "complex", "triangle"];
+
+/// The columns' heads in a line.
+fn heads() -> String {
+    COLUMNS.iter().map(|column| format!(" {column:>8}")).collect()
+}
+
+/// Errors by reference under them.
+fn cells(rms_percent: &BTreeMap<String, f64>) -> String {
+    let cell = |(key, _): &(&str, _)| format!(" {:>8.3}", rms_percent.get(*key).copied().unwrap_or(f64::NAN));
+    SHAPES.iter().map(cell).collect()
+}
 
 fn text(report: &TrackReport) -> String {
     let mut text = String::new();
@@ -255,14 +256,16 @@ fn text(report: &TrackReport) -> String {
         report.stage, report.stroke_um, report.position
     );
     let widest = report.controllers.iter().map(|c| c.name.len()).max().unwrap_or(0);
-    let _ = write!(text, "{:<widest$} {:<6}", "", "loop");
-    for column in COLUMNS {
-        let _ = write!(text, " {column:>8}");
-    }
     let _ = writeln!(
         text,
-        " {:>7} {:>9} {:>9} {:>6}  paper at 500 Hz",
-        "creep", "30 deg Hz", "-3 dB Hz", "nm"
+        "{:<widest$} {:<6}{} {:>7} {:>9} {:>9} {:>6}  paper at 500 Hz",
+        "",
+        "loop",
+        heads(),
+        "creep",
+        "30 deg Hz",
+        "-3 dB Hz",
+        "nm"
     );
     for controller in &report.controllers {
         text.push_str(&line(controller, widest));
@@ -336,11 +339,12 @@ fn scans_text(report: &TrackReport) -> String {
 }
 
 fn line(controller: &ControllerFigures, widest: usize) -> String {
-    let mut text = format!("{:<widest$} {:<6}", controller.name, controller.loop_kind);
-    for (key, _) in SHAPES {
-        let value = controller.rms_percent.get(key).copied().unwrap_or(f64::NAN);
-        let _ = write!(text, " {value:>8.3}");
-    }
+    let mut text = format!(
+        "{:<widest$} {:<6}{}",
+        controller.name,
+        controller.loop_kind,
+        cells(&controller.rms_percent)
+    );
     let hertz = |value: Option<f64>| value.map_or("none".to_owned(), |hz| format!("{hz:.0}"));
     let creep = controller
         .creep_peak_percent
@@ -387,21 +391,23 @@ fn changed_stages(args: &TrackArgs, bench: &Bench<'_>, controller: &Controller) 
 fn robustness_text(args: &TrackArgs, stroke_um: f64, rows: &[RobustnessRow]) -> String {
     let mut text = format!(
         "STAGE {} (simulated), changed; the controller is the one designed for it unchanged; stroke {stroke_um} um\n\
-         rms against the reference at the same instant, true position, mean included, % of peak to peak\n\n{:<26} {:<6}",
-        args.stage, "", "loop"
+         rms against the reference at the same instant, true position, mean included, % of peak to peak\n\n{:<26} {:<6}{}  at rest\n",
+        args.stage,
+        "",
+        "loop",
+        heads()
     );
-    for column in COLUMNS {
-        // Writing to a String does not fail.
-        let _ = write!(text, " {column:>8}");
-    }
-    text.push_str("  at rest\n");
     for row in rows {
-        let _ = write!(text, "{:<26} {:<6}", row.change, row.loop_kind);
-        for (key, _) in SHAPES {
-            let _ = write!(text, " {:>8.3}", row.rms_percent.get(key).copied().unwrap_or(f64::NAN));
-        }
         let verdict = if row.stable { "stable" } else { "NOT STABLE" };
-        let _ = writeln!(text, "  {:.2} nm, {verdict}", row.rest_nm);
+        // Writing to a String does not fail.
+        let _ = writeln!(
+            text,
+            "{:<26} {:<6}{}  {:.2} nm, {verdict}",
+            row.change,
+            row.loop_kind,
+            cells(&row.rms_percent),
+            row.rest_nm
+        );
     }
     text
 }

@@ -12,7 +12,7 @@ use std::fmt::Write;
 
 /// The whole range in five samples at 50 kHz: a sine of 1 kHz over the whole of it has pi thousand ranges a second, and the turns of a
 /// triangle of half the stroke, with a mode at 739 Hz undone, more than five thousand: cut to those, they ring (0.4 % of error for 0.07).
-const SLEW_RANGES_PER_S: f64 = 1e4;
+pub(crate) const SLEW_RANGES_PER_S: f64 = 1e4;
 
 /// The table, its references by default as far as the inverse stays within the amplifier.
 pub(super) fn table(controller: &Controller, args: &ExportArgs) -> Result<Table, CliError> {

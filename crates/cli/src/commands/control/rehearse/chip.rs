@@ -22,9 +22,8 @@ pub(super) fn records(chip: &Chip, rehearsal: &Rehearsal) -> Result<Dataset, Cli
     for (number, piece) in pieces.iter().enumerate() {
         bar.set_message(format!("recording {}", piece.name));
         let rested = Stage::new(stage, rehearsal.noise_seed(number as u64))?;
-        // Whole cycles of a rate of its own over the record.
-        let cycles = [7.0, 11.0, 13.0, 17.0, 19.0][number % 5];
-        let player = play(&mut running, piece, rested, cycles / piece.kept_s)?;
+        let beside_hz = Rehearsal::cycles_beside(number) / piece.kept_s;
+        let player = play(&mut running, piece, rested, beside_hz)?;
         played.push(Kept::of(piece, &player));
         progress::advance(&bar, (number + 1) as f64 / pieces.len() as f64);
     }
@@ -104,7 +103,7 @@ fn play(running: &mut Running, piece: &Piece, stage: Stage, beside_hz: f64) -> R
     };
     let ticks = ticks + RISE_TICKS;
     let player = Player::new(stage, piece.points.as_ref(), if moves { ticks } else { 0 });
-    let mut player = player.beside(running.other_stage(u64::from(ticks))?);
+    let mut player = player.beside(running.other_stage()?);
     let setup = running.setup(&request, player.ticks_before() + ticks + FALL_TICKS)?;
     let law = parameters(&running.table);
     running.run_ahead(&setup, law, &mut player, beside_hz)?;
