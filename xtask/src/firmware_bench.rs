@@ -30,20 +30,23 @@ impl Counts {
 
 /// What a contender may take: board, contender, mean, worst. What was measured with rustc 1.95 and gcc 12.2, and 3 % for other
 /// compilers.
-const MOST: [(&str, &str, f64, u32); 5] = [
+const MOST: [(&str, &str, f64, u32); 6] = [
     ("mps2-an386", "rust 10", 193.0, 243),
     ("mps2-an500", "rust 10", 170.0, 207),
-    ("mps2-an386", "rust 100", 295.0, 554),
-    ("mps2-an500", "rust 100", 280.0, 527),
-    // Half as much again as the 3400 cycles that 20 us are at 170 MHz is the bound; see `ALLOWED_OF_BOTH`.
-    ("mps2-an386", BOTH, 3257.0, 3430),
+    ("mps2-an386", "rust 100", 298.0, 587),
+    ("mps2-an500", "rust 100", 282.0, 542),
+    ("mps2-an386", BOTH, 1845.0, 2285),
+    ("mps2-an386", DESIGNED, 1310.0, ALLOWED_OF_DESIGNED),
 ];
 
 /// The complete law of two axes in one tick, every effect in it.
 const BOTH: &str = "both-axes 2";
 
-/// Instructions that the two may take in a tick, whatever was measured: 20 us are 3400 cycles at 170 MHz, and half as much again.
-const ALLOWED_OF_BOTH: u32 = 5100;
+/// The complete law of two axes as it was designed for the table's stage, each told of the other.
+const DESIGNED: &str = "designed-axes 2";
+
+/// Instructions that the designed two may take in a tick, whatever was measured: half of the 3400 cycles that 20 us are at 170 MHz.
+const ALLOWED_OF_DESIGNED: u32 = 1700;
 
 /// The table whose law is counted block by block: two modes and two sections of feedback.
 const COMPLETE: &str = "firmware/tables/tracking-739.toml";
@@ -88,12 +91,6 @@ pub(crate) fn bench() -> Result<(), String> {
             wrong.push(format!(
                 "{board}: the complete law gives other codes than on {}",
                 BOARDS[0].0
-            ));
-        }
-        if both.worst() > ALLOWED_OF_BOTH {
-            wrong.push(format!(
-                "{board}: the complete law of both axes takes {} at worst, {ALLOWED_OF_BOTH} are allowed",
-                both.worst()
             ));
         }
         for (_, name, mean, worst) in MOST.iter().filter(|row| row.0 == board) {

@@ -2,7 +2,7 @@
 
 use crate::effects::admit;
 use crate::error::{ParamError, finite, in_range};
-use crate::real::Real;
+use crate::real::{Real, rarely};
 use core::f64::consts::PI;
 
 /// A second-order section `H(z) = (b0 + b1 z^-1 + b2 z^-2) / (1 + a1 z^-1 + a2 z^-2)`, transposed direct form II.
@@ -128,21 +128,27 @@ impl<T: Real> Biquad<T> {
     /// One sample; an input that is not finite counts as 0, and a state that has grown beyond all bounds starts anew.
     #[inline(always)]
     pub fn step(&self, state: &mut BiquadState<T>, input: T) -> T {
-        let input = admit(input, T::ZERO);
+        self.step_admitted(state, admit(input, T::ZERO))
+    }
+
+    /// As [`Self::step`]; an input that is not finite makes the state start anew.
+    #[inline(always)]
+    pub(crate) fn step_admitted(&self, state: &mut BiquadState<T>, input: T) -> T {
         let [b0, b1, b2] = self.forward;
         let [a1, a2] = self.back;
         let output = b0 * input + state.delays[0];
         let first = b1 * input - a1 * output + state.delays[1];
         let second = b2 * input - a2 * output;
-        // 1e36 is below the largest f32 with room for the next sum.
-        let bounded = T::from_f64(1e36);
-        if first.magnitude() <= bounded && second.magnitude() <= bounded {
-            state.delays = [first, second];
-            output
-        } else {
+        state.delays = [first, second];
+        // Below the largest f32 with room for the next sum. An output that is not finite shows in `first` at once, a `second` that is
+        // not at the next sample.
+        let bounded = first.magnitude() <= T::from_f64(1e36);
+        if !bounded {
+            rarely();
             state.delays = [T::ZERO; 2];
-            T::ZERO
+            return T::ZERO;
         }
+        output
     }
 }
 

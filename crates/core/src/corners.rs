@@ -5,55 +5,42 @@
 //! first plays. A sample that turns puts a segment on top; one that goes on lengthens the top one over those below.
 
 use crate::bank::{InputState, PlayBank};
-use crate::envelope::Envelope;
-use crate::error::ParamError;
-use crate::model::{AtRest, Hysteresis};
-use crate::mpi::MpiCoefficients;
-use crate::mrpi::Mrpi;
 use crate::real::Real;
 
-/// One play of the bank: its threshold, and sums over the plays up to it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Play<T> {
-    threshold: T,
-    /// `sum q_j`
-    weight: T,
-    /// `sum q_j r_j`
-    moment: T,
+/// What a model sums over the first plays of its bank.
+pub(crate) trait Sums<T>: Copy {
+    /// The sum over the first plays where all of them are at a value: `w_i = value`, on the left side `w_i = value - r_i`.
+    fn at(&self, left: bool, value: T) -> T;
 }
 
 /// The outputs of the plays from the end of the corner above to `end`: `w_i = value`, on the left side `w_i = value - r_i`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Corner<T> {
-    value: T,
-    left: bool,
-    /// `sum q_i w_i` over all plays at the last sample at which this corner was the top.
-    sum: T,
-    end: usize,
+pub(crate) struct Corner<T> {
+    pub(crate) value: T,
+    pub(crate) left: bool,
+    /// The model's sum over all plays at the last sample at which this corner was the top.
+    pub(crate) sum: T,
+    pub(crate) end: usize,
 }
 
-/// [`crate::mrpi::Mrpi`] computed from the corners of its input: the same play outputs, bit by bit; the same sum but for rounding.
+/// A bank of plays, moved by corners.
 ///
-/// With every segment goes the sum over all plays at the last sample at which it was the top. A sample that moves the first k plays
-/// from a corner `v_c` to `v` changes that sum by `(v - v_c) sum q_j` over those k, and from the right side to the left by
-/// `-sum q_j r_j` besides.
+/// With every segment goes the model's sum over all plays at the last sample at which it was the top. A sample that moves the first k
+/// plays from a corner's outputs to others changes that sum by what those k make of the difference, and by nothing else.
 ///
 /// # Cost
-/// In instructions of a Cortex-M4F: about 80 a sample, 20 for each corner that it wipes out, 10 log2 N where it jumps into a segment.
-/// [`crate::mrpi::Mrpi`] takes 7 for each play that moves and 4 for each: above about 30 plays this is faster.
+/// In instructions of a Cortex-M4F: about 30 a sample that goes on without another play, 50 more for one that turns or reaches another,
+/// 20 for each corner that it wipes out, 12 log2 N where it jumps into a segment.
 /// # Errors
 /// The sum takes one rounding for each corner that is remembered, N at most, and is made anew from constants whenever a sample moves
-/// the widest play: it does not drift (`val_ten_million_samples_do_not_drift`).
+/// the widest play: it does not drift.
 /// # Reference
 /// The wiping-out of corners: Mayergoyz, Mathematical Models of Hysteresis and Their Applications (2003), section 1.2.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CornerMrpi<T, const N: usize> {
-    plays: [Play<T>; N],
-    bank: PlayBank<T, N>,
-    envelope: Envelope<T>,
-    offset: T,
-    cubic: T,
-    linear: T,
+pub(crate) struct Corners<T, S, const N: usize> {
+    /// For each play, over the plays up to it.
+    sums: [S; N],
+    pub(crate) bank: PlayBank<T, N>,
 }
 
 /// The corners of a bank, and its last input.
@@ -63,52 +50,95 @@ pub struct CornerState<T, const N: usize> {
     /// Those below the top; the first is none, and covers no play.
     below: [Corner<T>; N],
     depth: usize,
-    input: InputState<T>,
+    /// The sum over the plays below the top.
+    rest: T,
+    /// The top reaches another play at a bound where `bound - offset` is at `limit`, or below it on the right side.
+    offset: T,
+    limit: T,
+    pub(crate) input: InputState<T>,
 }
 
-impl<T: Real, const N: usize> CornerMrpi<T, N> {
-    /// Builds the model.
-    ///
-    /// # Errors
-    /// As [`Mrpi::new`].
-    pub fn new(
-        bank: PlayBank<T, N>,
-        coefficients: MpiCoefficients<T, N>,
-        envelope: Envelope<T>,
-    ) -> Result<Self, ParamError> {
-        Mrpi::new(bank, coefficients, envelope)?;
-        let (mut weight, mut moment) = (0.0, 0.0);
-        let mut plays = [Play {
-            threshold: T::ZERO,
-            weight: T::ZERO,
-            moment: T::ZERO,
-        }; N];
-        let given = bank.thresholds().values().iter().zip(&coefficients.weights);
-        for (play, (&threshold, &q)) in plays.iter_mut().zip(given) {
-            // Rounded once, whatever the number of plays.
-            weight += q.to_f64();
-            moment += q.to_f64() * threshold.to_f64();
-            *play = Play {
-                threshold,
-                weight: T::from_f64(weight),
-                moment: T::from_f64(moment),
-            };
-        }
-        let MpiCoefficients {
-            offset, cubic, linear, ..
-        } = coefficients;
-        Ok(Self {
-            plays,
+impl<T: Real, S: Sums<T>, const N: usize> Corners<T, S, N> {
+    /// `up_to` gives the sums over the plays up to each, in their order.
+    pub(crate) fn new(bank: PlayBank<T, N>, up_to: impl FnMut(usize) -> S) -> Self {
+        Self {
+            sums: core::array::from_fn(up_to),
             bank,
-            envelope,
-            offset,
-            cubic,
-            linear,
-        })
+        }
+    }
+
+    /// Moves the plays to the bounds of a sample (`left <= right`) and returns the sum over all of them.
+    #[inline(always)]
+    pub(crate) fn step(&self, state: &mut CornerState<T, N>, left: T, right: T) -> T {
+        let (top, first) = (state.top, self.threshold(0));
+        if top.left {
+            if top.touched::<true>(first, left) {
+                self.go_on::<true>(state, left);
+            } else if top.touched::<false>(first, right) {
+                self.sweep::<false>(state, right);
+            }
+        } else if top.touched::<false>(first, right) {
+            self.go_on::<false>(state, right);
+        } else if top.touched::<true>(first, left) {
+            self.sweep::<true>(state, left);
+        }
+        state.top.sum
+    }
+
+    /// Moves the top's plays on, which is of this side already.
+    #[inline(always)]
+    fn go_on<const LEFT: bool>(&self, state: &mut CornerState<T, N>, bound: T) {
+        let from_offset = bound - state.offset;
+        let reached = if LEFT {
+            from_offset >= state.limit
+        } else {
+            from_offset < state.limit
+        };
+        if reached {
+            self.sweep::<LEFT>(state, bound);
+        } else {
+            state.top.value = bound;
+            state.top.sum = state.rest + self.sums_of(state.top.end).at(LEFT, bound);
+        }
+    }
+
+    /// Sums over the first plays, one at least.
+    #[inline(always)]
+    fn sums_of(&self, plays: usize) -> &S {
+        self.sums.get(plays - 1).unwrap_or(&self.sums[0])
+    }
+
+    #[inline(always)]
+    fn threshold(&self, play: usize) -> T {
+        self.bank.thresholds().values().get(play).copied().unwrap_or(T::ZERO)
+    }
+
+    /// All plays at one output, 0 where it is not finite.
+    pub(crate) fn at_rest(&self, output: T, input: InputState<T>) -> CornerState<T, N> {
+        let none = Corner {
+            value: T::ZERO,
+            left: false,
+            sum: T::ZERO,
+            end: N,
+        };
+        let value = if output.is_finite() { output } else { T::ZERO };
+        CornerState {
+            top: Corner {
+                value,
+                sum: self.sums[N - 1].at(false, value),
+                ..none
+            },
+            below: [none; N],
+            depth: 0,
+            rest: T::ZERO,
+            offset: T::ZERO,
+            limit: T::from_f64(f64::NEG_INFINITY),
+            input,
+        }
     }
 
     /// The plays' outputs, for comparison: O(N).
-    pub fn outputs(&self, state: &CornerState<T, N>) -> [T; N] {
+    pub(crate) fn outputs(&self, state: &CornerState<T, N>) -> [T; N] {
         let mut depth = state.depth;
         let mut corner = state.top;
         core::array::from_fn(|i| {
@@ -116,7 +146,7 @@ impl<T: Real, const N: usize> CornerMrpi<T, N> {
                 corner = state.below[depth];
                 depth -= 1;
             }
-            corner.output(&self.plays[i])
+            corner.output(self.threshold(i))
         })
     }
 
@@ -135,35 +165,42 @@ impl<T: Real, const N: usize> CornerMrpi<T, N> {
             }
             end = 1;
         }
-        let mut corner = state.below.get(depth).unwrap_or(&state.top);
-        loop {
+        let mut corner = &state.top;
+        for below in state.below.get(..=depth).unwrap_or_default().iter().rev() {
+            corner = below;
             if end < corner.end {
                 end = self.reach::<LEFT>(corner, end, bound);
                 if end < corner.end {
                     break;
                 }
             }
-            if depth == 0 {
-                break;
-            }
-            depth -= 1;
-            corner = state.below.get(depth).unwrap_or(&state.top);
+            depth = depth.saturating_sub(1);
         }
-        let sums = self.plays.get(end - 1).unwrap_or(&self.plays[0]);
-        let mut sum = corner.sum + (bound - corner.value) * sums.weight;
-        if LEFT && !corner.left {
-            sum -= sums.moment;
-        }
-        if !LEFT && corner.left {
-            sum += sums.moment;
-        }
+        let corner = *corner;
+        (state.offset, state.limit) = self.next::<LEFT>(&corner, end);
+        let sums = self.sums_of(end);
+        state.rest = corner.sum - sums.at(corner.left, corner.value);
+        state.depth = depth;
         state.top = Corner {
             value: bound,
             left: LEFT,
-            sum,
+            sum: state.rest + sums.at(LEFT, bound),
             end,
         };
-        state.depth = depth;
+    }
+
+    /// Offset and limit of the bounds that move the play after the first `end`, which stands at a corner.
+    #[inline(always)]
+    fn next<const LEFT: bool>(&self, corner: &Corner<T>, end: usize) -> (T, T) {
+        if end >= N {
+            let never = if LEFT { f64::INFINITY } else { f64::NEG_INFINITY };
+            return (T::ZERO, T::from_f64(never));
+        }
+        match (LEFT, corner.left) {
+            (true, false) => (self.threshold(end), corner.value),
+            (false, true) => (T::ZERO, corner.value - self.threshold(end)),
+            _ => (T::ZERO, corner.value),
+        }
     }
 
     /// Up to which play of a corner a bound moves them, from `from` on.
@@ -172,89 +209,37 @@ impl<T: Real, const N: usize> CornerMrpi<T, N> {
     /// count: behind them may be some that are not, where two bounds were rounded onto one output.
     #[inline(always)]
     fn reach<const LEFT: bool>(&self, corner: &Corner<T>, from: usize, bound: T) -> usize {
-        if corner.left == LEFT {
-            return if corner.touched::<LEFT>(&self.plays[0], bound) {
-                corner.end
-            } else {
-                from
-            };
+        let plays = self
+            .bank
+            .thresholds()
+            .values()
+            .get(from..corner.end)
+            .unwrap_or_default();
+        let touched = |threshold: &T| corner.touched::<LEFT>(*threshold, bound);
+        if plays.last().is_some_and(touched) {
+            corner.end
+        } else if corner.left == LEFT {
+            from
+        } else {
+            from + plays.partition_point(touched)
         }
-        let touched = |at: usize| {
-            self.plays
-                .get(at)
-                .is_some_and(|play| corner.touched::<LEFT>(play, bound))
-        };
-        if !touched(from) {
-            return from;
-        }
-        let (mut low, mut high) = (from, corner.end - 1);
-        if touched(high) {
-            return corner.end;
-        }
-        while high - low > 1 {
-            let middle = usize::midpoint(low, high);
-            if touched(middle) {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        high
     }
 }
 
 impl<T: Real> Corner<T> {
     #[inline(always)]
-    fn output(&self, play: &Play<T>) -> T {
-        if self.left {
-            self.value - play.threshold
-        } else {
-            self.value
-        }
+    fn output(&self, threshold: T) -> T {
+        if self.left { self.value - threshold } else { self.value }
     }
 
     /// Whether a bound moves a play.
     #[inline(always)]
-    fn touched<const LEFT: bool>(&self, play: &Play<T>, bound: T) -> bool {
+    fn touched<const LEFT: bool>(&self, threshold: T, bound: T) -> bool {
         match (LEFT, self.left) {
             (true, true) => bound >= self.value,
-            (true, false) => bound - play.threshold >= self.value,
-            (false, true) => bound < self.value - play.threshold,
+            (true, false) => bound - threshold >= self.value,
+            (false, true) => bound < self.value - threshold,
             (false, false) => bound < self.value,
-        }
-    }
-}
-
-impl<T: Real, const N: usize> Hysteresis<T> for CornerMrpi<T, N> {
-    type State = CornerState<T, N>;
-
-    #[inline(always)]
-    fn step(&self, state: &mut CornerState<T, N>, input: T) -> T {
-        let (input, rate) = self.bank.admit(&mut state.input, input);
-        let (left, right) = self.envelope.bounds(input, rate);
-        let first = &self.plays[0];
-        if state.top.touched::<false>(first, right) {
-            self.sweep::<false>(state, right);
-        } else if state.top.touched::<true>(first, left) {
-            self.sweep::<true>(state, left);
-        }
-        self.offset + ((self.cubic * input * input + self.linear) * input + state.top.sum)
-    }
-}
-
-impl<T: Real, const N: usize> AtRest<T> for CornerMrpi<T, N> {
-    fn at_rest(&self, output: T, last_input: T) -> CornerState<T, N> {
-        let corner = |value: T| Corner {
-            value,
-            left: false,
-            sum: value * self.plays[N - 1].weight,
-            end: N,
-        };
-        CornerState {
-            top: corner(if output.is_finite() { output } else { T::ZERO }),
-            below: [corner(T::ZERO); N],
-            depth: 0,
-            input: self.bank.input_at(last_input),
         }
     }
 }

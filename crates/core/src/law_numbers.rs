@@ -2,6 +2,7 @@
 
 use crate::bank::PlayBank;
 use crate::biquad::Biquad;
+use crate::corner_polynomial::CornerPolynomial;
 use crate::effects::coupling::Coupling;
 use crate::effects::creep::CreepInverse;
 use crate::effects::hum_canceller::HumCanceller;
@@ -10,7 +11,7 @@ use crate::effects::thermal::{Heat, Thermal};
 use crate::error::{ParamError, in_range};
 use crate::limiter::Limiter;
 use crate::pi_controller::PiController;
-use crate::play_polynomial::{INPUT_DEGREE, PlayPolynomial, PolynomialCoefficients};
+use crate::play_polynomial::{INPUT_DEGREE, PolynomialCoefficients};
 use crate::preview::Preview;
 use crate::real::Real;
 use crate::surroundings::{CompleteLaw, HARMONICS, SensorInverse, Surroundings};
@@ -197,7 +198,7 @@ impl InverseNumbers {
     ///
     /// # Errors
     /// Values that the core refuses.
-    pub fn inverse<T: Real>(&self, sample_rate_hz: f64) -> Result<PlayPolynomial<T, PLAYS>, ParamError> {
+    pub fn inverse<T: Real>(&self, sample_rate_hz: f64) -> Result<CornerPolynomial<T, PLAYS>, ParamError> {
         let bank = PlayBank::new(
             Thresholds::new(self.thresholds_um.map(T::from_f64))?,
             T::from_f64(self.min_um),
@@ -211,7 +212,7 @@ impl InverseNumbers {
             quadratic: self.quadratic.map(T::from_f64),
             cubic: self.cubic.map(T::from_f64),
         };
-        PlayPolynomial::new(bank, coefficients)
+        CornerPolynomial::new(bank, coefficients)
     }
 }
 

@@ -4,7 +4,8 @@
 //! A step is total: it returns a finite number for every input, NaN included.
 //!
 //! - operators: [`play`] (eqs 1-4, 7, 8), [`envelope`] (9), [`thresholds`] (16), [`bank`]
-//! - models: [`pi_model`] (5), [`mpi`] (6, 12), [`wrpi`], [`mrpi`] (10, 13), [`play_polynomial`]; see [`model`] for inverses
+//! - models: [`pi_model`] (5), [`mpi`] (6, 12), [`wrpi`], [`mrpi`] (10, 13), [`play_polynomial`]; see [`model`] for inverses; by
+//!   [`corners`] of the input, for many plays: [`corner_mrpi`], [`corner_polynomial`]
 //! - control: [`pi_controller`] (14), [`limiter`], [`control_law`] (15), [`codes`]; the complete inverse with feedback in
 //!   [`tracking_law`], made of [`preview`], [`biquad`] and the compensators beside their effects in [`effects`]; other axis, mains,
 //!   heat and sensor around it in [`surroundings`]; all of its numbers, from which host and chip build it, in [`law_numbers`]
@@ -18,6 +19,8 @@ pub mod bank;
 pub mod biquad;
 pub mod codes;
 pub mod control_law;
+pub mod corner_mrpi;
+pub mod corner_polynomial;
 pub mod corners;
 pub mod effects;
 pub mod envelope;

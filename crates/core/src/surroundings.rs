@@ -51,9 +51,9 @@ impl<T: Real> SensorInverse<T> {
         for _ in 0..3 {
             // Where the curve turns back there is no position: the slope is kept at a quarter.
             let slope = self.curve.slope(u).select_max(T::from_f64(0.25));
-            u = admit(u - (self.curve.reading(u) - from_middle) / slope, u);
+            u = u - (self.curve.reading(u) - from_middle) / slope;
         }
-        self.middle + u
+        self.middle + admit(u, from_middle)
     }
 }
 
@@ -144,9 +144,11 @@ pub type CompleteState<T> = ChainState<
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChainState<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
     tracking: TrackingState<T, TAPS, PLAYS, FAST, SLOW>,
-    /// References that are not due yet.
+    /// References that are not due yet; the one that is due next, and comes in as many samples later, is at `place`.
     ring: [T; TAPS],
-    newest: usize,
+    place: usize,
+    newest: T,
+    due: T,
     coupling: Option<CouplingState<T>>,
     hum: Option<HumCancellerState<T, HARMONICS>>,
     heat: Option<HeatState<T>>,
@@ -171,7 +173,9 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         ChainState {
             tracking: self.tracking.rest(),
             ring: [self.surroundings.rest; TAPS],
-            newest: 0,
+            place: 0,
+            newest: self.surroundings.rest,
+            due: self.surroundings.rest,
             coupling: self.surroundings.coupling.map(|part| part.rest_at(T::ZERO)),
             hum: self.surroundings.hum.map(|part| part.start()),
             heat: self.surroundings.heat.map(|part| part.settled_at(temperature_c)),
@@ -213,8 +217,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
             target = part.undo(memory, target, input.temperature_c);
         }
         let command = self.tracking.feedforward.step(&mut state.tracking.feedforward, target);
-        self.take_in(state, input.reference_ahead);
-        let due = self.due(state);
+        let due = self.take_in(state, input.reference_ahead);
         let expected = match (&around.sensor_lag, &mut state.sensor_lag) {
             (Some(part), Some(memory)) => part.step(memory, due),
             _ => due,
@@ -230,25 +233,24 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         self.tracking.close(&mut state.tracking, command, error, limiter)
     }
 
+    /// Takes in a reference and gives the one that is due.
     #[inline(always)]
-    fn take_in(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, reference_ahead: T) {
-        let last = state.ring.get(state.newest).copied().unwrap_or(T::ZERO);
-        state.newest = if state.newest + 1 < TAPS { state.newest + 1 } else { 0 };
-        if let Some(cell) = state.ring.get_mut(state.newest) {
-            *cell = admit(reference_ahead, last);
-        }
+    fn take_in(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, reference_ahead: T) -> T {
+        let newest = admit(reference_ahead, state.newest);
+        state.newest = newest;
+        let ahead = self.ahead();
+        state.due = match state.ring.get_mut(state.place) {
+            Some(cell) if ahead > 0 => core::mem::replace(cell, newest),
+            _ => newest,
+        };
+        state.place = if state.place + 1 < ahead { state.place + 1 } else { 0 };
+        state.due
     }
 
     /// The reference that is due now: of the last [`Self::step`], what the position is compared with.
     #[inline(always)]
     pub fn due(&self, state: &ChainState<T, TAPS, PLAYS, FAST, SLOW>) -> T {
-        let ahead = self.ahead();
-        let index = if ahead <= state.newest {
-            state.newest - ahead
-        } else {
-            state.newest + TAPS - ahead
-        };
-        state.ring.get(index).copied().unwrap_or(T::ZERO)
+        state.due
     }
 }
 

@@ -1,13 +1,14 @@
 //! The complete control law: every identified effect undone in the feedforward, feedback on what is left.
 
-use crate::bank::PlayState;
 use crate::biquad::{Biquad, BiquadState};
+use crate::corner_polynomial::CornerPolynomial;
+use crate::corners::CornerState;
+use crate::effects::admit;
 use crate::effects::creep::{CreepInverse, CreepInverseState};
 use crate::effects::lag::HeldLagInverse;
 use crate::limiter::{Limiter, LimiterState};
-use crate::model::Hysteresis;
+use crate::model::{AtRest, Hysteresis};
 use crate::pi_controller::{PiController, PiState};
-use crate::play_polynomial::PlayPolynomial;
 use crate::preview::{Preview, PreviewState};
 use crate::real::Real;
 
@@ -31,7 +32,7 @@ pub const CREEP_DIVIDER: u32 = 50;
 /// # Units
 /// Micrometres in, volts at the actuator out.
 /// # Cost
-/// TAPS + 3 PLAYS + 3 FAST + SLOW + 13 multiply-adds and 2 PLAYS compares a step.
+/// TAPS + 2 FAST + 22 multiply-adds and 2 to PLAYS + 2 compares a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feedforward<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
     /// Latency and structure.
@@ -41,7 +42,7 @@ pub struct Feedforward<T, const TAPS: usize, const PLAYS: usize, const FAST: usi
     /// Creep.
     pub creep: CreepInverse<T, FAST, SLOW>,
     /// Hysteresis: position before creep in, voltage behind the amplifier's lag out.
-    pub hysteresis: PlayPolynomial<T, PLAYS>,
+    pub hysteresis: CornerPolynomial<T, PLAYS>,
     /// The amplifier's lag behind the converter's hold.
     pub lead: HeldLagInverse<T>,
 }
@@ -52,7 +53,7 @@ pub struct FeedforwardState<T, const TAPS: usize, const PLAYS: usize, const FAST
     preview: PreviewState<T, TAPS>,
     second_mode: BiquadState<T>,
     creep: CreepInverseState<T, FAST, SLOW>,
-    hysteresis: PlayState<T, PLAYS>,
+    hysteresis: CornerState<T, PLAYS>,
     wanted_v: T,
 }
 
@@ -61,7 +62,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
 {
     /// The state of a stage that was cycled and rests at 0 V and 0 um.
     pub fn rest(&self) -> FeedforwardState<T, TAPS, PLAYS, FAST, SLOW> {
-        let mut hysteresis = PlayState::virgin();
+        let mut hysteresis = self.hysteresis.at_rest(T::ZERO, T::ZERO);
         let wanted_v = self.hysteresis.step(&mut hysteresis, T::ZERO);
         FeedforwardState {
             preview: self.preview.rest_at(T::ZERO),
@@ -80,12 +81,6 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         let before_creep = self.creep.step(&mut state.creep, before_structure);
         let actuator_v = self.hysteresis.step(&mut state.hysteresis, before_creep);
         self.lead.step(&mut state.wanted_v, actuator_v)
-    }
-
-    /// The reference that is due now: what the stage should show at this sample, and what the feedback compares with.
-    #[inline(always)]
-    pub fn due(&self, state: &FeedforwardState<T, TAPS, PLAYS, FAST, SLOW>) -> T {
-        self.preview.due(&state.preview)
     }
 }
 
@@ -123,9 +118,10 @@ impl<T: Real> Feedback<T> {
     /// sections see small numbers: behind it, a section that differentiates would multiply the rounding of its hundred volts.
     #[inline(always)]
     pub fn step(&self, state: &mut FeedbackState<T>, error: T, lowest: T, highest: T) -> T {
-        let damping = self.damping.step(&mut state.damping, error);
-        let first = self.series[0].step(&mut state.series[0], error);
-        let shaped = self.series[1].step(&mut state.series[1], first);
+        let error = admit(error, T::ZERO);
+        let damping = self.damping.step_admitted(&mut state.damping, error);
+        let first = self.series[0].step_admitted(&mut state.series[0], error);
+        let shaped = self.series[1].step_admitted(&mut state.series[1], first);
         let integral = self
             .integral
             .step(&mut state.integral, shaped, lowest - damping, highest - damping);
@@ -165,16 +161,6 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
             feedback: FeedbackState::default(),
             limiter: self.limiter.start_at(T::ZERO),
         }
-    }
-
-    /// One sample: the command for a reference [`Preview::ahead`] samples before it is due and a measured position.
-    ///
-    /// Finite and within the limits for every input.
-    #[inline(always)]
-    pub fn step(&self, state: &mut TrackingState<T, TAPS, PLAYS, FAST, SLOW>, reference_ahead: T, measured: T) -> T {
-        let command = self.feedforward.step(&mut state.feedforward, reference_ahead);
-        let error = self.feedforward.due(&state.feedforward) - measured;
-        self.close(state, command, error, &self.limiter)
     }
 
     /// The feedforward's command with feedback on an error, through a limiter: its own, or a slower one on the way from rest.

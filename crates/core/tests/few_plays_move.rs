@@ -2,12 +2,15 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot build its subject fails")]
 
 use hysteron_core::bank::{PlayBank, PlayState};
-use hysteron_core::corners::CornerMrpi;
+use hysteron_core::corner_mrpi::CornerMrpi;
+use hysteron_core::corner_polynomial::CornerPolynomial;
 use hysteron_core::envelope::Envelope;
 use hysteron_core::model::{AtRest, Hysteresis};
 use hysteron_core::mpi::MpiCoefficients;
 use hysteron_core::mrpi::Mrpi;
 use hysteron_core::play;
+use hysteron_core::play_polynomial::{PlayPolynomial, PolynomialCoefficients};
+use hysteron_core::real::Real;
 use hysteron_core::thresholds::Thresholds;
 use proptest::prelude::*;
 
@@ -94,6 +97,33 @@ fn check<const N: usize>(
     Ok(())
 }
 
+/// Cubics of plays with both bounds at the input: outputs bit by bit, the sum but for rounding.
+fn check_cubics<const N: usize>(thresholds: [f32; N], start: f32, inputs: &[f32]) -> Result<(), TestCaseError> {
+    let bank = PlayBank::new(Thresholds::new(thresholds).unwrap(), -3.0, 3.0, RATE_HZ).unwrap();
+    let some = |k: usize| core::array::from_fn(|i| 0.7 - 1.3 * ((i * k % 5) as f32 / 5.0));
+    let coefficients = PolynomialCoefficients {
+        offset: 0.1,
+        input_function: [5.0, 0.2, -0.02, 0.003, -0.0004],
+        linear: some(7),
+        quadratic: some(3),
+        cubic: some(11),
+    };
+    let model = PlayPolynomial::new(bank, coefficients).unwrap();
+    let corners = CornerPolynomial::new(bank, coefficients).unwrap();
+    let (mut state, mut remembered) = (model.at_rest(start, start), corners.at_rest(start, start));
+    // Inputs and thresholds of up to 3: powers of 6, which the sums of a corner are made of; a rounding of them a corner.
+    let of_a_play = 0.7 * (6.0 + 36.0 + 216.0_f32);
+    let tolerance = (N * N) as f32 * f32::EPSILON * of_a_play + 1e-5;
+    for (k, &input) in inputs.iter().enumerate() {
+        let (exact, found) = (model.step(&mut state, input), corners.step(&mut remembered, input));
+        let (outputs, of_corners) = (state.outputs(), corners.outputs(&remembered));
+        // By value: where it is 0, its sign may differ.
+        prop_assert_eq!(of_corners.to_vec(), outputs.to_vec(), "sample {}", k);
+        prop_assert!((exact - found).abs() <= tolerance, "sample {k}: {exact} {found}");
+    }
+    Ok(())
+}
+
 proptest! {
     #![proptest_config(ProptestConfig {
         cases: 2000,
@@ -111,6 +141,8 @@ proptest! {
         check::<2>(core::array::from_fn(|i| offset + 0.3 * i as f32), envelope, start, &inputs)?;
         check::<10>(core::array::from_fn(|i| offset + 0.25 * i as f32), envelope, start, &inputs)?;
         check::<33>(core::array::from_fn(|i| offset + 0.07 * i as f32), envelope, start, &inputs)?;
+        check_cubics::<1>([offset], start, &inputs)?;
+        check_cubics::<18>(core::array::from_fn(|i| offset + 0.009 * (i * i) as f32), start, &inputs)?;
     }
 }
 
@@ -183,6 +215,65 @@ fn val_ten_million_samples_do_not_drift() {
     // A converter of 400 V has codes of 6 mV. 100 corners of half a unit in the last place of 64 V, at most.
     assert!(worst.iter().all(|&error| error < 100.0 * 3.8e-6), "{worst:?}");
     assert!(worst[9] < 2.0 * worst[0] + 1e-5, "{worst:?}");
+}
+
+/// A fitted inverse's size: 18 graded plays over 15 um, cubics whose voltages have both signs.
+fn fitted<T: Real>() -> (PlayBank<T, 18>, PolynomialCoefficients<T, 18>) {
+    let array = |of: fn(usize) -> f64| core::array::from_fn(|i| T::from_f64(f64::from(of(i) as f32)));
+    let thresholds = array(|i| 0.011 + 0.0417 * (i * i) as f64 + 0.05 * i as f64);
+    let [low, high, rate_hz] = [-0.75, 15.0, 50e3].map(T::from_f64);
+    let bank = PlayBank::new(Thresholds::new(thresholds).unwrap(), low, high, rate_hz).unwrap();
+    let coefficients = PolynomialCoefficients {
+        offset: T::from_f64(-0.25),
+        input_function: [41.5, 0.375, -0.0234375, 0.000_244_140_625, -0.000_007_629_394_531_25].map(T::from_f64),
+        linear: array(|i| -1.7 + 0.9 * ((i * 7 % 5) as f64 - 2.0) / 2.0),
+        quadratic: array(|i| 0.04 * ((i * 3 % 7) as f64 - 3.0) / 3.0),
+        cubic: array(|i| 0.0026 * ((i * 5 % 9) as f64 - 4.0) / 4.0),
+    };
+    (bank, coefficients)
+}
+
+/// A million samples of sines, nested loops and noise in `f32` against `f64`: by corners no further off than play by play, within a
+/// fifth of a code of a converter of 16 bit and 200 V, and no further in the last tenth than in the first.
+#[test]
+fn val_cubics_by_corners_are_no_coarser() {
+    let (bank, coefficients) = fitted::<f32>();
+    let each = PlayPolynomial::new(bank, coefficients).unwrap();
+    let corners = CornerPolynomial::new(bank, coefficients).unwrap();
+    let (bank, coefficients) = fitted::<f64>();
+    let exact = PlayPolynomial::new(bank, coefficients).unwrap();
+    let (mut a, mut b, mut c) = (
+        each.at_rest(0.0, 0.0),
+        corners.at_rest(0.0, 0.0),
+        exact.at_rest(0.0, 0.0),
+    );
+    let mut seed = 1_u32;
+    let mut worst = [[0.0_f64; 2]; 10];
+    for k in 0..1_000_000_u32 {
+        seed ^= seed << 13;
+        seed ^= seed >> 17;
+        seed ^= seed << 5;
+        let wave = 0.5 - 0.5 * (core::f64::consts::TAU * f64::from(k % 500) / 500.0).cos();
+        let share = match k / 20_000 % 4 {
+            0 => wave,
+            1 => 0.5 + (wave - 0.5) * 0.9_f64.powf(f64::from(k % 20_000) / 500.0),
+            2 => f64::from(seed) / 4_294_967_296.0,
+            // Never past the widest play: nothing is ever made anew.
+            _ => 0.6 + 0.2 * wave,
+        };
+        let input = (14.5 * share) as f32;
+        let wanted = exact.step(&mut c, f64::from(input));
+        let of_each = f64::from(each.step(&mut a, input)) - wanted;
+        let of_corners = f64::from(corners.step(&mut b, input)) - wanted;
+        let [by_play, by_corner] = &mut worst[(k / 100_000) as usize];
+        *by_play = by_play.max(of_each.abs());
+        *by_corner = by_corner.max(of_corners.abs());
+    }
+    println!("worst of each tenth, play by play and by corners, volts: {worst:?}");
+    let of = |which: usize| worst.iter().map(|tenth| tenth[which]).fold(0.0, f64::max);
+    assert!(of(1) <= of(0), "{worst:?}");
+    assert!(of(1) < 0.2 * 200.0 / 65_535.0, "{worst:?}");
+    assert!(worst[9][1] < 1.5 * worst[0][1], "{worst:?}");
 }
 
 /// Plays in an order that no input makes are moved one by one.

@@ -27,7 +27,7 @@ pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
 ";
 /// PI, MPI and MRPI of many plays.
 const CORNERS: &str = "
-pub type Inverse = hysteron_core::corners::CornerMrpi<f32, PLAYS>;
+pub type Inverse = hysteron_core::corner_mrpi::CornerMrpi<f32, PLAYS>;
 pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
     let envelope = hysteron_core::envelope::Envelope { alpha_s: ALPHA_S, beta_s: BETA_S };
     Inverse::new(bank()?, coefficients(), envelope)

@@ -125,8 +125,8 @@ fn val_many_plays() {
     for (parts, inverse) in [
         (1, "mrpi::Mrpi<"),
         (3, "mrpi::Mrpi<"),
-        (4, "corners::CornerMrpi<"),
-        (10, "corners::CornerMrpi<"),
+        (4, "corner_mrpi::CornerMrpi<"),
+        (10, "corner_mrpi::CornerMrpi<"),
     ] {
         let table = finer(parts);
         let source = table.constants(&table.to_toml().unwrap()).unwrap();

@@ -3,7 +3,7 @@
 use hysteron_core::bank::PlayBank;
 use hysteron_core::codes::{AdcCode, Converter};
 use hysteron_core::control_law::{ControlLaw, ControlState};
-use hysteron_core::corners::CornerMrpi;
+use hysteron_core::corner_mrpi::CornerMrpi;
 use hysteron_core::envelope::Envelope;
 use hysteron_core::error::ParamError;
 use hysteron_core::limiter::Limiter;

@@ -79,6 +79,16 @@ impl<T: Real, const N: usize> Creep<T, N> {
         }
         Self::new([gamma; N], tau_s, sample_rate_hz, divider)
     }
+
+    /// `sum c_i x_i`: what the elements add.
+    #[inline(always)]
+    fn crept(&self, elements: &[T; N]) -> T {
+        let mut sum = T::ZERO;
+        for (&share, &element) in self.shares.iter().zip(elements) {
+            sum += share * element;
+        }
+        sum
+    }
 }
 
 impl<T: Real, const N: usize> Block<T> for Creep<T, N> {
@@ -123,19 +133,23 @@ impl<T: Real, const N: usize> Block<T> for Creep<T, N> {
     }
 }
 
-/// Undoes creep: `x = (u - sum c_i p_i) / (1 + sum c_i g_i)`, with `p_i` what each element would reach if `x` stood still and
-/// `g_i` the share of a change of `x` that arrives within its sample.
+/// Undoes creep: `x = (u - sum c_i p_i) / (1 + sum c_i g_i)`, with `p_i` what each element would reach if `x` went back to 0 within the
+/// sample and `g_i` the share of a change of `x` that arrives within its sample.
 ///
 /// Fast elements are advanced every sample and undone exactly for straight lines; slow ones once every `divider` samples
-/// with the mean of those samples, as in [`Creep`].
+/// with the mean of those samples, as in [`Creep`]. Of a fast element `p_i / (1 - g_i)` is remembered, which approaches `x` as the element
+/// itself does: `z += b (x - z)`.
 ///
 /// # Units
 /// As [`Creep`].
 /// # Cost
-/// 3 FAST + SLOW multiply-adds a step, 2 SLOW more every `divider` samples.
+/// 2 FAST + 2 multiply-adds a step; 2 SLOW more every `divider` samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CreepInverse<T, const FAST: usize, const SLOW: usize> {
-    fast: Creep<T, FAST>,
+    /// `c_i (1 - g_i)`
+    fast_shares: [T; FAST],
+    /// `b_i = 1 - exp(-T / tau_i)`
+    fast_approach: [T; FAST],
     slow: Creep<T, SLOW>,
     /// `1 / (1 + sum c_i g_i)` over the fast elements.
     at_once: T,
@@ -144,27 +158,41 @@ pub struct CreepInverse<T, const FAST: usize, const SLOW: usize> {
 /// State of [`CreepInverse`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CreepInverseState<T, const FAST: usize, const SLOW: usize> {
-    fast: CreepState<T, FAST>,
-    slow: CreepState<T, SLOW>,
+    fast: [T; FAST],
+    slow: [T; SLOW],
+    /// `sum c_i z_i` over the slow elements, and as far as they have moved on.
+    crept_slowly: T,
+    moved: T,
+    /// Mean of the last `divider` samples, and of those since, as far as they have come.
+    mean: T,
+    next_mean: T,
+    samples: u32,
+    wanted: T,
 }
 
 impl<T: Real, const FAST: usize, const SLOW: usize> CreepInverse<T, FAST, SLOW> {
     /// Builds the inverse of a chain of fast elements (every sample) and slow ones (every `divider` samples).
     ///
     /// # Errors
-    /// As [`Creep::new`], for either part.
+    /// As [`Creep::new`], for either part; fewer samples a step than there are slow elements, of which one moves a sample.
     pub fn new(
         [fast_shares, fast_tau_s]: [[f64; FAST]; 2],
         [slow_shares, slow_tau_s]: [[f64; SLOW]; 2],
         sample_rate_hz: f64,
         divider: u32,
     ) -> Result<Self, ParamError> {
-        let fast = Creep::new(fast_shares, fast_tau_s, sample_rate_hz, 1)?;
-        let arriving = fast_shares.iter().zip(&fast_tau_s).fold(1.0, |sum, (&share, &tau)| {
-            sum + share * coefficients(tau * sample_rate_hz).1
-        });
+        Creep::<T, FAST>::new(fast_shares, fast_tau_s, sample_rate_hz, 1)?;
+        in_range("divider", None, f64::from(divider), SLOW as f64, 1e6)?;
+        let through = fast_tau_s.map(|tau| coefficients(tau * sample_rate_hz).1);
+        let mut arriving = 1.0;
+        let mut shares = fast_shares;
+        for (share, through) in shares.iter_mut().zip(through) {
+            arriving += *share * through;
+            *share *= 1.0 - through;
+        }
         Ok(Self {
-            fast,
+            fast_shares: shares.map(T::from_f64),
+            fast_approach: fast_tau_s.map(|tau| T::from_f64(coefficients(tau * sample_rate_hz).0)),
             slow: Creep::new(slow_shares, slow_tau_s, sample_rate_hz, divider)?,
             at_once: T::from_f64(1.0 / arriving),
         })
@@ -172,31 +200,58 @@ impl<T: Real, const FAST: usize, const SLOW: usize> CreepInverse<T, FAST, SLOW> 
 
     /// Rest at `input` for ever, or at 0 where the stage has just been put at rest.
     pub fn rest_at(&self, input: T) -> CreepInverseState<T, FAST, SLOW> {
+        let input = admit(input, T::ZERO);
+        let slow = [input; SLOW];
         CreepInverseState {
-            fast: self.fast.rest_at(input),
-            slow: self.slow.rest_at(input),
+            fast: [input; FAST],
+            slow,
+            crept_slowly: self.slow.crept(&slow),
+            moved: T::ZERO,
+            mean: input,
+            next_mean: T::ZERO,
+            samples: 0,
+            wanted: input,
         }
     }
 
     /// One sample: the position before creep that gives the position wanted after it.
     #[inline(always)]
     pub fn step(&self, state: &mut CreepInverseState<T, FAST, SLOW>, wanted: T) -> T {
-        let last = state.fast.last;
-        let wanted = admit(wanted, last);
-        let mut crept = T::ZERO;
-        let coefficients = self.fast.approach.iter().zip(&self.fast.through);
-        for ((&element, &share), (&approach, &through)) in
-            state.fast.elements.iter().zip(&self.fast.shares).zip(coefficients)
-        {
-            crept += share * (element + approach * (last - element) - through * last);
-        }
-        for (&element, &share) in state.slow.elements.iter().zip(&self.slow.shares) {
-            crept += share * element;
+        let wanted = admit(wanted, state.wanted);
+        state.wanted = wanted;
+        let mut crept = state.crept_slowly;
+        for (&z, &share) in state.fast.iter().zip(&self.fast_shares) {
+            crept += share * z;
         }
         let before = (wanted - crept) * self.at_once;
-        self.fast.step(&mut state.fast, before);
-        self.slow.step(&mut state.slow, before);
+        for (z, &approach) in state.fast.iter_mut().zip(&self.fast_approach) {
+            *z += approach * (before - *z);
+        }
+        self.move_slow(state);
+        state.next_mean += before * self.slow.share_of_a_sample;
+        state.samples += 1;
+        if state.samples >= self.slow.divider {
+            (state.mean, state.next_mean) = (state.next_mean, T::ZERO);
+            state.samples = 0;
+        }
         before
+    }
+
+    /// One slow element a sample, so that no sample has to move them all.
+    #[inline(always)]
+    fn move_slow(&self, state: &mut CreepInverseState<T, FAST, SLOW>) {
+        let i = state.samples as usize;
+        if let (Some(z), Some(&approach), Some(&share)) = (
+            state.slow.get_mut(i),
+            self.slow.approach.get(i),
+            self.slow.shares.get(i),
+        ) {
+            *z += approach * (state.mean - *z);
+            state.moved += share * *z;
+            if i + 1 == SLOW {
+                (state.crept_slowly, state.moved) = (state.moved, T::ZERO);
+            }
+        }
     }
 }
 

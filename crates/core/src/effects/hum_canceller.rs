@@ -4,35 +4,43 @@ use crate::error::{ParamError, in_range};
 use crate::real::Real;
 use core::f64::consts::TAU;
 
-/// Learns hum from the error of the loop and predicts it, `h = sum p_k sin(k w t) + q_k cos(k w t)`, k = 1 to N.
+/// Learns hum from the error of the loop and predicts it, `h = sum Re z_k`, k = 1 to N, each `z_k` turning by `k w T` a sample.
 ///
-/// Each harmonic goes by the gradient, `c_k -= 2 (T / tau) g_k e exp(-j k w t)` with `c_k = q_k - j p_k` and `g_k` what the
-/// loop makes of a disturbance turned round, `1 / S(j k w)`: whatever feedback runs beside it, each harmonic falls with the time
-/// constant tau. It is a feedback of a bandwidth of `1 / (2 pi tau)` about each harmonic and of nothing elsewhere.
+/// Each harmonic goes by the gradient, `z_k -= 2 (T / tau) g_k e` with `g_k` what the loop makes of a disturbance turned round,
+/// `1 / S(j k w)`, and turned on by the samples that the prediction is ahead of the error: whatever feedback runs beside it, each harmonic falls with the time constant tau. It is a feedback of a bandwidth of
+/// `1 / (2 pi tau)` about each harmonic and of nothing elsewhere.
 ///
 /// # Units
 /// Micrometres; frequency in hertz; tau in seconds.
 /// # Cost
-/// 14 multiply-adds a harmonic and step.
+/// 6 multiply-adds a harmonic and step; one part of one harmonic a step is held to what may be learned.
+/// # Rounding
+/// The turn of a sample is as long as 1 to the number type's resolution: in `f32` at 50 kHz what is learned fades or grows by less than
+/// 0.5 % a second, against which it is learned with tau.
 /// # Reference
 /// Bodson, Sacks, Khosla, IEEE Trans. Autom. Control 39 (1994) 1939 (adaptive feedforward of sinusoids and the resonator that it
-/// is equal to).
+/// is equal to: this is the resonator).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HumCanceller<T, const N: usize> {
+    /// `exp(j k w T)`: imaginary and real part.
     turns: [[T; 2]; N],
-    /// Rotation from now to the sample that is predicted.
-    ahead: [[T; 2]; N],
-    /// `2 T / tau / S(j k w)`: real and imaginary part; zeros leave a harmonic out.
+    /// `2 T / tau / S(j k w)`, turned to the sample that is predicted: imaginary and real part; zeros leave a harmonic out.
     rates: [[T; 2]; N],
     largest: T,
 }
 
-/// What has been learned, and where the oscillators stand.
+/// What has been learned: `z_k` at the sample that is predicted, imaginary and real part.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HumCancellerState<T, const N: usize> {
-    vectors: [[T; 2]; N],
     learned: [[T; 2]; N],
+    /// Sum of the real parts.
+    predicted: T,
+    /// Which part is held to its bound next.
+    bounded: usize,
 }
+
+/// Slowest learning, seconds: what fades by rounding meanwhile stays below a twentieth.
+const SLOWEST_S: f64 = 10.0;
 
 /// Largest turn round of the loop's answer: harmonics that feedback has brought below a tenth are its own.
 const LARGEST_RATE: f64 = 10.0;
@@ -42,7 +50,7 @@ impl<T: Real, const N: usize> HumCanceller<T, N> {
     /// leaves a harmonic out), `largest_um` bounds what may be learned.
     ///
     /// # Errors
-    /// A frequency outside 1 to 1000 Hz, a time constant of less than a period of it or more than 1000 s, a harmonic above half
+    /// A frequency outside 1 to 1000 Hz, a time constant of less than a period of it or more than 10 s, a harmonic above half
     /// the sample rate, more than 1e6 samples ahead, a bound outside 0 to 1e6 um.
     pub fn new(
         frequency_hz: f64,
@@ -61,32 +69,27 @@ impl<T: Real, const N: usize> HumCanceller<T, N> {
             0.0,
             0.5 * sample_rate_hz,
         )?;
-        in_range("tau_s", None, tau_s, 1.0 / frequency_hz, 1e3)?;
+        in_range("tau_s", None, tau_s, 1.0 / frequency_hz, SLOWEST_S)?;
         in_range("samples ahead", None, ahead as f64, 0.0, 1e6)?;
         in_range("largest_um", None, largest_um, 0.0, 1e6)?;
-        let vector = |angle: f64| [T::from_f64(libm::sin(angle)), T::from_f64(libm::cos(angle))];
-        let (mut turns, mut aheads, mut rates) = ([[T::ZERO; 2]; N], [[T::ZERO; 2]; N], [[T::ZERO; 2]; N]);
-        for (k, (((turn, ahead_of), rate), [re, im])) in turns
-            .iter_mut()
-            .zip(&mut aheads)
-            .zip(&mut rates)
-            .zip(sensitivity)
-            .enumerate()
-        {
+        let (mut turns, mut rates) = ([[T::ZERO; 2]; N], [[T::ZERO; 2]; N]);
+        for (k, ((turn, rate), [re, im])) in turns.iter_mut().zip(&mut rates).zip(sensitivity).enumerate() {
             let angle = TAU * (k + 1) as f64 * frequency_hz / sample_rate_hz;
-            *turn = vector(angle);
-            *ahead_of = vector(angle * ahead as f64);
+            *turn = [T::from_f64(libm::sin(angle)), T::from_f64(libm::cos(angle))];
             let square = re * re + im * im;
             if square > 0.0 {
                 // 1 / S = conj(S) / |S|^2, its size bounded.
                 let size = (1.0 / libm::sqrt(square)).min(LARGEST_RATE) / libm::sqrt(square);
                 let step = 2.0 / (tau_s * sample_rate_hz) * size;
-                *rate = [T::from_f64(step * re), T::from_f64(-step * im)];
+                let (sin, cos) = (libm::sin(angle * ahead as f64), libm::cos(angle * ahead as f64));
+                *rate = [
+                    T::from_f64(step * (re * sin - im * cos)),
+                    T::from_f64(step * (re * cos + im * sin)),
+                ];
             }
         }
         Ok(Self {
             turns,
-            ahead: aheads,
             rates,
             largest: T::from_f64(largest_um),
         })
@@ -95,44 +98,40 @@ impl<T: Real, const N: usize> HumCanceller<T, N> {
     /// Nothing learned yet.
     pub fn start(&self) -> HumCancellerState<T, N> {
         HumCancellerState {
-            vectors: [[T::ZERO, T::ONE]; N],
             learned: [[T::ZERO; 2]; N],
+            predicted: T::ZERO,
+            bounded: 0,
         }
     }
 
     /// The hum at the sample that many samples ahead of this one.
-    #[inline(always)]
     pub fn predict(&self, state: &HumCancellerState<T, N>) -> T {
-        let mut sum = T::ZERO;
-        for (([sin, cos], [p, q]), [sin_ahead, cos_ahead]) in state.vectors.iter().zip(&state.learned).zip(&self.ahead)
-        {
-            let sin_then = *sin * *cos_ahead + *cos * *sin_ahead;
-            let cos_then = *cos * *cos_ahead - *sin * *sin_ahead;
-            sum += *p * sin_then + *q * cos_then;
-        }
-        sum
+        state.predicted
     }
 
     /// Learns from the error (reference less position) of this sample and turns on to the next; an error that is not finite
     /// teaches nothing.
     #[inline(always)]
     pub fn learn(&self, state: &mut HumCancellerState<T, N>, error: T) {
-        let error = if error.is_finite() { error } else { T::ZERO };
-        let error = (-self.largest).select_max(error).select_min(self.largest);
-        let parts = state.vectors.iter_mut().zip(&mut state.learned);
-        for ((vector, learned), (turn, rate)) in parts.zip(self.turns.iter().zip(&self.rates)) {
-            let ([sin, cos], [re, im]) = (*vector, *rate);
-            // The error is the prediction less the hum: c = q - j p falls by rate e (cos - j sin).
-            let bound = |x: T| (-self.largest).select_max(x).select_min(self.largest);
-            learned[1] = bound(learned[1] - error * (re * cos + im * sin));
-            learned[0] = bound(learned[0] + error * (im * cos - re * sin));
-            // 1 / sqrt(x) near 1 is (3 - x) / 2.
-            let right = T::from_f64(0.5) * (T::from_f64(3.0) - sin * sin - cos * cos);
-            let [turn_sin, turn_cos] = *turn;
-            *vector = [
-                right * (sin * turn_cos + cos * turn_sin),
-                right * (cos * turn_cos - sin * turn_sin),
-            ];
+        let bound = |x: T| (-self.largest).select_max(x).select_min(self.largest);
+        let error = bound(if error.is_finite() { error } else { T::ZERO });
+        let parts = state.learned.as_flattened_mut();
+        if let Some(part) = parts.get_mut(state.bounded) {
+            *part = bound(*part);
+        }
+        state.bounded = if state.bounded > 0 {
+            state.bounded - 1
+        } else {
+            2 * N - 1
+        };
+        state.predicted = T::ZERO;
+        for ([im, re], ([turn_sin, turn_cos], rate)) in state.learned.iter_mut().zip(self.turns.iter().zip(&self.rates))
+        {
+            // The error is the hum that is left over, turned round: z falls by the rate times it.
+            let (left_im, left_re) = (*im - error * rate[0], *re - error * rate[1]);
+            *im = left_re * *turn_sin + left_im * *turn_cos;
+            *re = left_re * *turn_cos - left_im * *turn_sin;
+            state.predicted += *re;
         }
     }
 }
@@ -160,13 +159,16 @@ mod tests {
                 let hum = 0.03 * (TAU * hz * t + 1.0).sin() + 0.01 * (2.0 * TAU * hz * t + 2.5).sin();
                 let miss = now - hum;
                 left = if k % 1000 == 0 { 0.0 } else { left.max(miss.abs()) };
-                // A quarter turn by the state itself: the miss of each line is c exp(j k w t) of its learned part less the hum's.
+                // A quarter turn by the state itself: the miss of each line is its z less the hum's.
                 for (n, cell) in wanted.iter_mut().enumerate() {
                     let (amplitude, phase) = [(0.03, 1.0), (0.01, 2.5)][n];
                     let angle = (n + 1) as f64 * TAU * hz * t;
-                    let [p, q] = state.learned[n];
-                    let straight = p * angle.sin() + q * angle.cos() - amplitude * (angle + phase).sin();
-                    let turned = p * angle.cos() - q * angle.sin() - amplitude * (angle + phase).cos();
+                    // Learned for `ahead` samples from now: turned back.
+                    let [im, re] = state.learned[n];
+                    let back = (n + 1) as f64 * TAU * hz * ahead as f64 / rate_hz;
+                    let (im, re) = (im * back.cos() - re * back.sin(), re * back.cos() + im * back.sin());
+                    let straight = re - amplitude * (angle + phase).sin();
+                    let turned = -im - amplitude * (angle + phase).cos();
                     *cell = [straight, turned];
                 }
                 let [re, im] = sensitivity;
@@ -178,6 +180,27 @@ mod tests {
                 canceller.learn(&mut state, error);
             }
             assert!(left < 0.04 * 0.02, "{sensitivity:?}: {left}");
+        }
+    }
+
+    /// In `f32` at 50 kHz what is learned fades or grows by rounding no more than learning makes up for.
+    #[test]
+    fn val_rounding_leaves_little_in_single_precision() {
+        for hz in [49.97, 50.0, 60.03] {
+            let canceller = HumCanceller::<f32, 5>::new(hz, [[1.0, 0.0]; 5], 0.3, 16, 1.0, 50e3).unwrap();
+            let mut state = canceller.start();
+            let mut predicted = std::collections::VecDeque::from(std::vec![0.0; 16]);
+            let mut left = 0.0_f64;
+            for k in 0..150_000_u32 {
+                predicted.push_back(f64::from(canceller.predict(&state)));
+                let t = f64::from(k) / 50e3;
+                let hum = 0.03 * (TAU * hz * t + 1.0).sin() + 0.01 * (3.0 * TAU * hz * t + 2.5).sin();
+                let miss = predicted.pop_front().unwrap() - hum;
+                left = if k < 140_000 { 0.0 } else { left.max(miss.abs()) };
+                canceller.learn(&mut state, miss as f32);
+            }
+            // Of 40 nm, after ten time constants.
+            assert!(left < 0.005 * 0.04, "{hz} Hz: {left}");
         }
     }
 

@@ -51,7 +51,7 @@ impl<T: Real> SensorCurve<T> {
     #[inline(always)]
     pub fn slope(&self, position: T) -> T {
         let (two, three) = (T::from_f64(2.0), T::from_f64(3.0));
-        T::ONE + position * (two * self.quadratic + three * position * self.cubic)
+        T::ONE + position * (two * self.quadratic + position * (three * self.cubic))
     }
 }
 

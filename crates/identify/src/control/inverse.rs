@@ -4,11 +4,11 @@ use super::linear_part::LinearPart;
 use super::model::{CREEP_FAST, CREEP_SLOW, CreepPart, InversePart, PLAYS};
 use crate::error::IdentifyError;
 use crate::normal::Normal;
-use hysteron_core::bank::PlayState;
+use hysteron_core::corner_polynomial::CornerPolynomial;
 use hysteron_core::effects::creep::CreepInverse;
-use hysteron_core::model::Hysteresis;
+use hysteron_core::model::{AtRest as _, Hysteresis as _};
 use hysteron_core::play;
-use hysteron_core::play_polynomial::{INPUT_DEGREE, PlayPolynomial};
+use hysteron_core::play_polynomial::INPUT_DEGREE;
 use hysteron_data::Record;
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -105,9 +105,9 @@ impl<'a> Seen<'a> {
     }
 
     /// Corrects the hidden bands by what the inverse asks for and the command was not.
-    fn fill(&mut self, inverse: &PlayPolynomial<f64, PLAYS>, around: &Around<'_>, lag_s: f64, gain_um_per_v: f64) {
+    fn fill(&mut self, inverse: &CornerPolynomial<f64, PLAYS>, around: &Around<'_>, lag_s: f64, gain_um_per_v: f64) {
         let (record, period_s) = (self.record, self.record.period_s);
-        let mut state = PlayState::virgin();
+        let mut state = inverse.at_rest(0.0, 0.0);
         let behind_v = behind_lag(&record.voltage_v, period_s, around.latency_s, lag_s);
         let miss_v: Vec<f64> = self
             .before_creep_um

@@ -1,10 +1,10 @@
 //! The identified chain as a controller needs it.
 
 use super::linear_part::LinearPart;
+use hysteron_core::corner_polynomial::CornerPolynomial;
 use hysteron_core::effects::creep::CreepInverse;
 use hysteron_core::error::ParamError;
 use hysteron_core::law_numbers::{CreepNumbers, InverseNumbers};
-use hysteron_core::play_polynomial::PlayPolynomial;
 use hysteron_core::real::Real;
 use serde::{Deserialize, Serialize};
 
@@ -167,7 +167,7 @@ impl InversePart {
     ///
     /// # Errors
     /// As [`Self::numbers`]; values that the core refuses.
-    pub fn to_core<T: Real>(&self, sample_rate_hz: f64) -> Result<PlayPolynomial<T, PLAYS>, ParamError> {
+    pub fn to_core<T: Real>(&self, sample_rate_hz: f64) -> Result<CornerPolynomial<T, PLAYS>, ParamError> {
         self.numbers()?.inverse(sample_rate_hz)
     }
 

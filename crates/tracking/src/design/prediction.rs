@@ -70,9 +70,10 @@ pub fn predict(controller: &Controller, model_percent: Option<f64>) -> Result<Ve
 pub fn cost(controller: &Controller) -> Vec<Cost> {
     let around = &controller.model.around;
     let mut blocks = vec![
-        ("latency and modes (preview filter)", 2 * super::preview::TAPS),
-        ("creep inverse", 3 * CREEP_FAST + CREEP_SLOW),
-        ("hysteresis inverse", 5 + 5 * PLAYS),
+        ("latency and modes (preview filter)", super::preview::TAPS),
+        ("creep inverse", 2 * CREEP_FAST + 4),
+        // Powers of the input, two cubics of a bound, and a look at every play at worst.
+        ("hysteresis inverse", 5 + 6 + PLAYS),
         ("amplifier's lead", 2),
     ];
     let mut add = |there: bool, name, operations| {
@@ -82,7 +83,7 @@ pub fn cost(controller: &Controller) -> Vec<Cost> {
     };
     add(controller.model.linear.antiresonance().is_some(), "second mode", 5);
     add(around.coupling.is_some(), "decoupling", 5);
-    add(around.hum.is_some(), "hum", 14 * hysteron_core::surroundings::HARMONICS);
+    add(around.hum.is_some(), "hum", 6 * hysteron_core::surroundings::HARMONICS);
     add(around.heat.is_some(), "thermal gain", 18);
     add(around.sensor.is_some(), "sensor polynomial", 60);
     add(around.sensor_lag_s > 0.0, "sensor's lag", 4);

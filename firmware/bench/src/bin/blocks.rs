@@ -4,9 +4,10 @@
 
 use cortex_m_rt::entry;
 use counting::{Console, measure};
-use hysteron_core::bank::PlayState;
 use hysteron_core::biquad::{Biquad, BiquadState};
 use hysteron_core::codes::{AdcCode, Converter};
+use hysteron_core::corner_polynomial::CornerPolynomial;
+use hysteron_core::corners::CornerState;
 use hysteron_core::effects::Block as _;
 use hysteron_core::effects::coupling::{Coupling, CouplingState};
 use hysteron_core::effects::creep::{CreepInverse, CreepInverseState};
@@ -15,8 +16,7 @@ use hysteron_core::effects::lag::{HeldLagInverse, Lag, LagState};
 use hysteron_core::error::ParamError;
 use hysteron_core::law_numbers::{HumNumbers, LawNumbers};
 use hysteron_core::limiter::{Limiter, LimiterState};
-use hysteron_core::model::Hysteresis as _;
-use hysteron_core::play_polynomial::PlayPolynomial;
+use hysteron_core::model::{AtRest as _, Hysteresis as _};
 use hysteron_core::preview::{Preview, PreviewState};
 use hysteron_core::surroundings::{CompleteLaw, CompleteState, HARMONICS, LoopInput, SensorInverse};
 use hysteron_core::tracking_law::{CREEP_FAST, CREEP_SLOW, Feedback, FeedbackState, PLAYS, TAPS};
@@ -38,6 +38,12 @@ const EVERYTHING: LawNumbers = LawNumbers {
     ..table::NUMBERS
 };
 
+/// The table's law as one of two axes.
+const DESIGNED: LawNumbers = LawNumbers {
+    cross_um_per_um: Some(0.01),
+    ..table::NUMBERS
+};
+
 /// A law, a state of it, and the converters.
 #[derive(Clone, Copy)]
 struct Axis {
@@ -50,8 +56,8 @@ struct Axis {
 }
 
 impl Axis {
-    fn new() -> Result<Self, ParamError> {
-        let law = EVERYTHING.law()?;
+    fn new(numbers: &LawNumbers) -> Result<Self, ParamError> {
+        let law = numbers.law()?;
         let parameters = table::parameters()?;
         Ok(Self {
             law,
@@ -122,7 +128,7 @@ parts! {
     second_mode(Biquad<f32>, BiquadState<f32>), |b, m, _code, reference| digest(b.step(m, reference));
     creep(CreepInverse<f32, CREEP_FAST, CREEP_SLOW>, CreepInverseState<f32, CREEP_FAST, CREEP_SLOW>),
         |b, m, _code, reference| digest(b.step(m, reference));
-    hysteresis(PlayPolynomial<f32, PLAYS>, PlayState<f32, PLAYS>), |b, m, _code, reference| digest(b.step(m, reference));
+    hysteresis(CornerPolynomial<f32, PLAYS>, CornerState<f32, PLAYS>), |b, m, _code, reference| digest(b.step(m, reference));
     lead(HeldLagInverse<f32>, f32), |b, m, _code, reference| digest(b.step(m, reference));
     coupling(Coupling<f32>, CouplingState<f32>), |b, m, code, _reference| digest(b.step(m, code as f32 * 1e-3));
     hum(HumCanceller<f32, HARMONICS>, HumCancellerState<f32, HARMONICS>), |b, m, code, reference| {
@@ -141,7 +147,7 @@ parts! {
 
 /// Measures every block, then the law of one axis and of both.
 fn all(console: &mut Console) -> Result<(), ParamError> {
-    let axis = Axis::new()?;
+    let (axis, designed) = (Axis::new(&EVERYTHING)?, Axis::new(&DESIGNED)?);
     let law = &axis.law;
     let forward = &law.tracking.feedforward;
     let around = &law.surroundings;
@@ -162,7 +168,12 @@ fn all(console: &mut Console) -> Result<(), ParamError> {
         BiquadState::default()
     );
     measured!("creep 1", creep, forward.creep, forward.creep.rest_at(0.0));
-    measured!("hysteresis 1", hysteresis, forward.hysteresis, PlayState::virgin());
+    measured!(
+        "hysteresis 1",
+        hysteresis,
+        forward.hysteresis,
+        forward.hysteresis.at_rest(0.0, 0.0)
+    );
     measured!("lead 1", lead, forward.lead, 0.0);
     if let Some(block) = around.coupling {
         measured!("coupling 1", coupling, block, block.rest_at(0.0));
@@ -184,6 +195,8 @@ fn all(console: &mut Console) -> Result<(), ParamError> {
     measured!("codes 1", codes, [axis.adc, axis.dac], ());
     measure(console, "one-axis 1", Axis::tick, || axis);
     measure(console, "both-axes 2", Axis::both, || [axis; 2]);
+    measure(console, "designed-axis 1", Axis::tick, || designed);
+    measure(console, "designed-axes 2", Axis::both, || [designed; 2]);
     Ok(())
 }
 

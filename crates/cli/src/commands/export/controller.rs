@@ -3,9 +3,8 @@
 use super::{Ends, ExportArgs, top};
 use crate::commands::simulate::StageName;
 use crate::error::CliError;
-use hysteron_core::bank::PlayState;
 use hysteron_core::law_numbers::LawNumbers;
-use hysteron_core::model::Hysteresis;
+use hysteron_core::model::{AtRest as _, Hysteresis as _};
 use hysteron_table::{FORMAT, Family, Table};
 use hysteron_tracking::design::Controller;
 use std::fmt::Write;
@@ -77,7 +76,7 @@ fn reach_um(numbers: &LawNumbers, [min_v, max_v]: [f64; 2]) -> Result<[f64; 2], 
         .map_err(|error| CliError::Option(format!("the controller's inverse: {error}; design it again")))?;
     let (low, high) = (numbers.inverse.min_um, numbers.inverse.max_um);
     let at = |k: u32| low + (high - low) * f64::from(k) / f64::from(STEPS);
-    let mut state = PlayState::virgin();
+    let mut state = inverse.at_rest(0.0, 0.0);
     // Plays of one side begin all in line after a way down.
     inverse.step(&mut state, high);
     let mut reach = [f64::INFINITY, f64::NEG_INFINITY];
