@@ -17,6 +17,7 @@ pub mod effects;
 pub mod error;
 pub mod family;
 pub mod fit;
+pub mod grid;
 mod history;
 pub mod illustration;
 pub mod initial;

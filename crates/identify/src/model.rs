@@ -294,6 +294,11 @@ impl Model {
         Some(self.chain_with(Vec::new()))
     }
 
+    /// Whether an effect moves signals in time: then records are run on the grid of [`crate::grid::refinement`].
+    pub fn is_dynamic(&self) -> bool {
+        self.chain_with(Vec::new()).dynamic()
+    }
+
     /// The model's chain, with further links.
     pub(crate) fn chain_with(&self, mut links: Vec<Link>) -> Chain {
         links.extend(self.effects.iter().filter_map(|fitted| {

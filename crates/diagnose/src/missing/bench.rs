@@ -32,9 +32,9 @@ pub(crate) struct Bench<'a> {
     pub noise_um: f64,
     /// Weight of each record's mean squared error.
     pub weights: Vec<f64>,
-    /// Modelled position of each record at full rate.
+    /// Modelled position of each record on its grid.
     pub reference_um: Vec<Vec<f64>>,
-    /// Identification records with fewer rows, for searches.
+    /// Identification records on their grids with fewer rows, for searches.
     pub coarse: Vec<(usize, Trace)>,
 }
 
@@ -53,6 +53,7 @@ impl<'a> Bench<'a> {
             .enumerate()
             .filter(|(_, t)| t.role == Role::Identify)
             .map(|(i, t)| {
+                let t = t.on_grid();
                 let stride = t.rows.len().div_ceil(SEARCH_ROWS).max(1);
                 let rows = t.rows.iter().copied().step_by(stride).collect();
                 (i, Trace { rows, ..t.clone() })
@@ -99,7 +100,16 @@ impl<'a> Bench<'a> {
             .traces
             .each
             .par_iter()
-            .map(|t| chain::simulate(&self.base, &trial.effects, t, None, &trial.coefficients, columns))
+            .map(|t| {
+                chain::simulate(
+                    &self.base,
+                    &trial.effects,
+                    t.on_grid(),
+                    None,
+                    &trial.coefficients,
+                    columns,
+                )
+            })
             .collect();
     }
 
@@ -178,6 +188,7 @@ impl<'a> Bench<'a> {
             .par_iter()
             .enumerate()
             .map(|(i, t)| {
+                let t = t.on_grid();
                 let matrix = chain::matrix(&self.base, effects, t, self.reference(i));
                 let target = target(t, effects, self.reference(i));
                 let gram = Gram::new(&matrix, &target);
@@ -270,7 +281,16 @@ impl<'a> Bench<'a> {
             .each
             .par_iter()
             .enumerate()
-            .map(|(i, t)| chain::simulate(&self.base, &free, t, self.reference(i), &x, self.base.columns()))
+            .map(|(i, t)| {
+                chain::simulate(
+                    &self.base,
+                    &free,
+                    t.on_grid(),
+                    self.reference(i),
+                    &x,
+                    self.base.columns(),
+                )
+            })
             .collect();
         bench
     }
@@ -350,7 +370,7 @@ impl<'a> Bench<'a> {
         self.weights = self.weights_of(|i| mean_square(&trial.residuals[i]));
     }
 
-    /// Measured minus modelled at the full rate, run-in included.
+    /// Measured minus modelled at the recorded samples, run-in included.
     pub(crate) fn full_residuals(&self, trial: &Trial) -> Vec<Vec<f64>> {
         let referring = self.referring_to(trial);
         let columns = chain::width(&self.base, &trial.effects);
@@ -361,9 +381,17 @@ impl<'a> Bench<'a> {
             .enumerate()
             .map(|(i, t)| {
                 let reference = referring.reference(i);
-                let mut y = chain::simulate(&self.base, &trial.effects, t, reference, &trial.coefficients, columns);
-                user::add_beyond(&trial.effects, t, reference, &mut y);
-                t.position_um.iter().zip(y).map(|(m, y)| m - y).collect()
+                let on_grid = t.on_grid();
+                let mut y = chain::simulate(
+                    &self.base,
+                    &trial.effects,
+                    on_grid,
+                    reference,
+                    &trial.coefficients,
+                    columns,
+                );
+                user::add_beyond(&trial.effects, on_grid, reference, &mut y);
+                t.position_um.iter().zip(t.recorded(&y)).map(|(m, y)| m - y).collect()
             })
             .collect()
     }

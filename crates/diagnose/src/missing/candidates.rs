@@ -61,6 +61,15 @@ fn shortest(traces: &Traces) -> f64 {
     traces.each.iter().map(|t| t.period_s).fold(f64::INFINITY, f64::min)
 }
 
+/// Shortest step of the grids on which the records are run.
+fn shortest_step(traces: &Traces) -> f64 {
+    traces
+        .each
+        .iter()
+        .map(|t| t.on_grid().period_s)
+        .fold(f64::INFINITY, f64::min)
+}
+
 fn duration(traces: &Traces) -> f64 {
     traces
         .each
@@ -187,7 +196,7 @@ fn lag(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
 pub(crate) const MOST_DAMPING: f64 = 0.1;
 
 fn resonance(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
-    let nyquist = 0.5 / shortest(bench.traces);
+    let nyquist = 0.5 / shortest_step(bench.traces);
     // A tenth of a cycle in the longest record is no vibration; a mode far above the last sampled frequency shows only as inertia.
     let low = (5.0 / duration(bench.traces)).max(20.0).min(nyquist / 2.0);
     let mode = |frequency_hz: f64, zeta: f64| with(given, Effect::Mode { frequency_hz, zeta });

@@ -571,6 +571,7 @@ pub(crate) fn simulate(
 pub(crate) fn peak_rate(traces: &[Trace]) -> f64 {
     traces
         .iter()
+        .map(Trace::on_grid)
         .flat_map(|t| t.drive.windows(2).map(move |v| (v[1] - v[0]).abs() / t.period_s))
         .fold(0.0, f64::max)
 }

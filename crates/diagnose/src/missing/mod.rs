@@ -97,7 +97,9 @@ fn answer(
     let humless = traces::without_hum(dataset, model);
     let dataset = humless.as_ref().unwrap_or(dataset);
     let floor = noise::noise_floor(dataset);
-    let traces = Traces::new(dataset, &states, floor.rms_um);
+    // A model is judged on the grid on which it was fitted and on which it forecasts, and so is what is tried beside it.
+    let fine = model.is_dynamic();
+    let traces = Traces::new(dataset, &states, floor.rms_um, fine);
     let reasons = judge::cannot_answer(dataset, &traces, floor.rms_um);
     let look = |traces, noise_um, (from, to): (f64, f64)| {
         look(model, traces, noise_um, &before, own, &|done: f64, name: &str| {
@@ -123,7 +125,7 @@ fn answer(
     // All that hums looks like noise beside it: what else is missing is looked for without.
     let humless = hum::without(dataset, &traces, &residuals, &hum);
     let floor = noise::noise_floor(&humless);
-    let without = Traces::new(&humless, &states, floor.rms_um);
+    let without = Traces::new(&humless, &states, floor.rms_um, fine);
     let mut searched = look(&without, floor.rms_um, (0.6, 0.95));
     searched.judge.without(hum);
     let residuals = searched.residuals();

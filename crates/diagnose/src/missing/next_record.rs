@@ -214,6 +214,7 @@ fn simulate(bench: &Bench<'_>, rival: &Rival, proposal: &Proposal) -> Vec<f64> {
         stroke_um: 0.0,
         start_offset_um: 0.0,
         start_error_um: f64::INFINITY,
+        finer: None,
     };
     let base = bench.base.columns();
     let plain = chain::simulate(&bench.base, &rival.effects, &trace, None, &rival.coefficients, base);

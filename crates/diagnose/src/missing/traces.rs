@@ -4,7 +4,7 @@ use crate::missing::filters::running_mean;
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::effects::late;
 use hysteron_identify::family::{peak_to_peak, range};
-use hysteron_identify::{InitialState, Model};
+use hysteron_identify::{InitialState, Model, grid};
 use rayon::prelude::*;
 
 /// Rows of a record that a fit looks at: neighbouring samples tell the same, and 1200 rows resolve 60 periods of 20.
@@ -45,6 +45,8 @@ pub(crate) struct Trace {
     pub start_offset_um: f64,
     /// Standard error of that.
     pub start_error_um: f64,
+    /// The same record between its samples, its rows those of this one; `None` where the samples are the grid.
+    pub finer: Option<Box<Trace>>,
 }
 
 /// The records of a dataset and the scales they share.
@@ -62,8 +64,9 @@ pub(crate) struct Traces {
 }
 
 impl Traces {
-    /// Prepares the records; the state in which each starts is the one the model found.
-    pub(crate) fn new(dataset: &Dataset, states: &[InitialState], noise_um: f64) -> Self {
+    /// Prepares the records; the state in which each starts is the one the model found. `fine` asks for a finer grid where a
+    /// drive needs one.
+    pub(crate) fn new(dataset: &Dataset, states: &[InitialState], noise_um: f64, fine: bool) -> Self {
         let (low, high) = range(dataset.records.iter().flat_map(|r| &r.voltage_v).copied());
         let (middle_v, unit_v) = ((high + low) / 2.0, ((high - low) / 2.0).max(f64::MIN_POSITIVE));
         let other: Vec<&Vec<f64>> = dataset.records.iter().filter_map(|r| r.voltage2_v.as_ref()).collect();
@@ -88,6 +91,14 @@ impl Traces {
             .map(|(record, &state)| Trace::new(record, state, scales, moves))
             .collect();
         start_offsets(&mut each, noise_um);
+        if fine {
+            let records = dataset.records.par_iter().zip(states);
+            each.par_iter_mut().zip(records).for_each(|(trace, (record, &state))| {
+                if let InitialState::Periodic { samples } = state {
+                    trace.finer = trace.between_samples(&record.voltage_v, samples).map(Box::new);
+                }
+            });
+        }
         let stroke_um = each.iter().map(|t| t.stroke_um).fold(0.0, f64::max);
         Self {
             each,
@@ -186,8 +197,51 @@ impl Trace {
             stroke_um: if moves { peak_to_peak(&record.position_um) } else { 0.0 },
             start_offset_um: 0.0,
             start_error_um: f64::INFINITY,
+            finer: None,
             drive,
         }
+    }
+
+    /// The record on the grid on which a chain that moves signals in time is fitted; `None` where that is its samples.
+    fn between_samples(&self, voltage_v: &[f64], period: usize) -> Option<Self> {
+        let every = grid::refinement(&voltage_v[..period]);
+        if every == 1 {
+            return None;
+        }
+        let mut drive = grid::drive(voltage_v, period, every);
+        // A record that starts at the low end has nothing to run in.
+        drive.drain(..(period - self.from) * every);
+        drive
+            .iter_mut()
+            .for_each(|v| *v = (*v - self.scales.middle_v) / self.scales.unit_v);
+        let slow = |values: &[f64]| grid::slow(values, 0, every);
+        Some(Self {
+            period_s: self.period_s / every as f64,
+            position_um: slow(&self.position_um),
+            from: self.from * every,
+            rows: self.rows.iter().map(|k| k * every).collect(),
+            temperature_c: self.temperature_c.as_deref().map(slow),
+            drive2: self.drive2.as_deref().map(slow),
+            drive,
+            ..self.clone()
+        })
+    }
+
+    /// The record as a chain runs over it.
+    pub(crate) fn on_grid(&self) -> &Self {
+        self.finer.as_deref().unwrap_or(self)
+    }
+
+    /// The record's own samples of a series on the grid.
+    pub(crate) fn recorded<'a>(&self, series: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        series.iter().copied().step_by(self.samples_apart())
+    }
+
+    /// Samples of the grid a recorded one.
+    fn samples_apart(&self) -> usize {
+        self.finer
+            .as_ref()
+            .map_or(1, |finer| (self.period_s / finer.period_s).round() as usize)
     }
 
     /// The record's own samples of a series as long as `drive`.
