@@ -7,6 +7,7 @@ use crate::missing::{controllers_delay_s, physical, search};
 use hysteron_data::{Dataset, Role};
 use hysteron_identify::effects::UserEffect;
 use hysteron_identify::{Added, IdentifyError, Model, Step, add_effect, add_own_effect, remove_effect};
+use rayon::prelude::*;
 
 /// A step must bring the pooled validation error below this share of what it was; less does not matter.
 const CONFIRMED: f64 = 0.97;
@@ -126,10 +127,18 @@ impl<'a> Learner<'a> {
     /// A free shape bends to what two effects do together, and then finds too little in each of them; the model's own plays
     /// bend less. What a trial so begins is kept if it leaves nothing unexplained, see [`Self::take_back`].
     fn try_without_a_name(&mut self, diagnosis: &Diagnosis) -> bool {
-        let mut best: Option<(&str, Added)> = None;
         // Drift and hum have numbers of every record's own to hide behind, and are seen without any model.
-        for effect in physical().filter(|effect| !SEEN_WITHOUT_A_MODEL.contains(effect) && !self.has(effect)) {
-            let Ok(added) = self.added(effect) else { continue };
+        let effects: Vec<&str> = physical()
+            .filter(|effect| !SEEN_WITHOUT_A_MODEL.contains(effect) && !self.has(effect))
+            .collect();
+        let tried: Vec<Option<Added>> = effects
+            .par_iter()
+            .with_max_len(1)
+            .map(|effect| self.added(effect).ok())
+            .collect();
+        let mut best: Option<(&str, Added)> = None;
+        for (effect, added) in effects.into_iter().zip(tried) {
+            let Some(added) = added else { continue };
             if best.as_ref().is_none_or(|(_, best)| left(&added) < left(best)) {
                 best = Some((effect, added));
             }

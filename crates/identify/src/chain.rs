@@ -155,13 +155,31 @@ impl Chain {
         recorded(trace, &position)
     }
 
+    /// The response of a chain in which one link has changed since `before`; where the voltage at the stack and the plays stay,
+    /// they are not run again.
+    pub(crate) fn respond_again(
+        &self,
+        link: usize,
+        coefficients: &[f64],
+        trace: &Trace<'_>,
+        before: &Stroke,
+    ) -> Vec<f64> {
+        let changed = &self.links[link];
+        let same_plays = changed.effect.envelope(&changed.values).is_none();
+        if same_plays && self.stack(trace) == before.stack_v {
+            self.respond_from(coefficients, trace, before)
+        } else {
+            self.respond(coefficients, trace)
+        }
+    }
+
     /// The modelled position, and its change with each coefficient.
-    pub(crate) fn tangent(&self, coefficients: &[f64], trace: &Trace<'_>) -> Tangent {
-        let stack_v = self.stack(trace);
+    pub(crate) fn tangent(&self, coefficients: &[f64], trace: &Trace<'_>, stroke: &Stroke) -> Tangent {
+        let stack_v = &stroke.stack_v;
         let n = stack_v.len();
         let mut columns = vec![vec![0.0; n]; self.design.columns()];
         let mut row = vec![0.0; columns.len()];
-        self.plays(trace, &stack_v, |k, input, rate, outputs| {
+        self.plays(trace, stack_v, |k, input, rate, outputs| {
             fill(self.design.family, input, rate, outputs, &mut row);
             for (column, &value) in columns.iter_mut().zip(&row) {
                 column[k] = value;
@@ -169,17 +187,15 @@ impl Chain {
         });
         for (i, link) in self.links.iter().enumerate() {
             if link.effect.acts() == Acts::Linearly {
-                for column in &mut columns[1..] {
-                    link.effect
-                        .on_position(&link.values, &signals(trace, &stack_v, i), column);
-                }
+                link.effect
+                    .on_positions(&link.values, &signals(trace, stack_v, i), &mut columns[1..]);
             }
         }
         if !self.linear() {
-            self.bend(coefficients, trace, &stack_v, &mut columns);
+            self.bend(coefficients, trace, stack_v, &mut columns);
         }
         Tangent {
-            output: self.respond(coefficients, trace),
+            output: self.respond_from(coefficients, trace, stroke),
             columns: columns.iter().map(|column| recorded(trace, column)).collect(),
         }
     }

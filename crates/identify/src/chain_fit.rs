@@ -1,7 +1,7 @@
 //! Fits all parameters of a chain at once: the linear coefficients in closed form for every trial (variable projection,
 //! Golub and Pereyra 1973), those of the effects by damped Gauss-Newton steps within physical bounds.
 
-use crate::chain::Chain;
+use crate::chain::{Chain, Stroke};
 use crate::chain_trace::Trace;
 use crate::effects::Bounds;
 use crate::initial::{self, InitialState};
@@ -62,12 +62,16 @@ impl Problem<'_> {
     }
 
     pub(crate) fn of_trace(&self, fitted: &Fitted, trace: &Trace<'_>, derivatives: bool) -> Normal {
-        let tangent = fitted.chain.tangent(&fitted.coefficients, trace);
+        let stroke = fitted.chain.stroke(&fitted.coefficients, trace);
+        let tangent = fitted.chain.tangent(&fitted.coefficients, trace, &stroke);
         let mut by_parameter = Vec::new();
         if derivatives {
             for (i, bounds) in self.bounds.iter().enumerate() {
                 for (j, b) in bounds.iter().enumerate() {
-                    by_parameter.push(b.fitted.then(|| derivative(fitted, trace, (i, j), b, &tangent.output)));
+                    by_parameter.push(
+                        b.fitted
+                            .then(|| derivative(fitted, trace, &stroke, (i, j), b, &tangent.output)),
+                    );
                 }
             }
         }
@@ -271,13 +275,20 @@ impl Problem<'_> {
 }
 
 /// Change of the output with one parameter, by a difference that stays within the bounds.
-fn derivative(fitted: &Fitted, trace: &Trace<'_>, (link, j): (usize, usize), b: &Bounds, here: &[f64]) -> Vec<f64> {
+fn derivative(
+    fitted: &Fitted,
+    trace: &Trace<'_>,
+    stroke: &Stroke,
+    (link, j): (usize, usize),
+    b: &Bounds,
+    here: &[f64],
+) -> Vec<f64> {
     let value = fitted.chain.links[link].values[j];
     let forward = DIFFERENCE * b.scale;
     let step = if value + forward <= b.max { forward } else { -forward };
     let mut shifted = fitted.chain.clone();
     shifted.links[link].values[j] = value + step;
-    let there = shifted.respond(&fitted.coefficients, trace);
+    let there = shifted.respond_again(link, &fitted.coefficients, trace, stroke);
     there.iter().zip(here).map(|(a, b)| (a - b) / step).collect()
 }
 

@@ -1,6 +1,6 @@
 //! Where the search for an effect's parameters begins: the best few of its starts.
 
-use crate::chain::{Chain, Stroke};
+use crate::chain::Stroke;
 use crate::chain_fit::{Fitted, Problem};
 use crate::chain_trace::Trace;
 use crate::normal::Normal;
@@ -79,7 +79,9 @@ fn quick_look(
         .map(|trace| {
             let stroke = start.chain.stroke(&start.coefficients, trace);
             if own {
-                let tangent = without().tangent(&start.coefficients, trace);
+                let without = without();
+                let alone = without.stroke(&start.coefficients, trace);
+                let tangent = without.tangent(&start.coefficients, trace, &alone);
                 return Before {
                     stroke,
                     modelled: tangent.output,
@@ -105,7 +107,7 @@ fn quick_look(
             .par_iter()
             .zip(&before)
             .map(|(trace, before)| {
-                let with = respond_again(&chain, link, &start.coefficients, trace, &before.stroke);
+                let with = chain.respond_again(link, &start.coefficients, trace, &before.stroke);
                 of_trace(problem, trace, before, &with)
             })
             .collect();
@@ -119,17 +121,6 @@ fn quick_look(
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     scored.truncate(COMPARED);
     scored.into_iter().map(|(_, values)| values).collect()
-}
-
-/// The response of a changed link; where the voltage at the stack and the plays stay, they are not run again.
-fn respond_again(chain: &Chain, link: usize, coefficients: &[f64], trace: &Trace<'_>, before: &Stroke) -> Vec<f64> {
-    let changed = &chain.links[link];
-    let same_plays = changed.effect.envelope(&changed.values).is_none();
-    if same_plays && chain.stack(trace) == before.stack_v {
-        chain.respond_from(coefficients, trace, before)
-    } else {
-        chain.respond(coefficients, trace)
-    }
 }
 
 /// What is left, over what may move and the effect's change of the modelled position.

@@ -288,6 +288,13 @@ pub trait Effect: Send + Sync {
         let _ = (values, signals, position_um);
     }
 
+    /// [`Effect::on_position`] of many positions of one length.
+    fn on_positions(&self, values: &[f64], signals: &Signals<'_>, positions_um: &mut [Vec<f64>]) {
+        for position_um in positions_um {
+            self.on_position(values, signals, position_um);
+        }
+    }
+
     /// What a small change of the position before a nonlinear effect is behind it, in place.
     fn on_change(&self, values: &[f64], signals: &Signals<'_>, position_um: &[f64], change: &mut [f64]) {
         let _ = (values, signals, position_um, change);

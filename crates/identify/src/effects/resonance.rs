@@ -128,6 +128,15 @@ impl Effect for Resonance {
             .for_each(|(y, other)| *y += share * (other - *y));
     }
 
+    fn on_positions(&self, values: &[f64], signals: &Signals<'_>, positions_um: &mut [Vec<f64>]) {
+        match Mode::<f64>::new(values[0], values[1], 1.0 / signals.period_s) {
+            Ok(only) if values[4] == 0.0 => run::modes(&only, signals.run_in, positions_um),
+            _ => positions_um
+                .iter_mut()
+                .for_each(|position_um| self.on_position(values, signals, position_um)),
+        }
+    }
+
     fn dynamic(&self) -> bool {
         true
     }

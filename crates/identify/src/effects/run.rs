@@ -35,28 +35,59 @@ pub(crate) fn lag(tau_s: f64, period_s: f64, run_in: usize, series: &mut [f64]) 
     }
 }
 
+/// Series that a mode is run over side by side: each one's next sample waits for its last.
+const LANES: usize = 4;
+
 /// Runs a mode: from rest, or in the steady state of the run-in's period, `(1 - A^P) q_0 = e`.
 pub(crate) fn mode(mode: &Mode<f64>, run_in: usize, series: &mut [f64]) {
-    let Some(&first) = series.first() else { return };
-    let mut state = mode.rest_at(first);
+    side_by_side(mode, run_in, [series]);
+}
+
+/// [`mode`] of many series of one length.
+pub(crate) fn modes(mode: &Mode<f64>, run_in: usize, series: &mut [Vec<f64>]) {
+    let (together, rest) = series.as_chunks_mut::<LANES>();
+    for lanes in together {
+        side_by_side(mode, run_in, lanes.each_mut().map(Vec::as_mut_slice));
+    }
+    for one in rest {
+        self::mode(mode, run_in, one);
+    }
+}
+
+fn side_by_side<const N: usize>(mode: &Mode<f64>, run_in: usize, mut series: [&mut [f64]; N]) {
+    let n = series.each_ref().map(|lane| lane.len()).into_iter().min().unwrap_or(0);
+    if n == 0 {
+        return;
+    }
+    let mut states = series.each_ref().map(|lane| mode.rest_at(lane[0]));
     if run_in > 0 {
-        let mut forced = mode.rest_at(first);
-        forced.motion = [0.0; 2];
-        for &u in &series[1..=run_in] {
-            mode.step(&mut forced, u);
+        let mut forced = states;
+        for state in &mut forced {
+            state.motion = [0.0; 2];
+        }
+        for k in 1..=run_in {
+            for (state, lane) in forced.iter_mut().zip(&series) {
+                mode.step(state, lane[k]);
+            }
         }
         let [[a, b], [c, d]] = power(mode.free_motion(), run_in);
         let determinant = (1.0 - a) * (1.0 - d) - b * c;
-        let [e, f] = forced.motion;
-        // A damped mode forgets: the determinant is above (2 pi zeta)^2 of a period.
-        state.motion = [
-            ((1.0 - d) * e + b * f) / determinant,
-            (c * e + (1.0 - a) * f) / determinant,
-        ];
+        for (state, forced) in states.iter_mut().zip(forced) {
+            let [e, f] = forced.motion;
+            // A damped mode forgets: the determinant is above (2 pi zeta)^2 of a period.
+            state.motion = [
+                ((1.0 - d) * e + b * f) / determinant,
+                (c * e + (1.0 - a) * f) / determinant,
+            ];
+        }
     }
-    series[0] = state.motion[0];
-    for value in &mut series[1..] {
-        *value = mode.step(&mut state, *value);
+    for (state, lane) in states.iter().zip(&mut series) {
+        lane[0] = state.motion[0];
+    }
+    for k in 1..n {
+        for (state, lane) in states.iter_mut().zip(&mut series) {
+            lane[k] = mode.step(state, lane[k]);
+        }
     }
 }
 
@@ -106,6 +137,19 @@ mod tests {
         for (k, y) in y.iter().enumerate() {
             let wanted = 2.0 + w0 * w0 / re.hypot(im) * (w * k as f64 - im.atan2(re)).sin();
             assert!((y - wanted).abs() < 2e-4, "mode, {k}: {y} {wanted}");
+        }
+    }
+
+    /// Side by side the arithmetic is that of one alone.
+    #[test]
+    fn val_many_series_are_each_as_alone() {
+        let ring = Mode::new(0.13, 0.02, 1.0).unwrap();
+        for run_in in [0, 40] {
+            let mut together: Vec<Vec<f64>> = (3..10).map(|p| sine(p, 120)).collect();
+            let mut alone = together.clone();
+            modes(&ring, run_in, &mut together);
+            alone.iter_mut().for_each(|series| mode(&ring, run_in, series));
+            assert_eq!(together, alone);
         }
     }
 
