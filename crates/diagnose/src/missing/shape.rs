@@ -25,9 +25,21 @@ const LEAST_SHARE: f64 = 0.97;
 /// With the right effect the family comes down to the free shape; this much above it, as a ratio of errors, is a richer shape.
 const AS_GOOD: f64 = 1.5;
 
-/// ... unless it is below what ten plays leave at the least where nothing is missing, percent. For the asymmetry alone, which
-/// the plain superposition lacks by definition: a sigmoid of the stage's own and one of the sensor leave the same loops.
-const COARSE_PERCENT: f64 = 0.24;
+/// A bend of the voltage is another thing than the stage's own shape where it leaves less than this share of what a bend of the position
+/// leaves: the outputs of a stage's own elements saturate, which bends its loops over the position.
+const OF_THE_VOLTAGE: f64 = 0.5;
+
+/// ... takes this share, which the small loops of a stage's own shape bring down ...
+const LEAST_BEND: f64 = 0.9;
+
+/// ... of more than this, percent ...
+const LEAST_BEND_PERCENT: f64 = 0.25;
+
+/// ... and leaves no more than ten plays leave at the most where nothing is missing, percent.
+const COARSE_PERCENT: f64 = 0.97;
+
+/// What ten plays leave at the least there, percent: where that is reached, [`LEAST_SHARE`] is enough.
+const FINE_PERCENT: f64 = 0.24;
 
 /// A free shape whose forecast is worse than the model's own by this factor is not determined by the records: sines of one
 /// amplitude leave the inside of the loops open.
@@ -101,7 +113,6 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
         } else {
             0.0
         };
-        let coarse_percent = if name == "asymmetry" { COARSE_PERCENT } else { 0.0 };
         let entry = RankedEffect {
             effect: name.to_owned(),
             identify_percent: trial.identify_percent,
@@ -115,7 +126,7 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
             significant: name != "amplitude-gain"
                 && share > LEAST_SHARE
                 && above.sqrt() > TOO_POOR_PERCENT
-                && pooled(&trial).sqrt() < (AS_GOOD * pooled(last).sqrt()).max(coarse_percent),
+                && pooled(&trial).sqrt() < AS_GOOD * pooled(last).sqrt(),
             level: Level::Shape,
             parameters: plays.parameters(&trial, &added.iter().collect::<Vec<_>>()),
         };
@@ -124,6 +135,19 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
             Some(old) => *old = entry,
             None => ranking.push(entry),
         }
+    }
+    let of_the_position = ranking
+        .iter()
+        .find(|r| r.effect == "sensor-nonlinearity")
+        .map_or(0.0, |r| r.share.max(0.0));
+    if let Some(bend) = ranking.iter_mut().find(|r| r.effect == "asymmetry") {
+        let percent = ((bend.identify_percent.powi(2) + bend.validate_percent.powi(2)) / 2.0).sqrt();
+        let of_the_voltage = bend.share > LEAST_BEND
+            && 1.0 - bend.share < OF_THE_VOLTAGE * (1.0 - of_the_position)
+            && above.sqrt() > LEAST_BEND_PERCENT
+            && percent < COARSE_PERCENT;
+        let all = bend.share > LEAST_SHARE && above.sqrt() > TOO_POOR_PERCENT && percent < FINE_PERCENT;
+        bend.significant |= of_the_voltage || all;
     }
     ranking.sort_by(|a, b| b.share.total_cmp(&a.share));
     ShapeAnswer {
