@@ -2,7 +2,7 @@
 
 use super::Controller;
 use crate::error::TrackingError;
-use hysteron_identify::control::model::{CREEP_FAST, CREEP_SLOW, PLAYS};
+use hysteron_identify::control::model::{CREEP_FAST, PLAYS};
 use serde::Serialize;
 
 /// The frequencies that errors are predicted at, hertz.
