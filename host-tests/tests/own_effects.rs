@@ -55,7 +55,6 @@ fn found(seed: u64, family: StageFamily, subject: Subject, unknown_without: bool
 #[test]
 fn val_a_ripple_of_the_reading_is_named_with_the_users_file() {
     found(901, StageFamily::SigmoidPlays, Subject::Ripple, true);
-    found(903, StageFamily::Mrpi, Subject::Ripple, true);
 }
 
 #[test]

@@ -64,11 +64,6 @@ fn learned_and_compensated(effect: &str, seed: u64, options: &[&str]) -> Value {
     answer
 }
 
-#[test]
-fn val_delay_is_learned_and_compensated() {
-    learned_and_compensated("delay", 1, &[]);
-}
-
 /// In records of 100 samples a second its harmonics lie on one another.
 #[test]
 fn val_hum_is_learned_and_compensated() {
