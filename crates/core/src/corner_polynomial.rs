@@ -4,7 +4,7 @@ use crate::bank::PlayBank;
 use crate::corners::{CornerState, Corners, Sums};
 use crate::error::ParamError;
 use crate::model::{AtRest, Hysteresis, bounded};
-use crate::play_polynomial::{INPUT_DEGREE, PlayPolynomial, PolynomialCoefficients};
+use crate::play_polynomial::{INPUT_DEGREE, PlayPolynomial, PolynomialCoefficients, of_input};
 use crate::real::Real;
 
 /// `sum q1_j w_j + q2_j w_j^2 + q3_j w_j^3` over the first plays, as polynomials of what moves them.
@@ -110,10 +110,7 @@ impl<T: Real, const N: usize> Hysteresis<T> for CornerPolynomial<T, N> {
     #[inline(always)]
     fn step(&self, state: &mut CornerState<T, N>, input: T) -> T {
         let (input, _) = self.corners.bank.admit(&mut state.input, input);
-        let mut of_input = T::ZERO;
-        for &c in self.input_function.iter().rev() {
-            of_input = (of_input + c) * input;
-        }
+        let of_input = of_input(&self.input_function, input);
         self.offset + (of_input + self.corners.step(state, input, input))
     }
 }

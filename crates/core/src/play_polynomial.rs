@@ -91,13 +91,20 @@ impl<T: Real, const N: usize> Hysteresis<T> for PlayPolynomial<T, N> {
     }
 }
 
-/// `g(v) + sum (q1_i w_i + q2_i w_i^2 + q3_i w_i^3)` over slices; `plays` are q1, q2, q3.
+/// `g(v)`
 #[inline(always)]
-pub fn output<T: Real>(input_function: &[T; INPUT_DEGREE], plays: [&[T]; 3], input: T, outputs: &[T]) -> T {
+pub(crate) fn of_input<T: Real>(input_function: &[T; INPUT_DEGREE], input: T) -> T {
     let mut sum = T::ZERO;
     for &c in input_function.iter().rev() {
         sum = (sum + c) * input;
     }
+    sum
+}
+
+/// `g(v) + sum (q1_i w_i + q2_i w_i^2 + q3_i w_i^3)` over slices; `plays` are q1, q2, q3.
+#[inline(always)]
+pub fn output<T: Real>(input_function: &[T; INPUT_DEGREE], plays: [&[T]; 3], input: T, outputs: &[T]) -> T {
+    let mut sum = of_input(input_function, input);
     let [linear, quadratic, cubic] = plays;
     for (((&w, &q1), &q2), &q3) in outputs.iter().zip(linear).zip(quadratic).zip(cubic) {
         sum += ((q3 * w + q2) * w + q1) * w;

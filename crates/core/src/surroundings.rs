@@ -51,7 +51,7 @@ impl<T: Real> SensorInverse<T> {
         for _ in 0..3 {
             // Where the curve turns back there is no position: the slope is kept at a quarter.
             let slope = self.curve.slope(u).select_max(T::from_f64(0.25));
-            u = u - (self.curve.reading(u) - from_middle) / slope;
+            u -= (self.curve.reading(u) - from_middle) / slope;
         }
         self.middle + admit(u, from_middle)
     }
@@ -210,8 +210,8 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         if let Some(share) = around.cross {
             target -= share * input.motion2_ahead;
         }
-        if let (Some(part), Some(memory)) = (&around.hum, &state.hum) {
-            target -= part.predict(memory);
+        if let Some(memory) = &state.hum {
+            target -= memory.predicted();
         }
         if let (Some(part), Some(memory)) = (&around.heat, &mut state.heat) {
             target = part.undo(memory, target, input.temperature_c);
@@ -246,17 +246,16 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         state.place = if state.place + 1 < ahead { state.place + 1 } else { 0 };
         state.due
     }
-
-    /// The reference that is due now: of the last [`Self::step`], what the position is compared with.
-    #[inline(always)]
-    pub fn due(&self, state: &ChainState<T, TAPS, PLAYS, FAST, SLOW>) -> T {
-        state.due
-    }
 }
 
 impl<T: Copy, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize>
     ChainState<T, TAPS, PLAYS, FAST, SLOW>
 {
+    /// The reference that is due now: of the last [`ChainLaw::step`], what the position is compared with.
+    pub fn due(&self) -> T {
+        self.due
+    }
+
     /// Whether the last command met a limit.
     pub fn limited(&self) -> bool
     where

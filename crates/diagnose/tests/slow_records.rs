@@ -102,10 +102,6 @@ fn regress_a_model_is_judged_on_the_grid_on_which_it_was_fitted() {
     for (told, compared) in told.into_iter().zip([fitted.nrmse_percent, forecast.nrmse_percent]) {
         assert!((told - compared).abs() < 1e-9, "{told} {compared}");
     }
-    println!(
-        "{told:?} {:?} {} {}",
-        found.free_shape, found.shape_determined, found.verdict
-    );
     // A free shape has all that the model's plays have; its ridge may cost it a tenth.
     let again = found.free_shape.identify_percent.unwrap();
     assert!(again < 1.1 * fitted.nrmse_percent, "{again} {}", fitted.nrmse_percent);

@@ -203,7 +203,7 @@ impl Complete {
         };
         Step {
             command_v: self.law.step_through(chain, input, limiter),
-            reference_um: self.law.due(chain),
+            reference_um: chain.due(),
             limited: chain.limited(),
             feedback_v: chain.integral(),
         }

@@ -104,11 +104,6 @@ impl<T: Real, const N: usize> HumCanceller<T, N> {
         }
     }
 
-    /// The hum at the sample that many samples ahead of this one.
-    pub fn predict(&self, state: &HumCancellerState<T, N>) -> T {
-        state.predicted
-    }
-
     /// Learns from the error (reference less position) of this sample and turns on to the next; an error that is not finite
     /// teaches nothing.
     #[inline(always)]
@@ -136,6 +131,13 @@ impl<T: Real, const N: usize> HumCanceller<T, N> {
     }
 }
 
+impl<T: Copy, const N: usize> HumCancellerState<T, N> {
+    /// The hum at the sample that the canceller predicts, as many samples ahead of this one as it was built for.
+    pub fn predicted(&self) -> T {
+        self.predicted
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -154,7 +156,7 @@ mod tests {
             let mut wanted = [[0.0; 2]; 2];
             for k in 0..(5.0 * tau_s * rate_hz) as usize {
                 let t = k as f64 / rate_hz;
-                predicted.push_back(canceller.predict(&state));
+                predicted.push_back(state.predicted());
                 let now = predicted.pop_front().unwrap();
                 let hum = 0.03 * (TAU * hz * t + 1.0).sin() + 0.01 * (2.0 * TAU * hz * t + 2.5).sin();
                 let miss = now - hum;
@@ -192,7 +194,7 @@ mod tests {
             let mut predicted = std::collections::VecDeque::from(std::vec![0.0; 16]);
             let mut left = 0.0_f64;
             for k in 0..150_000_u32 {
-                predicted.push_back(f64::from(canceller.predict(&state)));
+                predicted.push_back(f64::from(state.predicted()));
                 let t = f64::from(k) / 50e3;
                 let hum = 0.03 * (TAU * hz * t + 1.0).sin() + 0.01 * (3.0 * TAU * hz * t + 2.5).sin();
                 let miss = predicted.pop_front().unwrap() - hum;
@@ -210,7 +212,7 @@ mod tests {
         let mut state = canceller.start();
         for error in [1.0, f32::NAN, 1e30, -1e30, f32::INFINITY, -f32::MAX, 0.0] {
             canceller.learn(&mut state, error);
-            assert!(canceller.predict(&state).is_finite());
+            assert!(state.predicted().is_finite());
         }
     }
 

@@ -65,6 +65,11 @@ pub(crate) fn of_family(model: &Model, traces: &Traces) -> Base {
     }
 }
 
+/// Identification and validation pooled.
+fn mean_square(identify_percent: f64, validate_percent: f64) -> f64 {
+    (identify_percent.powi(2) + validate_percent.powi(2)) / 2.0
+}
+
 /// Compares the model's family with the free shape, with what was found in both.
 pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnswer {
     if model.family == Family::PlayPolynomial || bench.base.shape != Shape::Free {
@@ -76,7 +81,7 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
     let base = of_family(model, bench.traces);
     let (plays, start) = Bench::new(bench.traces, base, &last.effects, bench.noise_um);
     let start = plays.fit(&start.effects, Some(1));
-    let pooled = |t: &Trial| (t.identify_percent.powi(2) + t.validate_percent.powi(2)) / 2.0;
+    let pooled = |t: &Trial| mean_square(t.identify_percent, t.validate_percent);
     let above = (pooled(&start) - pooled(last)).max(0.0);
     let stroke = bench.traces.stroke_um;
     let with = |more: Effect| last.effects.iter().cloned().chain([more]).collect::<Vec<_>>();
@@ -141,7 +146,7 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
         .find(|r| r.effect == "sensor-nonlinearity")
         .map_or(0.0, |r| r.share.max(0.0));
     if let Some(bend) = ranking.iter_mut().find(|r| r.effect == "asymmetry") {
-        let percent = ((bend.identify_percent.powi(2) + bend.validate_percent.powi(2)) / 2.0).sqrt();
+        let percent = mean_square(bend.identify_percent, bend.validate_percent).sqrt();
         let of_the_voltage = bend.share > LEAST_BEND
             && 1.0 - bend.share < OF_THE_VOLTAGE * (1.0 - of_the_position)
             && above.sqrt() > LEAST_BEND_PERCENT

@@ -132,7 +132,7 @@ parts! {
     lead(HeldLagInverse<f32>, f32), |b, m, _code, reference| digest(b.step(m, reference));
     coupling(Coupling<f32>, CouplingState<f32>), |b, m, code, _reference| digest(b.step(m, code as f32 * 1e-3));
     hum(HumCanceller<f32, HARMONICS>, HumCancellerState<f32, HARMONICS>), |b, m, code, reference| {
-        let predicted = b.predict(m);
+        let predicted = m.predicted();
         b.learn(m, error_um(code, reference));
         digest(predicted)
     };

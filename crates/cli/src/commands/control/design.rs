@@ -7,6 +7,7 @@ use crate::output;
 use clap::{Args, ValueEnum};
 use hysteron_identify::Model;
 use hysteron_identify::control::{ControlModel, RecordedHold, Undone, chain_of, identify};
+use hysteron_tracking::design::feedback::LARGEST_SENSITIVITY;
 use hysteron_tracking::design::prediction::{cost, predict};
 use hysteron_tracking::design::{Controller, ReferenceKind};
 use std::fmt::Write;
@@ -32,7 +33,7 @@ pub(crate) struct DesignArgs {
     #[arg(long, value_name = "HZ")]
     pub rate_hz: Option<f64>,
     /// Largest peak of the sensitivity over modes +-10 % and loop gain 0.6 to 1.3, 1.2 to 4: less is more robust and rejects less
-    #[arg(long, value_name = "PEAK", default_value_t = 2.0, conflicts_with = "open")]
+    #[arg(long, value_name = "PEAK", default_value_t = LARGEST_SENSITIVITY, conflicts_with = "open")]
     pub margin: f64,
     /// Without feedback
     #[arg(long)]
