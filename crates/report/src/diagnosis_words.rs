@@ -1,6 +1,7 @@
 //! A diagnosis in plain sentences.
 
-use hysteron_diagnose::diagnosis::Diagnosis;
+use crate::number::significant;
+use hysteron_diagnose::diagnosis::{Diagnosis, Level, RankedEffect};
 
 /// The verdict in one sentence.
 pub fn verdict_sentence(diagnosis: &Diagnosis) -> String {
@@ -33,6 +34,22 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
         lines.push(format!(
             "With it in the model, there is still {}.",
             list(&diagnosis.further, "and")
+        ));
+    }
+    let seen = |r: &&RankedEffect| r.effect == "backlash" && r.level == Level::Physical && r.significant;
+    if let Some(lost) = diagnosis.ranking.iter().find(seen) {
+        let value = |name: &str| {
+            lost.parameters
+                .iter()
+                .find(|p| p.name == name)
+                .map_or(f64::NAN, |p| p.value)
+        };
+        lines.push(format!(
+            "After {:.0} slow reversals, at either end, the position stands still over {}\u{a0}V and then sets off at once: \
+             up to {}\u{a0}um are lost. The plays of a model take part of that in.",
+            value("reversals_looked_at"),
+            significant(value("dead_band")),
+            significant(value("largest_width"))
         ));
     }
     if let Some(known_s) = diagnosis.known_delay_s {

@@ -5,6 +5,7 @@
 mod bench;
 mod candidates;
 mod chain;
+mod dead_band;
 mod filters;
 pub(crate) mod hum;
 mod judge;
@@ -571,7 +572,15 @@ fn conclude(
         names.push("resonance".to_owned());
         ranking.insert(names.len() - 1, entry);
     }
-    let shape = shape::shape(model, bench, last);
+    let mut shape = shape::shape(model, bench, last);
+    // The plays take lost motion in: whatever the fits say of it, the position stands still.
+    if !model.effects.iter().any(|effect| effect.name == "backlash")
+        && let Some(entry) = dead_band::find(bench, last)
+    {
+        shape.ranking.retain(|r| r.effect != "backlash");
+        names.push("backlash".to_owned());
+        ranking.insert(names.len() - 1, entry);
+    }
     let physical = names.first().cloned();
     // Jumps between levels move the zero at the records' starts too.
     let by_starts = last.effects.contains(&Effect::StartOffset);
@@ -599,11 +608,13 @@ fn conclude(
     let verdict = if !reasons.is_empty() {
         "unknown".to_owned()
     } else if let Some(name) = physical {
-        // A ring after a step is seen as such, whatever else remains.
-        if enough || name == "resonance" && found.is_empty() {
-            name
-        } else {
-            "unknown".to_owned()
+        // A ring after a step and a dead band are seen as such, whatever else remains.
+        let rings = name == "resonance" && found.is_empty();
+        let stands = names.iter().find(|name| *name == "backlash");
+        match stands {
+            _ if enough || rings => name,
+            Some(backlash) => backlash.clone(),
+            None => "unknown".to_owned(),
         }
     } else if !before.exceeds(judge::MATTERS_PERCENT) {
         // Whatever a free shape without the model's rate dependence would leave.
