@@ -3,6 +3,7 @@
 
 mod ahead;
 pub mod budget;
+pub mod capture;
 mod emulator;
 pub mod host;
 pub mod image;
@@ -83,6 +84,14 @@ pub enum BoardError {
     Refused {
         /// The tick that said so.
         tick: u32,
+        /// The change.
+        what: &'static str,
+    },
+    /// A change that the board says nothing of.
+    #[error(
+        "the board did not answer when it was asked for {what}; the loop was not started. Is it this version's firmware?"
+    )]
+    NoAnswer {
         /// The change.
         what: &'static str,
     },

@@ -2,25 +2,14 @@
 
 use crate::{BoardError, Recording};
 use hysteron_core::codes::{AdcCode, Converter};
-use hysteron_firmware::telemetry::{
-    ABOUT_BYTES, About, Found, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample, find, order_packet,
-};
-use hysteron_firmware::wire::{Hello, Order};
-use std::fs::File;
-use std::io::{Read, Write};
-use std::net::{TcpStream, ToSocketAddrs};
-use std::path::Path;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
-use std::time::Duration;
-
-/// Longest wait for a connection, and for the next byte.
-pub const PATIENCE: Duration = Duration::from_secs(5);
+use hysteron_firmware::telemetry::{ABOUT_BYTES, About, Found, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample, find};
+use hysteron_firmware::wire::{ACCEPTED, Hello, REFUSED};
 
 /// Bytes without a packet after which the stream is none of ours: four seconds of a board's.
 const MOST_FOREIGN_BYTES: u64 = 4 << 20;
 
 /// Samples without a description after which none will come.
-const MOST_UNEXPLAINED: u64 = 8 * SAMPLES_AN_ABOUT as u64;
+pub(crate) const MOST_UNEXPLAINED: u64 = 8 * SAMPLES_AN_ABOUT as u64;
 
 /// Pieces of a recording: with more, it is the connection that was recorded.
 const MOST_PIECES: usize = 1000;
@@ -79,6 +68,16 @@ pub struct Collector {
     abouts: Vec<About>,
     pieces: Vec<(u64, Vec<Sample>)>,
     counts: Counts,
+    /// What the board said of the last change that it was asked for.
+    answer: Option<Answer>,
+}
+
+/// What a board says of a change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Answer {
+    /// The tick that made it or did not.
+    pub tick: u32,
+    pub accepted: bool,
 }
 
 impl Collector {
@@ -145,6 +144,12 @@ impl Collector {
 
     fn sample(&mut self, sample: Sample) -> Result<(), BoardError> {
         let number = sample.frame.number;
+        if sample.frame.flags & (ACCEPTED | REFUSED) != 0 {
+            self.answer = Some(Answer {
+                tick: number,
+                accepted: sample.frame.flags & ACCEPTED != 0,
+            });
+        }
         let last = self.pieces.last().and_then(|(_, samples)| samples.last());
         let one_table = last.is_some_and(|last| last.frame.bank() == sample.frame.bank());
         let follows = match last.map(|last| number.wrapping_sub(last.frame.number)) {
@@ -196,13 +201,40 @@ impl Collector {
         self.counts.samples + self.counts.lost
     }
 
+    /// What was counted so far.
+    pub(crate) fn counts(&self) -> &Counts {
+        &self.counts
+    }
+
+    /// The tables, once the board has described each.
+    pub(crate) fn tables(&self) -> Option<Vec<Hello>> {
+        let mut tables: Vec<Hello> = self.abouts.iter().map(|about| about.hello).collect();
+        tables.sort_by_key(|hello| hello.bank);
+        (tables.len() >= tables.first()?.banks.into()).then_some(tables)
+    }
+
+    /// The answer to a change, once.
+    pub(crate) fn answer(&mut self) -> Option<Answer> {
+        self.answer.take()
+    }
+
+    /// Begins the recording anew: what came before was no part of it.
+    pub(crate) fn begin(&mut self) {
+        self.pieces.clear();
+        let foreign_bytes = self.counts.foreign_bytes;
+        self.counts = Counts {
+            foreign_bytes,
+            ..Counts::default()
+        };
+    }
+
     /// Rate of the loop, hertz, once the board has described itself.
-    fn rate_hz(&self) -> Option<f64> {
+    pub(crate) fn rate_hz(&self) -> Option<f64> {
         Some(f64::from(self.abouts.first()?.hello.sample_rate_hz))
     }
 
     /// Whether the stream is none of ours.
-    fn foreign(&self) -> bool {
+    pub(crate) fn foreign(&self) -> bool {
         self.counts.samples == 0 && self.abouts.is_empty() && self.counts.foreign_bytes > MOST_FOREIGN_BYTES
     }
 
@@ -253,117 +285,4 @@ impl Collector {
             counts: self.counts,
         })
     }
-}
-
-/// Records for so many seconds of the board's time, or until the stream ends or is silent for [`PATIENCE`].
-///
-/// `from` is a file or device that is there, or `HOST:PORT` of a server that sends the bytes of the board's telemetry. With `run` the
-/// loop is started when the board has described itself, which only a server can, and stopped at the end; what happens in between, the
-/// recording shows. A board that has been asked to run is asked to stop however this ends.
-///
-/// # Errors
-/// A length that makes no sense, nothing at `from`, nobody there to be asked, and as [`Collector::push`] and [`Collector::finish`].
-pub fn capture(from: &str, seconds: f64, run: bool, progress: &mut dyn FnMut(f64)) -> Result<Capture, BoardError> {
-    crate::within("seconds", seconds, 1e-3, 600.0)?;
-    let (source, mut asked) = open(from)?;
-    if run && asked.is_none() {
-        return Err(BoardError::NotAsked(from.to_owned()));
-    }
-    let recorded = record(from, source, seconds, progress, &mut |order| match &mut asked {
-        Some(board) if run => board.write_all(&order_packet(order)).map_err(failed(from)),
-        _ => Ok(()),
-    });
-    if let Some(board) = asked.filter(|_| run) {
-        // The other side may be gone already; what was recorded says whether the loop still ran.
-        let _ = (&board).write_all(&order_packet(Order::Stop));
-    }
-    recorded
-}
-
-fn record(
-    from: &str,
-    source: Box<dyn Read + Send>,
-    seconds: f64,
-    progress: &mut dyn FnMut(f64),
-    ask: &mut dyn FnMut(Order) -> Result<(), BoardError>,
-) -> Result<Capture, BoardError> {
-    let chunks = chunks(source);
-    let mut collector = Collector::default();
-    let mut started = false;
-    loop {
-        match chunks.recv_timeout(PATIENCE) {
-            Ok(Ok(chunk)) => collector.push(&chunk)?,
-            Ok(Err(source)) if collector.ticks() == 0 => return Err(failed(from)(source)),
-            Err(RecvTimeoutError::Timeout) if collector.ticks() == 0 && collector.counts.foreign_bytes == 0 => {
-                return Err(BoardError::Silent { from: from.to_owned() });
-            }
-            // A stream that ends or breaks off leaves what has come.
-            Ok(Err(_)) | Err(_) => break,
-        }
-        let rate_hz = collector.rate_hz();
-        if let Some(rate_hz) = rate_hz {
-            if !started {
-                ask(Order::Start)?;
-                started = true;
-            }
-            let share = collector.ticks() as f64 / (seconds * rate_hz);
-            progress(share);
-            if share >= 1.0 {
-                break;
-            }
-        }
-        if collector.foreign() || (rate_hz.is_none() && collector.ticks() > MOST_UNEXPLAINED) {
-            break;
-        }
-    }
-    collector.finish()
-}
-
-fn failed(from: &str) -> impl Fn(std::io::Error) -> BoardError {
-    let from = from.to_owned();
-    move |source| BoardError::Source {
-        from: from.clone(),
-        source,
-    }
-}
-
-/// What sends, and who can be asked, where it is a server.
-type Opened = (Box<dyn Read + Send>, Option<TcpStream>);
-
-fn open(from: &str) -> Result<Opened, BoardError> {
-    if Path::new(from).exists() || !from.contains(':') {
-        return Ok((Box::new(File::open(from).map_err(failed(from))?), None));
-    }
-    let mut last = std::io::Error::new(std::io::ErrorKind::NotFound, "the name has no address");
-    for address in from.to_socket_addrs().map_err(failed(from))? {
-        match TcpStream::connect_timeout(&address, PATIENCE) {
-            Ok(stream) => {
-                let asked = stream.try_clone().map_err(failed(from))?;
-                return Ok((Box::new(stream), Some(asked)));
-            }
-            Err(error) => last = error,
-        }
-    }
-    Err(failed(from)(last))
-}
-
-/// Reads in a thread of its own: a device that is silent can be waited for, but not for ever.
-fn chunks(mut source: Box<dyn Read + Send>) -> Receiver<std::io::Result<Vec<u8>>> {
-    let (sender, receiver) = sync_channel(64);
-    std::thread::spawn(move || {
-        let mut buffer = vec![0; 1 << 16];
-        loop {
-            let read = match source.read(&mut buffer) {
-                Ok(0) => return,
-                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
-                read => read,
-            };
-            let ended = read.is_err();
-            // Nobody listens any more: the recording is over.
-            if sender.send(read.map(|length| buffer[..length].to_vec())).is_err() || ended {
-                return;
-            }
-        }
-    });
-    receiver
 }

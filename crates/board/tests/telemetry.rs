@@ -1,7 +1,8 @@
 //! Packets of a board, found in what a connection makes of them.
 
 use hysteron_board::BoardError;
-use hysteron_board::telemetry::{Capture, Collector, capture};
+use hysteron_board::capture::{Start, capture};
+use hysteron_board::telemetry::{Capture, Collector};
 use hysteron_firmware::table;
 use hysteron_firmware::telemetry::{
     ABOUT_BYTES, About, Found, Orders, SAMPLE_BYTES, Sample, checksum, find, order_packet,
@@ -250,12 +251,17 @@ fn refuse_streams_that_are_no_recording() {
 
 #[test]
 fn refuse_sources_that_are_none() {
-    let said = |from: &str, seconds: f64| capture(from, seconds, false, &mut |_| ()).err().unwrap().to_string();
+    let said = |from: &str, seconds: f64| {
+        capture(from, seconds, Start::Nobody, &mut |_| ())
+            .err()
+            .unwrap()
+            .to_string()
+    };
     assert!(said("/no/such/device", 1.0).starts_with("/no/such/device: "));
     assert!(said("127.0.0.1:99999", 1.0).starts_with("127.0.0.1:99999: "));
     assert!(said("/dev/null", 1.0).starts_with("no sample in 0 bytes"));
     assert!(said("/dev/null", f64::NAN).starts_with("seconds = NaN must lie in"));
-    let asked = capture("/dev/null", 1.0, true, &mut |_| ())
+    let asked = capture("/dev/null", 1.0, Start::Host, &mut |_| ())
         .err()
         .map(|error| error.to_string());
     assert!(asked.is_some_and(|said| said.starts_with("/dev/null: a file takes no orders")));

@@ -5,10 +5,13 @@
 use assert_cmd::Command;
 use hysteron_board::budget::BOARDS;
 use hysteron_data::read_dataset;
+use hysteron_firmware::controller::Controller;
 use hysteron_firmware::monitor::Fault;
+use hysteron_firmware::small_stage::SmallStage;
 use hysteron_firmware::table;
 use hysteron_firmware::telemetry::{About, Orders, Sample};
-use hysteron_firmware::wire::{Frame, Mode, Order, flags};
+use hysteron_firmware::trajectory::Shape;
+use hysteron_firmware::wire::{Frame, Input, Mode, Order, Setup, flags};
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
@@ -200,6 +203,166 @@ fn val_a_run_that_the_host_starts_and_stops() {
     let said = answered(&Command::cargo_bin("hysteron").unwrap().args(args).output().unwrap());
     assert!(said.contains("500 samples in 0.010 s, 0 lost"), "{said}");
     assert_eq!(board.join().unwrap(), (Order::Start, Order::Stop));
+}
+
+/// The firmware's own application at a small stage behind a connection: it ticks while it is told something, and `ticks` times once it
+/// has been started, by the host or before it came; then it waits for the stop. Says what it was asked for, and the reference it ran.
+fn board_behind(server: &TcpListener, ticks: u32, started: bool) -> (Vec<Order>, Vec<f32>) {
+    let (mut connection, _) = server.accept().unwrap();
+    for about in About::all("nucleo-h743zi") {
+        connection.write_all(&about.to_packet()).unwrap();
+    }
+    let parameters = table::parameters().unwrap();
+    let mut stage = SmallStage::new(&parameters, 1);
+    let asleep = Setup {
+        ticks: 0,
+        shape: Shape::Sine,
+        phase_step: 1 << 20,
+        low_um: table::INPUT_MIN_UM,
+        high_um: table::INPUT_MAX_UM,
+        feedforward: true,
+        feedback: true,
+        clocked: true,
+    };
+    let mut controller = Controller::new(parameters, &asleep);
+    let (mut orders, mut asked, mut played, mut left) = (Orders::default(), Vec::new(), Vec::new(), 0);
+    if started {
+        controller.step(stage.input(0, u32::MAX), false);
+    }
+    loop {
+        let order = if left > 0 {
+            left -= 1;
+            Order::None
+        } else {
+            let mut byte = [0];
+            // The host closes when it has been told what it wants to know.
+            if connection.read(&mut byte).unwrap_or(0) == 0 {
+                return (asked, played);
+            }
+            let Some(order) = orders.push(byte[0]) else { continue };
+            asked.push(order);
+            order
+        };
+        if order == Order::Start {
+            left = ticks;
+        }
+        let adc = stage.input(1, u32::MAX).adc;
+        let frame = controller.step(Input { adc, order }, false);
+        stage.output(frame.dac);
+        if frame.mode() == Mode::Running {
+            played.push(frame.reference_um);
+        }
+        if connection.write_all(&Sample { frame, adc }.to_packet()).is_err() {
+            return (asked, played);
+        }
+    }
+}
+
+fn recorded_from_board(folder: &Path, started: bool, more: &[&str]) -> (Output, Vec<Order>, Vec<f32>) {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let from = server.local_addr().unwrap().to_string();
+    let board = std::thread::spawn(move || board_behind(&server, 999, started));
+    let folder = folder.display().to_string();
+    let args = [&["board", "record", "--from", &from, "--run", "-o", &folder], more].concat();
+    let output = Command::cargo_bin("hysteron").unwrap().args(args).output().unwrap();
+    let (asked, played) = board.join().unwrap();
+    (output, asked, played)
+}
+
+/// A reference and parts that the host asks for: the board answers each change, then starts, and the recording begins there.
+#[test]
+fn val_a_board_plays_what_the_host_asks_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("triangle");
+    let (low, high) = (table::INPUT_MAX_UM * 0.25, table::INPUT_MAX_UM * 0.75);
+    let [low_um, high_um] = [low, high].map(|um| um.to_string());
+    let wanted = [
+        "--shape",
+        "triangle",
+        "--hz",
+        "250",
+        "--low",
+        &low_um,
+        "--high",
+        &high_um,
+        "--no-feedback",
+        "--seconds",
+        "0.02",
+    ];
+    let (output, asked, played) = recorded_from_board(&place, false, &wanted);
+    assert!(answered(&output).contains("0 lost"));
+    // 13 bytes of the reference, 2 of the parts, each with its end; then the start and, 0.02 s later, the stop.
+    assert_eq!(asked.len(), 14 + 3 + 2);
+    assert_eq!(asked[17..], [Order::Start, Order::Stop]);
+    let record = &read_dataset(&place).unwrap().records[0];
+    // On the ramp, and then what the board played, from its first sample on.
+    let reference = record.reference_um.as_ref().unwrap();
+    assert_eq!(record.position_um.len(), reference.len());
+    let turned = |wanted: f32| played.iter().any(|um| (um - wanted).abs() < 0.01 * (high - low));
+    assert!(turned(low) && turned(high), "{low} {high}");
+    assert!(played.iter().all(|um| (low..=high).contains(um)));
+    // 250 Hz at 50 kHz: the same again after 200 samples.
+    assert!((played[300] - played[500]).abs() < 1e-4 * (high - low));
+    assert!(played[300] != played[400]);
+    // Points of one's own go up in chunks of eight.
+    let points = folder.path().join("points.csv");
+    let text: String = (0..256)
+        .map(|i| format!("{}\n", low + (high - low) * (i % 128) as f32 / 127.0))
+        .collect();
+    std::fs::write(&points, text).unwrap();
+    let place = folder.path().join("points");
+    let points = points.display().to_string();
+    let wanted = ["--trajectory", &points, "--hz", "250", "--seconds", "0.02"];
+    let (output, asked, _) = recorded_from_board(&place, false, &wanted);
+    answered(&output);
+    assert_eq!(asked.len(), 32 * 18 + 14 + 3 + 2);
+}
+
+/// What the board's table does not allow is said before anything is asked; what the board refuses or does not answer, after.
+#[test]
+fn refuse_what_the_board_does_not_play() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("recorded");
+    for (wanted, said) in [
+        (&["--bank", "7"][..], "bank 7: the image has 1"),
+        (&["--hz", "9000"], "frequency, hertz = 9000 must lie in 0.001 to 5000"),
+        (
+            &["--low", "-1e3", "--high", "5"],
+            "lowest reference, micrometres = -1000",
+        ),
+    ] {
+        let (output, asked, _) = recorded_from_board(&place, false, wanted);
+        let refusal = refused(&output);
+        assert!(refusal.contains(said), "`{refusal}` should say `{said}`");
+        assert_eq!(asked, [Order::Stop], "it is told to stop in any case");
+    }
+    // A board that runs already, after the 14 orders of a reference, and one that knows no changes.
+    let (output, ..) = recorded_from_board(&place, true, &["--hz", "20"]);
+    let busy = refused(&output);
+    assert!(
+        busy.contains("the board refused, at tick 14, another reference"),
+        "{busy}"
+    );
+    let stream = [about("nucleo-h743zi"), packets(0..300_000, None)].concat();
+    let silent = refused(&record(&stream, &place, &["--run", "--hz", "20"]));
+    assert!(
+        silent.contains("the board did not answer when it was asked for another reference"),
+        "{silent}"
+    );
+    let place_text = place.display().to_string();
+    let args = [
+        "board",
+        "record",
+        "--from",
+        "localhost:1",
+        "-o",
+        &place_text,
+        "--hz",
+        "20",
+    ];
+    let unasked = refused(&Command::cargo_bin("hysteron").unwrap().args(args).output().unwrap());
+    assert!(unasked.contains("give --run as well"), "{unasked}");
+    assert!(!place.exists(), "nothing is written");
 }
 
 /// Another board than those of the firmware has no known delay.

@@ -2,6 +2,7 @@
 
 mod record;
 mod run;
+mod wanted;
 
 pub(crate) use run::EmulatorName;
 
@@ -16,7 +17,7 @@ use std::path::Path;
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     hysteron board run --emulator mps2-an386 --stage paper-rate --hz 100 -o board\n  \
-    hysteron board record --from localhost:9090 --seconds 2 -o recorded")]
+    hysteron board record --from localhost:9090 --run --hz 50 --seconds 2 -o recorded")]
 pub(crate) struct BoardArgs {
     #[command(subcommand)]
     pub command: BoardCommand,

@@ -1,12 +1,14 @@
 //! `hysteron board record`.
 
+use crate::commands::board::wanted::Wanted;
 use crate::commands::board::{Piece, fault_line, hex, record, write};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_board::budget::BOARDS;
-use hysteron_board::telemetry::{Capture, capture};
+use hysteron_board::capture::{Start, capture};
+use hysteron_board::telemetry::Capture;
 use hysteron_data::{DataError, Dataset, Known};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -16,6 +18,7 @@ use std::path::PathBuf;
     openocd -f board/st_nucleo_h743zi.cfg -c init -c 'rtt setup 0x20000000 0x20000 \"SEGGER RTT\"' \
     -c 'rtt start' -c 'rtt server start 9090 1'\n  \
     hysteron board record --from localhost:9090 --seconds 2 -o recorded\n  \
+    hysteron board record --from localhost:9090 --run --bank 1 --shape triangle --hz 50 --seconds 2 -o triangle\n  \
     hysteron compare recorded model.toml")]
 pub(crate) struct RecordArgs {
     /// Where the board's telemetry comes from: HOST:PORT of a server of its RTT channel 1, or a device or captured file
@@ -27,6 +30,8 @@ pub(crate) struct RecordArgs {
     /// Start the loop before, and stop it after; without it the board's button does
     #[arg(long)]
     pub run: bool,
+    #[command(flatten)]
+    pub wanted: Wanted,
     /// Folder of the new dataset
     #[arg(short, long, value_name = "FOLDER")]
     pub output: PathBuf,
@@ -70,8 +75,22 @@ pub(crate) fn run(args: &RecordArgs) -> Result<Done, CliError> {
         let file = manifest.display().to_string();
         return Err(DataError::Exists { file }.into());
     }
+    let wish = match args.wanted.is_nothing() {
+        true => None,
+        false if args.run => Some(args.wanted.wish(args.seconds)?),
+        false => {
+            return Err(CliError::Option(
+                "a reference, a bank or a part is asked for before the loop starts: give --run as well".to_owned(),
+            ));
+        }
+    };
     let bar = progress::bar("recording");
-    let captured = capture(&args.from, args.seconds, args.run, &mut |share| {
+    let start = match &wish {
+        Some(wish) => Start::Playing(wish),
+        None if args.run => Start::Host,
+        None => Start::Nobody,
+    };
+    let captured = capture(&args.from, args.seconds, start, &mut |share| {
         progress::advance(&bar, share);
     });
     bar.finish_and_clear();

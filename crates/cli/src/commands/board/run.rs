@@ -1,16 +1,18 @@
 //! `hysteron board run`.
 
+use crate::commands::board::wanted::Wanted;
 use crate::commands::board::{Piece, fault_line, hex, record, write};
 use crate::commands::simulate::StageName;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::{Args, ValueEnum};
+use hysteron_board::capture::Wish;
 use hysteron_board::upload::Upload;
-use hysteron_board::{Change, Hello, Machine, Outcome, Recording, Request, Shape};
+use hysteron_board::{Change, Hello, Machine, Outcome, Recording};
 use hysteron_data::{Dataset, Known};
 use hysteron_plant::Stage;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 #[derive(Args)]
@@ -28,33 +30,11 @@ pub(crate) struct RunArgs {
     /// The firmware's image; by default firmware/target/images/EMULATOR
     #[arg(long, value_name = "FILE")]
     pub image: Option<PathBuf>,
-    /// Which of the image's tables runs, from 0 on
-    #[arg(long, default_value_t = 0)]
-    pub bank: u8,
-    /// What a period of the reference looks like
-    #[arg(long, value_enum, default_value_t = ShapeName::Sine)]
-    pub shape: ShapeName,
-    /// A reference of one's own instead: one period in a file of 256 positions, micrometres, one a line
-    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["shape", "low", "high"])]
-    pub trajectory: Option<PathBuf>,
-    /// Frequency of the reference, hertz
-    #[arg(long, default_value_t = 100.0)]
-    pub hz: f64,
-    /// Lowest reference, micrometres; by default the table's lowest and 2 % of its range
-    #[arg(long, requires = "high", allow_negative_numbers = true)]
-    pub low: Option<f64>,
-    /// Highest reference, micrometres; by default the table's highest less 2 % of its range
-    #[arg(long, requires = "low", allow_negative_numbers = true)]
-    pub high: Option<f64>,
+    #[command(flatten)]
+    pub wanted: Wanted,
     /// Length of the run, seconds of virtual time
     #[arg(long, default_value_t = 0.2)]
     pub seconds: f64,
-    /// Open loop: the inverse alone
-    #[arg(long)]
-    pub no_feedback: bool,
-    /// Feedback alone
-    #[arg(long)]
-    pub no_feedforward: bool,
     /// Seed of the stage's noise
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -67,38 +47,6 @@ pub(crate) struct RunArgs {
     /// Replace a dataset that is there already
     #[arg(long)]
     pub overwrite: bool,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ShapeName {
-    /// From the lowest point on
-    Sine,
-    /// The paper's sum of a sine and its third harmonic
-    ComplexHarmonic,
-    /// Straight lines
-    Triangle,
-    /// A staircase of quarters
-    Steps,
-}
-
-impl ShapeName {
-    fn shape(self) -> Shape {
-        match self {
-            Self::Sine => Shape::Sine,
-            Self::ComplexHarmonic => Shape::ComplexHarmonic,
-            Self::Triangle => Shape::Triangle,
-            Self::Steps => Shape::Steps,
-        }
-    }
-
-    fn words(self) -> &'static str {
-        match self {
-            Self::Sine => "sine",
-            Self::ComplexHarmonic => "complex harmonic",
-            Self::Triangle => "triangle",
-            Self::Steps => "steps",
-        }
-    }
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -122,16 +70,7 @@ impl EmulatorName {
 
 pub(crate) fn run(args: &RunArgs) -> Result<Done, CliError> {
     let machine = args.emulator.machine();
-    let upload = args.trajectory.as_ref().map(|path| upload(path)).transpose()?;
-    let given_um = args.low.zip(args.high).map(|(low, high)| [low, high]);
-    let request = Request {
-        shape: upload.map_or(args.shape.shape(), |_| Shape::Table),
-        frequency_hz: args.hz,
-        range_um: upload.map_or(given_um, |upload| Some(upload.range_um)),
-        seconds: args.seconds,
-        feedforward: !args.no_feedforward,
-        feedback: !args.no_feedback,
-    };
+    let Wish { bank, request, upload } = args.wanted.wish(args.seconds)?;
     let image = args
         .image
         .clone()
@@ -140,7 +79,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, CliError> {
     let bar = progress::bar("running");
     let patience = Duration::from_secs(args.patience);
     // An image begins with bank 0.
-    let mut changes = Vec::from_iter((args.bank > 0).then_some(Change::Bank(args.bank)));
+    let mut changes = Vec::from_iter((bank > 0).then_some(Change::Bank(bank)));
     changes.extend(upload.iter().flat_map(Upload::changes));
     let asked = (&request, &changes[..]);
     let (outcome, recording) = hysteron_board::run(machine, &image, stage, asked, patience, &mut |share| {
@@ -151,14 +90,6 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, CliError> {
     write(&dataset(args, &outcome, recording), &args.output, args.overwrite)?;
     output::print(&text)?;
     Ok(Done::Answered)
-}
-
-fn upload(path: &Path) -> Result<Upload, CliError> {
-    let text = std::fs::read_to_string(path).map_err(|source| CliError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
-    Upload::parse(&text).map_err(|source| CliError::Option(format!("{}: {source}", path.display())))
 }
 
 fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
@@ -181,12 +112,8 @@ fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
         records: vec![record(Piece {
             file: "run.csv".to_owned(),
             excitation: format!(
-                "reference {} {} Hz, {} to {} um",
-                match &args.trajectory {
-                    Some(path) => path.display().to_string(),
-                    None => args.shape.words().to_owned(),
-                },
-                args.hz,
+                "reference {}, {} to {} um",
+                args.wanted.words(),
                 outcome.setup.low_um,
                 outcome.setup.high_um
             ),
