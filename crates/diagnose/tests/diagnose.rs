@@ -3,9 +3,10 @@
 
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_diagnose::diagnose;
+use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_identify::{Family, FitOptions, Model, fit};
 use hysteron_plant::hysteresis::{DensityTerm, Hysteresis, Initial, Preisach};
-use hysteron_plant::{Stage, StageConfig};
+use hysteron_plant::{Backlash, EndStop, Stage, StageConfig};
 use std::f64::consts::TAU;
 
 const PERIOD_S: f64 = 5e-5;
@@ -48,18 +49,33 @@ fn dataset(config: &StageConfig, seed: u64) -> Dataset {
         4 => sine(100.0, 0.8, t),
         _ => mixed(30.0, t),
     };
+    played(config, seed, [4, 5], |_| PERIOD_S, 4000, drive)
+}
+
+/// Six records of a drive, those of the given numbers for validation, each with a period of its own.
+fn played(
+    config: &StageConfig,
+    seed: u64,
+    validate: [usize; 2],
+    period_s: impl Fn(usize) -> f64,
+    samples: u32,
+    drive: impl Fn(usize, f64) -> f64,
+) -> Dataset {
     let records = (0..6).map(|i| {
-        let voltage_v: Vec<f64> = (0..4000).map(|k| drive(i, f64::from(k) * PERIOD_S)).collect();
-        let run = Stage::new(config, seed + i as u64)
-            .unwrap()
-            .run(&voltage_v, PERIOD_S)
-            .unwrap();
+        let period_s = period_s(i);
+        let voltage_v: Vec<f64> = (0..samples).map(|k| drive(i, f64::from(k) * period_s)).collect();
+        let mut stage = Stage::new(config, seed + i as u64).unwrap();
+        let run = stage.run(&voltage_v, period_s).unwrap();
         Record {
             file: format!("{i}.csv"),
-            role: if i < 4 { Role::Identify } else { Role::Validate },
+            role: if validate.contains(&i) {
+                Role::Validate
+            } else {
+                Role::Identify
+            },
             excitation: String::new(),
             start_s: 0.0,
-            period_s: PERIOD_S,
+            period_s,
             voltage_v,
             position_um: run.position_um,
             reference_um: None,
@@ -183,4 +199,91 @@ fn refuse_to_name_anything_without_validation_or_from_one_sine() {
     assert_eq!(found.verdict, "unknown");
     assert_eq!(found.cannot_answer, ["one-excitation"]);
     assert!(found.next_record.is_some_and(|next| !next.voltage_v.is_empty()));
+}
+
+fn with_backlash(width_um: f64) -> StageConfig {
+    StageConfig {
+        backlash: Some(Backlash { width_um }),
+        ..stage()
+    }
+}
+
+/// Slow sines from 0 V, full, half and falling, one with a ripple, one of 50 Hz.
+fn slow(config: &StageConfig) -> Dataset {
+    let sine = |f: f64, size: f64, t: f64| size * 50.0 * (1.0 - (TAU * f * t).cos());
+    let drive = |i: usize, t: f64| match i {
+        0 => sine(1.0, 1.0, t),
+        1 => sine(1.0, 0.5, t),
+        2 => sine(1.0, 1.0, t) * (1.0 - t / 4.0),
+        3 => sine(0.5, 0.8, t) + 8.0 * (1.0 - (TAU * 3.0 * t).cos()),
+        4 => sine(50.0, 1.0, t),
+        _ => sine(7.0, 0.9, t),
+    };
+    played(config, 0, [3, 5], |i| if i == 4 { 1e-4 } else { 1e-3 }, 3000, drive)
+}
+
+fn lost(dataset: &Dataset) -> (bool, Diagnosis) {
+    let found = diagnose(dataset, &model(dataset), &|_, _| {});
+    let named = found
+        .further
+        .iter()
+        .chain([&found.verdict])
+        .any(|name| name == "backlash");
+    (named, found)
+}
+
+/// Half a percent to a twentieth of the stroke. The drive goes as far within the dead band as takes the same stage without one
+/// through its width; sampled at 1 ms, a sine of 1 Hz moves by up to 2 % of the span meanwhile, and a half sine turns slowly.
+#[test]
+fn val_lost_motion_is_named_with_its_dead_band() {
+    let sine = &slow(&stage()).records[0];
+    let top = sine.position_um.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    for width_um in [0.06, 0.15, 0.5] {
+        let after_the_top = (500..1000).find(|&k| sine.position_um[k] < top - width_um).unwrap();
+        let band_v = 100.0 - sine.voltage_v[after_the_top];
+        let (_, found) = lost(&slow(&with_backlash(width_um)));
+        assert_eq!(found.verdict, "backlash", "{width_um} {:#?}", found.ranking);
+        let entry = &found.ranking[0];
+        let value = |i: usize| entry.parameters[i].value;
+        assert!((value(0) / band_v - 1.0).abs() < 0.15, "{} V for {band_v}", value(0));
+        assert!(value(1) > 0.95 * width_um, "{} um for {width_um}", value(1));
+        assert!(entry.statistic > entry.threshold);
+    }
+}
+
+/// What else keeps a position still: a stop holds it at one end, a coarse converter within each of its steps.
+#[test]
+fn val_a_stop_and_a_coarse_converter_lose_no_motion() {
+    let plain = slow(&stage());
+    assert!(!lost(&plain).0);
+    let stopped = StageConfig {
+        end_stop: Some(EndStop {
+            min_um: -5.0,
+            max_um: 8.0,
+        }),
+        ..stage()
+    };
+    assert!(!lost(&slow(&stopped)).0);
+    let mut coarse = plain;
+    for record in &mut coarse.records {
+        // Seven bits.
+        record
+            .position_um
+            .iter_mut()
+            .for_each(|y| *y = (*y / 0.08).round() * 0.08);
+    }
+    assert!(!lost(&coarse).0);
+}
+
+/// Beside another effect it is named as well, one of the two as the verdict.
+#[test]
+fn val_lost_motion_beside_a_delay() {
+    let both = StageConfig {
+        delay_s: 300e-6,
+        ..with_backlash(0.2)
+    };
+    let (named, found) = lost(&slow(&both));
+    let all: Vec<&String> = found.further.iter().chain([&found.verdict]).collect();
+    assert!(named, "{all:?}");
+    assert!(all.iter().any(|name| *name == "delay"), "{all:?}");
 }

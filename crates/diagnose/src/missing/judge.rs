@@ -268,6 +268,10 @@ impl Judge {
         let Some(first) = ranking.iter().find(|r| r.effect == verdict && r.significant) else {
             return Vec::new();
         };
+        // A dead band was seen, not fitted: no other effect stands for it.
+        if verdict == "backlash" && first.level == Level::Physical {
+            return Vec::new();
+        }
         // A delay and a lag of the same length part in gain by (w tau)^2 / 2: below half a sample, not below the band's end.
         let short = |r: &RankedEffect| {
             r.parameters
