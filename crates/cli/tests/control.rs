@@ -4,12 +4,16 @@
 
 #[path = "../../board/tests/common/mod.rs"]
 mod emulator;
+mod small_board;
 
 use assert_cmd::Command;
 use hysteron_core::law_numbers::LawNumbers;
+use hysteron_firmware::table;
+use hysteron_firmware::wire::Order;
 use hysteron_plant::{Stage, preset};
 use hysteron_table::Table;
 use hysteron_tracking::design::Controller;
+use small_board::SmallBoard;
 
 /// Runs the binary; it must end with 2 and say all of the words.
 fn refused(args: &[&str], words: &[&str]) {
@@ -432,5 +436,84 @@ fn val_a_campaign_by_files_ends_in_a_controller() {
         designed.status.success(),
         "{}",
         String::from_utf8_lossy(&designed.stderr)
+    );
+}
+
+/// What the binary says.
+fn hysteron(args: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_hysteron"))
+        .args(args)
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{args:?}: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Seven references, open loop and closed, each a run of its own; the board falls to its safe level in between.
+#[test]
+fn val_a_controller_tracks_on_a_board() {
+    let mut board = SmallBoard::new();
+    let from = board.address();
+    std::thread::spawn(move || {
+        // Nobody waits for the last stop.
+        loop {
+            board.serve(u32::MAX);
+            board.tick(Order::Stop);
+            for _ in 0..1200 {
+                board.tick(Order::None);
+            }
+        }
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let [model_file, controller] = ["model.toml", "controller.toml"].map(|name| folder.path().join(name));
+    let (model_file, controller) = (model_file.to_str().unwrap(), controller.to_str().unwrap());
+    std::fs::write(model_file, model(RISING, "resonance", &mode(800.0, 0.02))).unwrap();
+    hysteron(&["design", model_file, "-o", controller]);
+    let (low, high) = (table::INPUT_MAX_UM * 0.3, table::INPUT_MAX_UM * 0.7);
+    let range = format!("{low},{high}");
+    let args = ["track", controller, "--board", &from, "--range", &range, "--json"];
+    let answer: serde_json::Value = serde_json::from_str(&hysteron(&args)).unwrap();
+    assert_eq!(
+        (&answer["stage"], &answer["position"], &answer["lost"]),
+        (&"nucleo-h743zi".into(), &"measured".into(), &0.into())
+    );
+    let stroke_um = answer["stroke_um"].as_f64().unwrap();
+    assert!((stroke_um / f64::from(high - low) - 1.0).abs() < 1e-3, "{stroke_um}");
+    let percent = |number: usize, reference: &str| {
+        answer["controllers"][number]["rms_percent"][reference]
+            .as_f64()
+            .unwrap()
+    };
+    assert_eq!(answer["controllers"][0]["loop"], "open");
+    assert_eq!(answer["controllers"][1]["loop"], "closed");
+    for reference in [
+        "10",
+        "100",
+        "500",
+        "503",
+        "1000",
+        "complex-harmonic-100",
+        "triangle-100",
+    ] {
+        // A slack of 3 % of the range and a lag of a sample and a half, which the table knows nothing of.
+        assert!((0.5..40.0).contains(&percent(0, reference)), "{reference} {answer:#}");
+    }
+    assert!(percent(1, "10") < 0.7 * percent(0, "10"), "{answer:#}");
+    refused(&["track", controller], &["--stage <PRESET>"]);
+    refused(
+        &["track", controller, "--board", "localhost:1"],
+        &["HOST:PORT of a server"],
+    );
+    refused(
+        &["track", controller, "--board", &from, "--bank", "3"],
+        &["bank 3: the image has 1"],
+    );
+    refused(
+        &["track", controller, "--board", &from, "--stage", "8k"],
+        &["cannot be used with"],
     );
 }

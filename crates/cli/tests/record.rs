@@ -2,16 +2,16 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot run its subject fails")]
 
+mod small_board;
+
 use assert_cmd::Command;
 use hysteron_board::budget::BOARDS;
 use hysteron_data::read_dataset;
-use hysteron_firmware::controller::Controller;
 use hysteron_firmware::monitor::Fault;
-use hysteron_firmware::small_stage::SmallStage;
 use hysteron_firmware::table;
 use hysteron_firmware::telemetry::{About, Orders, Sample};
-use hysteron_firmware::trajectory::Shape;
-use hysteron_firmware::wire::{Frame, Input, Mode, Order, Setup, flags};
+use hysteron_firmware::wire::{Frame, Mode, Order, flags};
+use small_board::SmallBoard;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
@@ -205,67 +205,20 @@ fn val_a_run_that_the_host_starts_and_stops() {
     assert_eq!(board.join().unwrap(), (Order::Start, Order::Stop));
 }
 
-/// The firmware's own application at a small stage behind a connection: it ticks while it is told something, and `ticks` times once it
-/// has been started, by the host or before it came; then it waits for the stop. Says what it was asked for, and the reference it ran.
-fn board_behind(server: &TcpListener, ticks: u32, started: bool) -> (Vec<Order>, Vec<f32>) {
-    let (mut connection, _) = server.accept().unwrap();
-    for about in About::all("nucleo-h743zi") {
-        connection.write_all(&about.to_packet()).unwrap();
-    }
-    let parameters = table::parameters().unwrap();
-    let mut stage = SmallStage::new(&parameters, 1);
-    let asleep = Setup {
-        ticks: 0,
-        shape: Shape::Sine,
-        phase_step: 1 << 20,
-        low_um: table::INPUT_MIN_UM,
-        high_um: table::INPUT_MAX_UM,
-        feedforward: true,
-        feedback: true,
-        clocked: true,
-    };
-    let mut controller = Controller::new(parameters, &asleep);
-    let (mut orders, mut asked, mut played, mut left) = (Orders::default(), Vec::new(), Vec::new(), 0);
-    if started {
-        controller.step(stage.input(0, u32::MAX), false);
-    }
-    loop {
-        let order = if left > 0 {
-            left -= 1;
-            Order::None
-        } else {
-            let mut byte = [0];
-            // The host closes when it has been told what it wants to know.
-            if connection.read(&mut byte).unwrap_or(0) == 0 {
-                return (asked, played);
-            }
-            let Some(order) = orders.push(byte[0]) else { continue };
-            asked.push(order);
-            order
-        };
-        if order == Order::Start {
-            left = ticks;
-        }
-        let adc = stage.input(1, u32::MAX).adc;
-        let frame = controller.step(Input { adc, order }, false);
-        stage.output(frame.dac);
-        if frame.mode() == Mode::Running {
-            played.push(frame.reference_um);
-        }
-        if connection.write_all(&Sample { frame, adc }.to_packet()).is_err() {
-            return (asked, played);
-        }
-    }
-}
-
 fn recorded_from_board(folder: &Path, started: bool, more: &[&str]) -> (Output, Vec<Order>, Vec<f32>) {
-    let server = TcpListener::bind("127.0.0.1:0").unwrap();
-    let from = server.local_addr().unwrap().to_string();
-    let board = std::thread::spawn(move || board_behind(&server, 999, started));
+    let mut board = SmallBoard::new();
+    let from = board.address();
+    if started {
+        board.tick(Order::Start);
+    }
+    let board = std::thread::spawn(move || {
+        board.serve(999);
+        board
+    });
     let folder = folder.display().to_string();
     let args = [&["board", "record", "--from", &from, "--run", "-o", &folder], more].concat();
     let output = Command::cargo_bin("hysteron").unwrap().args(args).output().unwrap();
-    let (asked, played) = board.join().unwrap();
+    let SmallBoard { asked, played, .. } = board.join().unwrap();
     (output, asked, played)
 }
 

@@ -74,7 +74,7 @@ fn write(dataset: &Dataset, folder: &Path, overwrite: bool) -> Result<(), CliErr
     Ok(write_dataset(dataset, folder, overwrite)?)
 }
 
-fn hex(hash: &[u8; 32]) -> String {
+pub(crate) fn hex(hash: &[u8; 32]) -> String {
     hash.iter().fold(String::new(), |mut text, byte| {
         // Writing to a String does not fail.
         let _ = write!(text, "{byte:02x}");

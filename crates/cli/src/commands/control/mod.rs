@@ -2,6 +2,7 @@
 
 mod chip;
 pub(crate) mod design;
+mod on_board;
 mod page;
 pub(crate) mod record;
 pub(crate) mod rehearse;

@@ -2,7 +2,7 @@
 
 use crate::commands::board::EmulatorName;
 use crate::commands::control::chip::{Chip, Follow};
-use crate::commands::control::{page, stage};
+use crate::commands::control::{on_board, page, stage};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
@@ -22,16 +22,28 @@ use std::path::PathBuf;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hysteron track controller.toml --stage 8k --json\n  \
-    hysteron track controller.toml --stage 8k --alone --emulator mps2-an386    # and on the chip\n\n\
+    hysteron track controller.toml --stage 8k --alone --emulator mps2-an386    # and on the chip\n  \
+    hysteron track controller.toml --board localhost:9090 --range 3,13         # on a board that has its table\n\n\
     Errors are rms of reference minus true position over whole periods after settling, percent of the reference's\n\
     peak to peak, the mean included. Position k is compared with reference k: nothing is shifted.")]
 pub(crate) struct TrackArgs {
     /// Controller file of `hysteron design`
     pub controller: PathBuf,
     /// The simulated stage: paper-rate, paper-delay, 8k, 2.5k or 739
-    #[arg(long, value_name = "PRESET")]
-    pub stage: String,
-    /// Lowest and highest reference, micrometres; without it half the stroke about two fifths of it
+    #[arg(long, value_name = "PRESET", required_unless_present = "board")]
+    pub stage: Option<String>,
+    /// A real board with the controller's table instead: HOST:PORT of a server of its RTT channel 1; measured position
+    #[arg(
+        long,
+        value_name = "HOST:PORT",
+        conflicts_with_all = ["stage", "output", "robustness", "alone", "iterations", "emulator"]
+    )]
+    pub board: Option<String>,
+    /// Which of the board's tables runs, from 0 on
+    #[arg(long, default_value_t = 0, requires = "board")]
+    pub bank: u8,
+    /// Lowest and highest reference, micrometres; without it half the stroke about two fifths of it, on a board the table's range
+    /// less 2 % at either end
     #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 1)]
     pub range: Option<Vec<f64>>,
     /// Write a page with pictures
@@ -100,18 +112,32 @@ struct Answer<'a> {
 }
 
 pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
-    let stage = stage(&args.stage)?;
     let controller = Controller::read(&args.controller)?;
-    let stroke_um = stage.hysteresis.stroke_um;
-    let range_um = match args.range.as_deref() {
-        Some(&[low, high]) if low.is_finite() && high.is_finite() && low < high => [low, high],
+    let given_um = match args.range.as_deref() {
+        Some(&[low, high]) if low.is_finite() && high.is_finite() && low < high => Some([low, high]),
         Some(given) => {
             return Err(CliError::Option(format!(
                 "--range {given:?}: two positions in micrometres, the lower first, such as 3,13"
             )));
         }
-        None => [0.15 * stroke_um, 0.65 * stroke_um],
+        None => None,
     };
+    match (&args.stage, &args.board) {
+        (_, Some(from)) => on_board::track(from, args.bank, given_um, &controller, args.json),
+        (Some(name), None) => on_stage(args, name, given_um, &controller),
+        (None, None) => Err(CliError::Option("give --stage PRESET or --board HOST:PORT".to_owned())),
+    }
+}
+
+fn on_stage(
+    args: &TrackArgs,
+    name: &str,
+    given_um: Option<[f64; 2]>,
+    controller: &Controller,
+) -> Result<Done, CliError> {
+    let stage = stage(name)?;
+    let stroke_um = stage.hysteresis.stroke_um;
+    let range_um = given_um.unwrap_or([0.15 * stroke_um, 0.65 * stroke_um]);
     // Records and runs must not share their noise.
     let bench = Bench {
         stage: &stage,
@@ -120,23 +146,23 @@ pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
         first_mode_hz: controller.model.linear.modes.first().map(|mode| mode.frequency_hz),
     };
     if args.robustness {
-        return changed_stages(args, &bench, &controller);
+        return changed_stages(args, name, &bench, controller);
     }
     // Refused first where it cannot be: the rest takes its time.
     let learned = args
         .iterations
-        .map(|most| learn_references(&bench, &controller, most as usize));
+        .map(|most| learn_references(&bench, controller, most as usize));
     let learned = learned.transpose()?.unwrap_or_default();
     let report = TrackReport {
         learned,
-        ..compare(&args.stage, &bench, &controller, !args.alone)?
+        ..compare(name, &bench, controller, !args.alone)?
     };
     let board = args
         .emulator
-        .map(|emulator| on_chip(args, emulator, &bench, &controller))
+        .map(|emulator| on_chip(args, emulator, &bench, controller))
         .transpose()?;
     if let Some(path) = &args.output {
-        output::write_file(path, &page::page(&report, board.as_ref(), &controller, args))?;
+        output::write_file(path, &page::page(&report, board.as_ref(), controller, args))?;
     }
     if args.json {
         output::print_json(&Answer {
@@ -166,11 +192,7 @@ fn on_chip(
             let here = shape.reference(bench.range_um, period_s);
             Follow {
                 name,
-                shape: match shape {
-                    reference::Shape::Sine { .. } => Shape::Sine,
-                    reference::Shape::ComplexHarmonic { .. } => Shape::ComplexHarmonic,
-                    reference::Shape::Triangle { .. } => Shape::Triangle,
-                },
+                shape: of_the_board(shape),
                 frequency_hz: shape.frequency_hz(),
                 range_um: bench.range_um,
                 stroke_um: high_um - low_um,
@@ -210,6 +232,15 @@ fn on_chip(
     Ok(board)
 }
 
+/// A reference as the board makes it.
+pub(super) fn of_the_board(shape: reference::Shape) -> Shape {
+    match shape {
+        reference::Shape::Sine { .. } => Shape::Sine,
+        reference::Shape::ComplexHarmonic { .. } => Shape::ComplexHarmonic,
+        reference::Shape::Triangle { .. } => Shape::Triangle,
+    }
+}
+
 fn board_text(board: &OnChip) -> String {
     let mut text = format!(
         "\nON THE CHIP: the controller as firmware in {}, an image for each loop; the same references, true position, %\n\n{:<6}{}\n",
@@ -233,12 +264,12 @@ fn board_text(board: &OnChip) -> String {
 const COLUMNS: [&str; 7] = ["10 Hz", "100", "500", "503", "1000", "complex", "triangle"];
 
 /// The columns' heads in a line.
-fn heads() -> String {
+pub(super) fn heads() -> String {
     COLUMNS.iter().map(|column| format!(" {column:>8}")).collect()
 }
 
 /// Errors by reference under them.
-fn cells(rms_percent: &BTreeMap<String, f64>) -> String {
+pub(super) fn cells(rms_percent: &BTreeMap<String, f64>) -> String {
     let cell = |(key, _): &(&str, _)| format!(" {:>8.3}", rms_percent.get(*key).copied().unwrap_or(f64::NAN));
     SHAPES.iter().map(cell).collect()
 }
@@ -372,27 +403,27 @@ fn line(controller: &ControllerFigures, widest: usize) -> String {
 }
 
 /// The controller on the stage and on each change of it.
-fn changed_stages(args: &TrackArgs, bench: &Bench<'_>, controller: &Controller) -> Result<Done, CliError> {
+fn changed_stages(args: &TrackArgs, name: &str, bench: &Bench<'_>, controller: &Controller) -> Result<Done, CliError> {
     let rows = robustness(bench, controller)?;
     let stroke_um = bench.range_um[1] - bench.range_um[0];
     if args.json {
         output::print_json(&serde_json::json!({
-            "stage": args.stage,
+            "stage": name,
             "stroke_um": stroke_um,
             "position": "true",
             "rows": rows,
         }))?;
     } else {
-        output::print(&robustness_text(args, stroke_um, &rows))?;
+        output::print(&robustness_text(name, stroke_um, &rows))?;
     }
     Ok(Done::Answered)
 }
 
-fn robustness_text(args: &TrackArgs, stroke_um: f64, rows: &[RobustnessRow]) -> String {
+fn robustness_text(stage: &str, stroke_um: f64, rows: &[RobustnessRow]) -> String {
     let mut text = format!(
         "STAGE {} (simulated), changed; the controller is the one designed for it unchanged; stroke {stroke_um} um\n\
          rms against the reference at the same instant, true position, mean included, % of peak to peak\n\n{:<26} {:<6}{}  at rest\n",
-        args.stage,
+        stage,
         "",
         "loop",
         heads()
