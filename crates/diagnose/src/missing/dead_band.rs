@@ -2,9 +2,9 @@
 //!
 //! Plays take lost motion in, since it is one; a stage's own loops set off at once where they turn, or gently.
 
-use crate::diagnosis::{EffectParameter, Level, RankedEffect};
+use crate::diagnosis::{Level, RankedEffect};
 use crate::missing::bench::{Bench, Trial};
-use crate::missing::judge::MATTERS_PERCENT;
+use crate::missing::judge::{MATTERS_PERCENT, parameter};
 use crate::missing::traces::{Trace, Traces};
 
 /// Fastest drive that is looked at, spans a second: a millisecond of delay or lag is a hundredth of the span there.
@@ -86,11 +86,6 @@ struct LostMotion {
 /// Lost motion as an entry of the ranking, where the position stands still after every slow reversal.
 pub(crate) fn find(bench: &Bench<'_>, last: &Trial) -> Option<RankedEffect> {
     let lost = seen(bench.traces)?;
-    let parameter = |name: &str, value: f64, unit: &str| EffectParameter {
-        name: name.to_owned(),
-        value,
-        unit: unit.to_owned(),
-    };
     Some(RankedEffect {
         effect: "backlash".to_owned(),
         identify_percent: last.identify_percent,
@@ -113,7 +108,10 @@ pub(crate) fn find(bench: &Bench<'_>, last: &Trial) -> Option<RankedEffect> {
 /// The dead band behind every slow reversal, if there is one, abrupt at its end and of one width.
 fn seen(traces: &Traces) -> Option<LostMotion> {
     let legs: Vec<Leg> = traces.each.iter().flat_map(legs).collect();
-    let typical = best(bands(SMALLEST_BAND, LARGEST_BAND), |band| pooled(&legs, band));
+    let near: Vec<_> = legs.iter().map(|leg| leg.within(LEAST_WAY)).collect();
+    let typical = best(bands(SMALLEST_BAND, LARGEST_BAND), |band| {
+        Sums::of(near.iter().cloned().flatten(), band).solve().2
+    });
     let found: Vec<Band> = legs.iter().filter_map(|leg| leg.band(typical)).collect();
     if found.len() < FEWEST_REVERSALS {
         return None;
@@ -202,12 +200,6 @@ fn finest_step_um(trace: &Trace) -> f64 {
     changes.filter(|step| *step > least).fold(f64::INFINITY, f64::min)
 }
 
-/// Squared error of all legs with one dead band, micrometres squared.
-fn pooled(legs: &[Leg], band: f64) -> f64 {
-    let sums = legs.iter().map(|leg| Sums::of(leg.within(LEAST_WAY), band));
-    sums.fold(Sums::default(), Sums::plus).solve().2
-}
-
 impl Leg {
     /// Way and move of some of the samples within a way.
     fn within(&self, reach: f64) -> impl Iterator<Item = (f64, f64)> + Clone {
@@ -273,17 +265,6 @@ impl Sums {
             sums.zz += z * z;
         }
         sums
-    }
-
-    fn plus(self, other: Self) -> Self {
-        Self {
-            uu: self.uu + other.uu,
-            uuu: self.uuu + other.uuu,
-            uuuu: self.uuuu + other.uuuu,
-            zu: self.zu + other.zu,
-            zuu: self.zuu + other.zuu,
-            zz: self.zz + other.zz,
-        }
     }
 
     /// Slope, bend and squared error; without a slope where nothing lies behind the band.

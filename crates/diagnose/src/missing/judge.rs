@@ -354,7 +354,8 @@ fn moves_the_zero(bench: &Bench<'_>, um_per_k: f64) -> bool {
     left < 0.5 * all
 }
 
-fn parameter(name: &str, value: f64, unit: &str) -> EffectParameter {
+/// A parameter of an entry.
+pub(crate) fn parameter(name: &str, value: f64, unit: &str) -> EffectParameter {
     EffectParameter {
         name: name.to_owned(),
         value,

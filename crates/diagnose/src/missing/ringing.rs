@@ -1,7 +1,8 @@
 //! Ringing after a step of the drive: a decaying sine needs no hysteresis model to be seen.
 
-use crate::diagnosis::{EffectParameter, Level, RankedEffect};
+use crate::diagnosis::{Level, RankedEffect};
 use crate::missing::bench::{Bench, Trial};
+use crate::missing::judge::parameter;
 use hysteron_identify::family::peak_to_peak;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
@@ -76,11 +77,6 @@ pub(crate) fn find(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>], left
     }
     // Beside an error as large as itself it may be that error's own beginning.
     let ring = best.filter(|ring| ring.amplitude_um > left_um)?;
-    let parameter = |name: &str, value: f64, unit: &str| EffectParameter {
-        name: name.to_owned(),
-        value,
-        unit: unit.to_owned(),
-    };
     Some(RankedEffect {
         effect: "resonance".to_owned(),
         identify_percent: last.identify_percent,

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// Frequency of a reference where none is given, hertz.
 const USUAL_HZ: f64 = 100.0;
 
-#[derive(Args, PartialEq)]
+#[derive(Args, PartialEq, Default)]
 pub(crate) struct Wanted {
     /// Which of the image's tables runs, from 0 on; 0 where it is not given
     #[arg(long)]
@@ -41,17 +41,7 @@ pub(crate) struct Wanted {
 impl Wanted {
     /// Whether nothing was asked for.
     pub(crate) fn is_nothing(&self) -> bool {
-        *self
-            == Self {
-                bank: None,
-                shape: None,
-                trajectory: None,
-                hz: None,
-                low: None,
-                high: None,
-                no_feedback: false,
-                no_feedforward: false,
-            }
+        *self == Self::default()
     }
 
     /// What the board is asked for, its trajectory's file read.

@@ -1,7 +1,7 @@
 //! `hysteron track --board`: the references of the table by a real board, judged by its own sensor.
 
 use crate::commands::board::hex;
-use crate::commands::control::track::{cells, heads, of_the_board};
+use crate::commands::control::track::{cells, first_mode, heads, of_the_board};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
@@ -94,7 +94,7 @@ pub(super) fn track(
             answer.stroke_um = answer.stroke_um.max(stroke_um);
             answer.lost += captured.counts.lost;
             answer.stage = captured.about.board().to_owned();
-            let played = captured.pieces.iter().next_back();
+            let played = captured.pieces.last();
             answer.table_sha256 = played.map_or_else(String::new, |piece| hex(&piece.table.hash));
         }
         answer.controllers.push(Figures {
@@ -175,9 +175,7 @@ impl Judged {
 }
 
 fn text(answer: &Answer) -> String {
-    let mode = answer
-        .first_mode_hz
-        .map_or("rigid".to_owned(), |hz| format!("first mode {hz:.0} Hz"));
+    let mode = first_mode(answer.first_mode_hz);
     let mut text = format!(
         "BOARD {}, table {}; {mode} as identified; stroke {:.4} um\n\
          errors against the reference at the same instant, {} position; rms, % of peak to peak\n\n{:<6}{}\n",

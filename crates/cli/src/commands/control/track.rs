@@ -260,6 +260,11 @@ fn board_text(board: &OnChip) -> String {
     text
 }
 
+/// The first mode in words.
+pub(super) fn first_mode(hz: Option<f64>) -> String {
+    hz.map_or("rigid".to_owned(), |hz| format!("first mode {hz:.0} Hz"))
+}
+
 /// Heads of the columns of [`SHAPES`].
 const COLUMNS: [&str; 7] = ["10 Hz", "100", "500", "503", "1000", "complex", "triangle"];
 
@@ -276,9 +281,7 @@ pub(super) fn cells(rms_percent: &BTreeMap<String, f64>) -> String {
 
 fn text(report: &TrackReport) -> String {
     let mut text = String::new();
-    let mode = report
-        .first_mode_hz
-        .map_or("rigid".to_owned(), |hz| format!("first mode {hz:.0} Hz"));
+    let mode = first_mode(report.first_mode_hz);
     // Writing to a String does not fail.
     let _ = writeln!(
         text,
