@@ -259,6 +259,7 @@ fn signals<'a>(trace: &'a Trace<'_>, stack_v: &'a [f64], link: usize) -> Signals
     Signals {
         period_s: trace.period_s,
         run_in: trace.run_in,
+        rested: trace.rested,
         fraction: match trace.initial {
             InitialState::Remanent { fraction } => fraction,
             InitialState::Periodic { .. } => 0.0,

@@ -1,7 +1,7 @@
 //! A record made ready for a chain of effects: a period of run-in, and a grid fine enough for its drive.
 
 use crate::grid::{drive, refinement, slow};
-use crate::initial::InitialState;
+use crate::initial::{InitialState, rested};
 use hysteron_data::Record;
 
 /// A record as a chain sees it.
@@ -15,6 +15,8 @@ pub(crate) struct Trace<'a> {
     pub fit_from: usize,
     /// Samples of run-in before the record.
     pub run_in: usize,
+    /// Whether the stage rested before the record, where that is periodic.
+    pub rested: bool,
     /// Samples of the grid a recorded one.
     pub every: usize,
     /// Sample period of the grid, seconds.
@@ -41,6 +43,7 @@ impl<'a> Trace<'a> {
             weight: 1.0,
             fit_from: 0,
             run_in: period * every,
+            rested: period > 0 && rested(&record.position_um, period),
             every,
             period_s: record.period_s / every as f64,
             voltage_v: drive(voltage_v, period, every),

@@ -73,6 +73,29 @@ fn repeats(output: &[f64], samples: usize) -> bool {
     rms_about(shift) < SAME_RESPONSE * response && dies_away < EVEN * shift.abs()
 }
 
+/// A shift between two periods is the stage's from so many standard errors on.
+const SHIFTED: f64 = 5.0;
+
+/// Whether the stage rested before a record whose drive is periodic from its first sample, as far as what outlasts records tells:
+/// over the record the response goes on as a whole to the side to which the drive has moved on average.
+///
+/// The plays forget a start within a period; creep that was at rest goes on for all of the record, creep that has settled about
+/// the drive's mean does not.
+pub fn rested(output: &[f64], samples: usize) -> bool {
+    let periods = output.len() / samples.max(1);
+    if periods < 2 {
+        return false;
+    }
+    let (first, last) = (&output[..samples], &output[(periods - 1) * samples..periods * samples]);
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / samples as f64;
+    let change: Vec<f64> = first.iter().zip(last).map(|(before, after)| after - before).collect();
+    // Neighbours differ by noise alone.
+    let squares: f64 = change.windows(2).map(|d| 0.5 * (d[1] - d[0]).powi(2)).sum();
+    let error = squares.sqrt() / samples as f64;
+    let shift = mean(&change);
+    shift.abs() > SHIFTED * error && shift * (mean(first) - output[0]) > 0.0
+}
+
 /// A first guess from the record alone: periodic where drive and response both repeat from the first sample on, else
 /// the virgin start where the input begins at the low end of its range, else half way.
 pub(crate) fn guess(input: &[f64], output: &[f64]) -> InitialState {
@@ -218,4 +241,34 @@ pub(crate) fn golden_section(mut low: f64, mut high: f64, steps: u32, f: impl Fn
         }
     }
     if fa < fb { (a, fa) } else { (b, fb) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    const PERIOD: usize = 200;
+
+    /// Five periods from the lowest point on, with what a slow state adds, and a little noise.
+    fn response(slow: impl Fn(usize) -> f64) -> Vec<f64> {
+        let sample = |k: usize| {
+            let noise = 1e-3 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0);
+            5.0 * (1.0 - (TAU * k as f64 / PERIOD as f64).cos()) + slow(k) + noise
+        };
+        (0..5 * PERIOD).map(sample).collect()
+    }
+
+    /// What approaches the mean of the drive over the record has rested; what stands there, what goes the other way, and what only
+    /// moves about has not, nor can one period tell.
+    #[test]
+    fn val_rested_goes_on_to_where_the_drive_is() {
+        let approach = |k: usize| 0.05 * (1.0 - (-(k as f64) / 2000.0).exp());
+        assert!(rested(&response(approach), PERIOD));
+        assert!(!rested(&response(|_| 0.05), PERIOD));
+        assert!(!rested(&response(|k| -approach(k)), PERIOD));
+        let upside_down: Vec<f64> = response(approach).iter().map(|y| -y).collect();
+        assert!(rested(&upside_down, PERIOD));
+        assert!(!rested(&response(approach)[..PERIOD + 50], PERIOD));
+    }
 }

@@ -351,6 +351,47 @@ fn val_creep() {
     }
 }
 
+/// Creep on a sine from its lowest point on, closed forms of one element: from rest it approaches the settled one by its exponential,
+/// and the settled one repeats from period to period.
+#[test]
+fn val_creep_goes_on_from_rest_and_repeats_where_it_has_settled() {
+    let (samples, period_s, tau_s, share) = (1000, 1e-3, 0.4, 0.05);
+    let w = TAU / (samples as f64 * period_s);
+    // Two periods behind a run-in.
+    let crept = |rested: bool| {
+        let mut position: Vec<f64> = (0..3 * samples)
+            .map(|k| 5.0 * (1.0 - (w * k as f64 * period_s).cos()))
+            .collect();
+        let signals = effects::Signals {
+            period_s,
+            run_in: samples,
+            rested,
+            fraction: 0.0,
+            at_stack_v: &[],
+            temperature_c: None,
+            voltage2_v: None,
+            own: &[],
+        };
+        let creep = effects::find("creep").unwrap();
+        creep.on_position(&[tau_s, share, 0.0, 0.0, 0.0], &signals, &mut position);
+        position.split_off(samples)
+    };
+    // x' = (u - x) / tau for u = 5 (1 - cos w t).
+    let settled = |t: f64| 5.0 - 5.0 * ((w * t).cos() + w * tau_s * (w * t).sin()) / (1.0 + (w * tau_s).powi(2));
+    for (rested, position) in [(true, crept(true)), (false, crept(false))] {
+        for (k, y) in position.iter().enumerate() {
+            let t = k as f64 * period_s;
+            let start = if rested {
+                -settled(0.0) * (-t / tau_s).exp()
+            } else {
+                0.0
+            };
+            let wanted = 5.0 * (1.0 - (w * t).cos()) + share * (settled(t) + start);
+            assert!((y - wanted).abs() < 1e-5, "{rested} {k}: {y} {wanted}");
+        }
+    }
+}
+
 #[test]
 fn val_resonance() {
     let mode = Mode {

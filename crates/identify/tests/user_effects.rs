@@ -60,6 +60,7 @@ fn signals(period_s: f64, run_in: usize) -> Signals<'static> {
     Signals {
         period_s,
         run_in,
+        rested: false,
         fraction: 0.0,
         at_stack_v: &[],
         temperature_c: None,

@@ -502,17 +502,17 @@ fn extra(effect: &Effect, trace: &Trace, reference_um: Option<&[f64]>, push: &mu
     }
 }
 
-/// A first-order state that follows the position; at rest before the record, at the mean where the record is periodic.
+/// A first-order state that follows the position; at rest before the record, at the mean where the record is in periodic state.
 fn settling(position_um: &[f64], trace: &Trace, tau_s: f64) -> Vec<f64> {
     let mut state = position_um.to_vec();
-    let start = if trace.from > 0 {
-        position_um[..trace.from].iter().sum::<f64>() / trace.from as f64
+    let (start, from) = if trace.from > 0 && !trace.rested {
+        (position_um[..trace.from].iter().sum::<f64>() / trace.from as f64, 0)
     } else {
-        position_um.first().copied().unwrap_or(0.0)
+        (position_um.get(trace.from).copied().unwrap_or(0.0), trace.from)
     };
     let a = (-trace.period_s / tau_s).exp();
     let mut x = start;
-    for value in &mut state {
+    for value in state.iter_mut().skip(from) {
         x = a * x + (1.0 - a) * *value;
         *value = x;
     }

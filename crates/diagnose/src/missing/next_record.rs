@@ -207,6 +207,7 @@ fn simulate(bench: &Bench<'_>, rival: &Rival, proposal: &Proposal) -> Vec<f64> {
         drive: proposal.drive.clone(),
         position_um: vec![0.0; n],
         from: 0,
+        rested: false,
         rows: Vec::new(),
         fraction: 0.0,
         temperature_c: None,

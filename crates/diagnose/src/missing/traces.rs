@@ -4,6 +4,7 @@ use crate::missing::filters::running_mean;
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::effects::late;
 use hysteron_identify::family::{peak_to_peak, range};
+use hysteron_identify::initial::rested;
 use hysteron_identify::{InitialState, Model, grid};
 use rayon::prelude::*;
 
@@ -32,6 +33,8 @@ pub(crate) struct Trace {
     pub position_um: Vec<f64>,
     /// First sample of the record itself.
     pub from: usize,
+    /// Whether the stage rested before that, where there is a run-in.
+    pub rested: bool,
     /// Samples that are looked at.
     pub rows: Vec<usize>,
     /// Remanent fraction of the plays at the first sample of `drive`.
@@ -183,6 +186,7 @@ impl Trace {
                 .map(|y| y - scales.middle_um)
                 .collect(),
             from: run_in,
+            rested: run_in > 0 && rested(&record.position_um, run_in),
             rows: (first..drive.len()).step_by(stride).collect(),
             fraction,
             // Temperature moves in minutes; its sensor's noise would only blur the column.

@@ -41,6 +41,7 @@ fn signals<'a>(trace: &'a Trace, stack_v: &'a [f64], voltage2_v: Option<&'a [f64
     Signals {
         period_s: trace.period_s,
         run_in: trace.from,
+        rested: trace.rested,
         fraction: trace.fraction,
         at_stack_v: stack_v,
         temperature_c: trace.temperature_c.as_deref(),

@@ -78,14 +78,16 @@ impl Effect for Creep {
     fn on_position(&self, values: &[f64], signals: &Signals<'_>, position_um: &mut [f64]) {
         let now = position_um.to_vec();
         let mut element = vec![0.0; now.len()];
+        // From rest the elements begin with the record; what they would have been in the run-in is looked at by nobody.
+        let from = if signals.rested { signals.run_in } else { 0 };
         for (i, &share) in values[1..].iter().enumerate() {
             if share != 0.0 {
                 element.copy_from_slice(&now);
                 run::lag(
                     values[0] * 10f64.powi(i as i32),
                     signals.period_s,
-                    signals.run_in,
-                    &mut element,
+                    signals.run_in - from,
+                    &mut element[from..],
                 );
                 position_um.iter_mut().zip(&element).for_each(|(y, x)| *y += share * x);
             }

@@ -202,6 +202,8 @@ pub struct Signals<'a> {
     pub period_s: f64,
     /// Samples of run-in, one period of the record; 0 where it does not start periodically (it then starts at rest).
     pub run_in: usize,
+    /// Whether the stage rested before the run-in's period, for what remembers longer than a record lasts.
+    pub rested: bool,
     /// Where in its play everything with a play stands before the first sample: 0 after coming down from above, 1 after
     /// coming up from below.
     pub fraction: f64,
