@@ -1,54 +1,25 @@
 //! Verdicts on small simulated datasets: a stack of another family, six records, one effect.
 #![expect(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
+mod records;
+
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_diagnose::diagnose;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_identify::{Family, FitOptions, Model, fit};
-use hysteron_plant::hysteresis::{DensityTerm, Hysteresis, Initial, Preisach};
 use hysteron_plant::{Backlash, EndStop, Stage, StageConfig};
+use records::{drive, record, term};
 use std::f64::consts::TAU;
 
 const PERIOD_S: f64 = 5e-5;
 
 fn stage() -> StageConfig {
-    let term = |threshold_v: f64, depth: f64, phase_rad: f64| DensityTerm {
-        share: 1.0,
-        threshold_v,
-        depth,
-        phase_rad,
-    };
-    let preisach = Preisach {
-        loop_opening: 0.15,
-        modulation_period_v: 150.0,
-        terms: vec![term(5.0, 0.3, 1.0), term(25.0, 0.2, 1.5)],
-    };
-    let mut config = StageConfig::bare(Hysteresis {
-        stroke_um: 10.0,
-        reference_v: 100.0,
-        initial: Initial::Conditioned,
-        family: hysteron_plant::Family::Preisach(preisach),
-    });
     // 0.02 % of the stroke, a good capacitive sensor.
-    config.sensor.noise_rms_um = 0.002;
-    config
+    records::stage(vec![term(5.0, 0.3, 1.0), term(25.0, 0.2, 1.5)], 0.002)
 }
 
 /// Records from 0 V: sines of two amplitudes, sums of harmonics; two for validation.
 fn dataset(config: &StageConfig, seed: u64) -> Dataset {
-    let sine = |f: f64, size: f64, t: f64| size * 50.0 * (1.0 - (TAU * f * t).cos());
-    let mixed = |f: f64, t: f64| {
-        let rise = 25.0 * (1.0 - (TAU * f * t / 2.0).min(TAU / 2.0).cos());
-        rise + 12.0 * ((TAU * f * t).sin() + (3.0 * TAU * f * t).sin() + 0.6 * (11.0 * TAU * f * t).sin())
-    };
-    let drive = |i: usize, t: f64| match i {
-        0 => sine(10.0, 1.0, t),
-        1 => sine(10.0, 0.4, t),
-        2 => sine(200.0, 1.0, t),
-        3 => mixed(40.0, t),
-        4 => sine(100.0, 0.8, t),
-        _ => mixed(30.0, t),
-    };
     played(config, seed, [4, 5], |_| PERIOD_S, 4000, drive)
 }
 
@@ -66,28 +37,14 @@ fn played(
         let voltage_v: Vec<f64> = (0..samples).map(|k| drive(i, f64::from(k) * period_s)).collect();
         let mut stage = Stage::new(config, seed + i as u64).unwrap();
         let run = stage.run(&voltage_v, period_s).unwrap();
-        Record {
-            file: format!("{i}.csv"),
-            role: if validate.contains(&i) {
-                Role::Validate
-            } else {
-                Role::Identify
-            },
-            excitation: String::new(),
-            start_s: 0.0,
-            period_s,
-            voltage_v,
-            position_um: run.position_um,
-            reference_um: None,
-            temperature_c: None,
-            voltage2_v: None,
-        }
+        let role = if validate.contains(&i) {
+            Role::Validate
+        } else {
+            Role::Identify
+        };
+        record(&i.to_string(), role, period_s, voltage_v, run.position_um)
     });
-    Dataset {
-        name: "small".into(),
-        records: records.collect(),
-        ..Dataset::default()
-    }
+    records::dataset(records)
 }
 
 fn delayed(seed: u64) -> Dataset {

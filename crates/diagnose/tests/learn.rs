@@ -1,23 +1,17 @@
 //! Learning by itself on small simulated datasets: two hidden effects, none, and records that cannot answer.
 #![expect(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
+mod records;
+
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_diagnose::{Learned, Stop, ladder, learn, learn_from};
 use hysteron_identify::{Change, Family, FitOptions, add_effect, fit};
-use hysteron_plant::hysteresis::{Hysteresis, Initial, MaxwellSlip};
+use hysteron_plant::hysteresis::MaxwellSlip;
 use hysteron_plant::{CrossCoupling, Stage, StageConfig};
+use records::{drive, hysteresis, record};
 use std::f64::consts::TAU;
 
 const PERIOD_S: f64 = 5e-5;
-
-fn hysteresis(family: hysteron_plant::Family) -> Hysteresis {
-    Hysteresis {
-        stroke_um: 10.0,
-        reference_v: 100.0,
-        initial: Initial::Conditioned,
-        family,
-    }
-}
 
 fn stage() -> StageConfig {
     let slip_v: Vec<f64> = (0..30).map(|i| 1.0 * 1.14_f64.powi(i)).collect();
@@ -34,19 +28,6 @@ fn stage() -> StageConfig {
 
 /// Records from 0 V: sines of two amplitudes, sums of harmonics; two for validation. The other axis moves at 23 Hz.
 fn dataset(config: &StageConfig) -> Dataset {
-    let sine = |f: f64, size: f64, t: f64| size * 50.0 * (1.0 - (TAU * f * t).cos());
-    let mixed = |f: f64, t: f64| {
-        let rise = 25.0 * (1.0 - (TAU * f * t / 2.0).min(TAU / 2.0).cos());
-        rise + 12.0 * ((TAU * f * t).sin() + (3.0 * TAU * f * t).sin() + 0.6 * (11.0 * TAU * f * t).sin())
-    };
-    let drive = |i: usize, t: f64| match i {
-        0 => sine(10.0, 1.0, t),
-        1 => sine(10.0, 0.4, t),
-        2 => sine(200.0, 1.0, t),
-        3 => mixed(40.0, t),
-        4 => sine(100.0, 0.8, t),
-        _ => mixed(30.0, t),
-    };
     let records = (0..6_usize).map(|i| {
         let time = |k: u32| f64::from(k) * PERIOD_S;
         let voltage_v: Vec<f64> = (0..4000).map(|k| drive(i, time(k))).collect();
@@ -55,24 +36,13 @@ fn dataset(config: &StageConfig) -> Dataset {
             .collect();
         let mut stage = Stage::new(config, 1 + i as u64).unwrap();
         let run = stage.run_two_axes(&voltage_v, &other, PERIOD_S).unwrap();
+        let role = if i < 4 { Role::Identify } else { Role::Validate };
         Record {
-            file: format!("{i}.csv"),
-            role: if i < 4 { Role::Identify } else { Role::Validate },
-            excitation: String::new(),
-            start_s: 0.0,
-            period_s: PERIOD_S,
-            voltage_v,
-            position_um: run.position_um,
-            reference_um: None,
-            temperature_c: None,
             voltage2_v: Some(other),
+            ..record(&i.to_string(), role, PERIOD_S, voltage_v, run.position_um)
         }
     });
-    Dataset {
-        name: "small".into(),
-        records: records.collect(),
-        ..Dataset::default()
-    }
+    records::dataset(records)
 }
 
 fn two_hidden() -> StageConfig {

@@ -1,37 +1,23 @@
 //! Records that begin at rest at 0 V on a stage that is driven to both sides of it.
 
-use hysteron_data::{Dataset, Record, Role};
+mod records;
+
+use hysteron_data::Role;
 use hysteron_diagnose::diagnose;
 use hysteron_identify::{Family, FitOptions, fit};
-use hysteron_plant::hysteresis::{DensityTerm, Hysteresis, Initial, Preisach};
 use hysteron_plant::{Creep, KelvinVoigtElement, Stage, StageConfig};
+use records::{record, term};
 use std::f64::consts::TAU;
 
 const TOP_V: f64 = 100.0;
 const LOWEST_V: f64 = -15.0;
 
 fn stage() -> StageConfig {
-    let preisach = Preisach {
-        loop_opening: 0.15,
-        modulation_period_v: 150.0,
-        terms: vec![DensityTerm {
-            share: 1.0,
-            threshold_v: 15.0,
-            depth: 0.2,
-            phase_rad: 1.0,
-        }],
-    };
-    let mut config = StageConfig::bare(Hysteresis {
-        stroke_um: 10.0,
-        reference_v: TOP_V,
-        initial: Initial::Conditioned,
-        family: hysteron_plant::Family::Preisach(preisach),
-    });
+    let mut config = records::stage(vec![term(15.0, 0.2, 1.0)], 0.001);
     let element = |share, time_constant_s| KelvinVoigtElement { share, time_constant_s };
     config.creep = Some(Creep::KelvinVoigt {
         elements: vec![element(0.05, 0.25), element(0.05, 4.0)],
     });
-    config.sensor.noise_rms_um = 0.001;
     config
 }
 
@@ -90,24 +76,9 @@ fn regress_creep_from_rest_within_the_range_is_named() {
         stage.move_and_rest(TOP_V, 0.05, 0.0).unwrap();
         stage.move_and_rest(0.0, 0.05, 60.0).unwrap();
         let run = stage.run(&voltage_v, period_s).unwrap();
-        Record {
-            file: format!("{name}.csv"),
-            role,
-            excitation: name.to_owned(),
-            start_s: 0.0,
-            period_s,
-            voltage_v,
-            position_um: run.position_um,
-            reference_um: None,
-            temperature_c: None,
-            voltage2_v: None,
-        }
+        record(name, role, period_s, voltage_v, run.position_um)
     });
-    let dataset = Dataset {
-        name: "bipolar".into(),
-        records: records.collect(),
-        ..Dataset::default()
-    };
+    let dataset = records::dataset(records);
     let model = fit(&dataset, &FitOptions::new(Family::Pi), &|_| ()).unwrap().model;
     let found = diagnose(&dataset, &model, &|_, _| {});
     assert_eq!(found.verdict, "creep", "{:#?}", found.ranking);

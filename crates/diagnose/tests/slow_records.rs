@@ -1,11 +1,13 @@
 //! Records sampled so slowly that their drive bends between the samples: judged on the grid on which `add` fits them.
 #![expect(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
-use hysteron_data::{Dataset, Record, Role};
+mod records;
+
+use hysteron_data::{Record, Role};
 use hysteron_diagnose::{compare, diagnose};
 use hysteron_identify::{Family, FitOptions, add_effect, fit};
-use hysteron_plant::hysteresis::{DensityTerm, Hysteresis, Initial, Preisach};
 use hysteron_plant::{Stage, StageConfig};
+use records::term;
 use std::f64::consts::TAU;
 
 /// Samples of a period, and steps of the stage a sample.
@@ -19,26 +21,11 @@ const SAMPLE_S: f64 = 1.0 / 1600.0;
 const LAST_LINE: usize = 120;
 
 fn stage() -> StageConfig {
-    let preisach = Preisach {
-        loop_opening: 0.15,
-        modulation_period_v: 150.0,
-        terms: vec![DensityTerm {
-            share: 1.0,
-            threshold_v: 15.0,
-            depth: 0.2,
-            phase_rad: 1.0,
-        }],
-    };
-    let mut config = StageConfig::bare(Hysteresis {
-        stroke_um: 10.0,
-        reference_v: 100.0,
-        initial: Initial::Conditioned,
-        family: hysteron_plant::Family::Preisach(preisach),
-    });
-    config.delay_s = 150e-6;
-    // 0.02 % of the stroke, a good capacitive sensor.
-    config.sensor.noise_rms_um = 0.002;
-    config
+    StageConfig {
+        delay_s: 150e-6,
+        // 0.02 % of the stroke, a good capacitive sensor.
+        ..records::stage(vec![term(15.0, 0.2, 1.0)], 0.002)
+    }
 }
 
 /// Amplitude of each line, volts: together they reach 45 V.
@@ -68,30 +55,21 @@ fn record(i: usize) -> Record {
     let mut stage = Stage::new(&stage(), 7 + i as u64).unwrap();
     let run = stage.run(&voltage_v, SAMPLE_S / STEPS as f64).unwrap();
     let recorded = |series: &[f64]| series[PERIOD * STEPS..].iter().step_by(STEPS).copied().collect();
-    Record {
-        file: format!("{i}.csv"),
-        role: if i < 4 { Role::Identify } else { Role::Validate },
-        excitation: String::new(),
-        start_s: 0.0,
-        period_s: SAMPLE_S,
-        voltage_v: recorded(&voltage_v),
-        position_um: recorded(&run.position_um),
-        reference_um: None,
-        temperature_c: None,
-        voltage2_v: None,
-    }
+    let role = if i < 4 { Role::Identify } else { Role::Validate };
+    records::record(
+        &i.to_string(),
+        role,
+        SAMPLE_S,
+        recorded(&voltage_v),
+        recorded(&run.position_um),
+    )
 }
 
 /// On the samples alone the plays turn where the drive does not, and a delay by a fifth of a sample is interpolated on four
 /// samples a period: fitted again there, the model is off by several times what it forecasts.
 #[test]
 fn regress_a_model_is_judged_on_the_grid_on_which_it_was_fitted() {
-    let records = (0..6).map(record);
-    let dataset = Dataset {
-        name: "slow".into(),
-        records: records.collect(),
-        ..Dataset::default()
-    };
+    let dataset = records::dataset((0..6).map(record));
     let bare = fit(&dataset, &FitOptions::new(Family::Pi), &|_| ()).unwrap().model;
 
     let model = add_effect(&dataset, &bare, "delay", &|_| ()).unwrap().model;

@@ -59,11 +59,19 @@ const SAME_RESPONSE: f64 = 0.02;
 /// the change from the first period to the second may fall by this share of its mean from the first quarter to the last.
 const EVEN: f64 = 0.5;
 
+fn mean(part: &[f64]) -> f64 {
+    part.iter().sum::<f64>() / part.len().max(1) as f64
+}
+
+/// What white noise makes of the squares in a change from one period to another: neighbours differ by nothing else.
+fn noise_in(change: &[f64]) -> f64 {
+    change.windows(2).map(|d| 0.5 * (d[1] - d[0]).powi(2)).sum()
+}
+
 /// Whether a response repeats: first against second period of `samples`, but for a drift that shifts it as a whole.
 fn repeats(output: &[f64], samples: usize) -> bool {
     let response = peak_to_peak(output);
     let change: Vec<f64> = (0..samples).map(|k| output[k + samples] - output[k]).collect();
-    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len().max(1) as f64;
     let rms_about = |middle: f64| mean(&change.iter().map(|d| (d - middle).powi(2)).collect::<Vec<_>>()).sqrt();
     if rms_about(0.0) < SAME_RESPONSE * response {
         return true;
@@ -87,11 +95,8 @@ pub fn rested(output: &[f64], samples: usize) -> bool {
         return false;
     }
     let (first, last) = (&output[..samples], &output[(periods - 1) * samples..periods * samples]);
-    let mean = |part: &[f64]| part.iter().sum::<f64>() / samples as f64;
     let change: Vec<f64> = first.iter().zip(last).map(|(before, after)| after - before).collect();
-    // Neighbours differ by noise alone.
-    let squares: f64 = change.windows(2).map(|d| 0.5 * (d[1] - d[0]).powi(2)).sum();
-    let error = squares.sqrt() / samples as f64;
+    let error = noise_in(&change).sqrt() / samples as f64;
     let shift = mean(&change);
     shift.abs() > SHIFTED * error && shift * (mean(first) - output[0]) > 0.0
 }
@@ -218,10 +223,9 @@ pub(crate) fn choose_by(
 fn change(error: &[f64], samples: usize) -> (f64, f64) {
     let n = samples.min(error.len().saturating_sub(samples));
     let changes: Vec<f64> = (0..n).map(|k| error[k + samples] - error[k]).collect();
-    let mean = changes.iter().sum::<f64>() / n.max(1) as f64;
-    let about_mean = changes.iter().map(|d| (d - mean).powi(2)).sum();
-    let noise = changes.windows(2).map(|d| 0.5 * (d[1] - d[0]).powi(2)).sum();
-    (about_mean, noise)
+    let middle = mean(&changes);
+    let about_mean = changes.iter().map(|d| (d - middle).powi(2)).sum();
+    (about_mean, noise_in(&changes))
 }
 
 /// Golden-section search for the minimum of a function of one variable; `(argument, value)`.
