@@ -60,6 +60,11 @@ impl Upload {
         })
     }
 
+    /// From shares of a range, the whole of which they need not reach.
+    pub fn new(range_um: [f64; 2], shares: [u16; TABLE_POINTS]) -> Self {
+        Self { range_um, shares }
+    }
+
     /// What the board is asked for, at its safe level, before it is asked for [`crate::Shape::Table`] over [`Self::range_um`].
     pub fn changes(&self) -> Vec<Change> {
         let (chunks, _) = self.shares.as_chunks::<CHUNK_POINTS>();

@@ -1,6 +1,7 @@
 //! Standard output and files.
 
 use crate::error::CliError;
+use hysteron_data::DataError;
 use std::io::Write;
 use std::path::Path;
 
@@ -15,6 +16,16 @@ pub(crate) fn print(text: &str) -> Result<(), CliError> {
 /// Prints a value as JSON, one trailing newline.
 pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), CliError> {
     print(&(serde_json::to_string_pretty(value)? + "\n"))
+}
+
+/// Refuses a folder that has a dataset already, before anything is waited for; it is looked at again when it is written.
+pub(crate) fn refuse_to_replace(folder: &Path, overwrite: bool) -> Result<(), CliError> {
+    let manifest = folder.join("dataset.toml");
+    if overwrite || !manifest.exists() {
+        return Ok(());
+    }
+    let file = manifest.display().to_string();
+    Err(DataError::Exists { file }.into())
 }
 
 /// Writes a file as a whole: first beside its place, then into it.

@@ -334,15 +334,22 @@ fn solve(system: &Normal, linear: usize, ridge: f64, damping: f64, fixed: &[Opti
 pub(crate) fn prepare<'a>(chain: &Chain, coefficients: &[f64], record: &'a Record, guess: InitialState) -> Trace<'a> {
     let fine = chain.dynamic();
     let trace = Trace::new(record, guess, fine);
-    let from = |initial| {
-        let mut other = trace.starting_at(initial, fine);
-        chain.settle(coefficients, &mut other);
-        other
-    };
+    let from = |initial| settled(chain, coefficients, trace.starting_at(initial, fine));
     let chosen = initial::choose_by(guess, &record.position_um, |initial| {
         chain.respond(coefficients, &from(initial))
     });
     from(chosen)
+}
+
+fn settled<'a>(chain: &Chain, coefficients: &[f64], mut trace: Trace<'a>) -> Trace<'a> {
+    chain.settle(coefficients, &mut trace);
+    trace
+}
+
+/// Runs a chain freely over a record from a state that is known.
+pub(crate) fn simulate_from(chain: &Chain, coefficients: &[f64], record: &Record, initial: InitialState) -> Vec<f64> {
+    let trace = Trace::new(record, initial, chain.dynamic());
+    chain.respond(coefficients, &settled(chain, coefficients, trace))
 }
 
 /// Runs a chain freely over a record.

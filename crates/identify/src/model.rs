@@ -212,6 +212,17 @@ impl Model {
         self.simulate_from(&design, &run)
     }
 
+    /// As [`Self::simulate`] of a record that is known to begin at rest at the low end of its drive.
+    pub(crate) fn simulate_from_rest(&self, record: &Record) -> Vec<f64> {
+        let rest = InitialState::Remanent { fraction: 0.0 };
+        if let Some(chain) = self.chain() {
+            return chain_fit::simulate_from(&chain, &self.coefficients, record, rest);
+        }
+        let mut run = run_of(record, self.direction, None);
+        run.initial = rest;
+        self.simulate_from(&self.design(), &run).output
+    }
+
     /// The mains hum of the model in a record, micrometres, its phases as the record has them; `None` where the model has none.
     ///
     /// # Cost

@@ -133,6 +133,22 @@ impl Response {
         self.coherence.push(coherence);
     }
 
+    /// Its cells to a frequency: beyond the lines that were meant there are images of them.
+    #[must_use]
+    pub fn up_to(mut self, highest_hz: f64) -> Self {
+        // Half a cell of the grid more.
+        let cells = self.frequency_hz.partition_point(|&hz| hz < 1.01 * highest_hz);
+        for column in [
+            &mut self.frequency_hz,
+            &mut self.gain,
+            &mut self.phase_deg,
+            &mut self.coherence,
+        ] {
+            column.truncate(cells);
+        }
+        self
+    }
+
     /// First frequency at which `value` falls below `limit`, interpolated over log frequency; `None` where it does not.
     fn falls_below(&self, values: &[f64], limit: f64) -> Option<Crossing> {
         let at = values.iter().position(|&value| value < limit)?;
@@ -235,6 +251,8 @@ mod tests {
         }
         let crossing = found.lag_30_deg().unwrap();
         assert!((crossing.frequency_hz / low - 1.0).abs() < 0.01, "{crossing:?} {low}");
+        let lower = found.clone().up_to(500.0);
+        assert!(lower.frequency_hz.iter().all(|&hz| hz < 510.0) && lower.lag_30_deg() == Some(crossing));
         let db = found.minus_3_db().unwrap().frequency_hz;
         assert!((db * std::f64::consts::TAU * tau_s - 1.0).abs() < 0.02, "{db}");
         assert!((found.error_gain(1000.0).unwrap() - (Complex64::new(1.0, 0.0) - exact(1000.0)).norm()).abs() < 0.03);

@@ -97,6 +97,27 @@ fn same_voltage(command_v: &[f64], recorded_v: &[f64]) -> Result<(), String> {
     ))
 }
 
+/// How far the position has to go at least, peak to peak, as a multiple of what it does at rest, rms: noise alone reaches ten times.
+const MOVES: f64 = 30.0;
+
+/// Whether a position that was recorded while the stage was driven can be used, beside one at rest.
+///
+/// # Errors
+/// What is wrong with it, in a sentence, and what to do.
+pub fn moved(record: &Record, at_rest: &Record) -> Result<(), String> {
+    at_its_end(record)?;
+    let n = at_rest.len() as f64;
+    let mean = at_rest.position_um.iter().sum::<f64>() / n;
+    let noise_um = (at_rest.position_um.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt();
+    let went_um = peak_to_peak(&record.position_um);
+    if went_um >= MOVES * noise_um {
+        return Ok(());
+    }
+    Err(format!(
+        "the position goes {went_um:.4} um and is {noise_um:.4} um rms at rest; is the amplifier on, and the sensor that of this axis?"
+    ))
+}
+
 fn at_its_end(record: &Record) -> Result<(), String> {
     let (low, high) = range(record.position_um.iter().copied());
     if high <= low {

@@ -1,4 +1,4 @@
-//! A board that is none: the firmware's own application, at a stage of a few lines, behind a connection.
+//! A board that is none: the firmware's own application, at a stage of a few lines or a simulated one, behind a connection.
 #![allow(dead_code, reason = "each test asks it for a part")]
 
 use hysteron_firmware::controller::Controller;
@@ -7,14 +7,43 @@ use hysteron_firmware::table;
 use hysteron_firmware::telemetry::{About, Orders, SAMPLE_BYTES, Sample};
 use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::wire::{Input, Mode, Order, Setup};
+use hysteron_plant::Stage;
 use std::io::{Read, Write};
 use std::net::TcpListener;
 
-/// The firmware's own application at a small stage behind a connection.
+/// What the converters of a board are wired to.
+pub(crate) trait Wired: Send {
+    /// The sensor's code.
+    fn adc(&mut self) -> u16;
+    /// Takes the code of a tick.
+    fn dac(&mut self, code: u16);
+}
+
+impl Wired for SmallStage {
+    fn adc(&mut self) -> u16 {
+        self.input(1, u32::MAX).adc
+    }
+
+    fn dac(&mut self, code: u16) {
+        self.output(code);
+    }
+}
+
+impl Wired for Stage {
+    fn adc(&mut self) -> u16 {
+        u16::try_from(self.sample().position_code).unwrap()
+    }
+
+    fn dac(&mut self, code: u16) {
+        self.step(self.v_from_code(u32::from(code)));
+    }
+}
+
+/// The firmware's own application at a stage behind a connection.
 pub(crate) struct SmallBoard {
     server: TcpListener,
     controller: Controller<table::Law>,
-    stage: SmallStage,
+    stage: Box<dyn Wired>,
     /// What it was asked for.
     pub(crate) asked: Vec<Order>,
     /// The reference it ran.
@@ -22,8 +51,13 @@ pub(crate) struct SmallBoard {
 }
 
 impl SmallBoard {
-    /// At its safe level.
+    /// At its safe level, at the stage of a few lines.
     pub(crate) fn new() -> Self {
+        Self::at(Box::new(SmallStage::new(&table::parameters().unwrap(), 1)))
+    }
+
+    /// At its safe level.
+    pub(crate) fn at(stage: Box<dyn Wired>) -> Self {
         let parameters = table::parameters().unwrap();
         let asleep = Setup {
             ticks: 0,
@@ -37,7 +71,7 @@ impl SmallBoard {
         };
         Self {
             server: TcpListener::bind("127.0.0.1:0").unwrap(),
-            stage: SmallStage::new(&parameters, 1),
+            stage,
             controller: Controller::new(parameters, &asleep),
             asked: Vec::new(),
             played: Vec::new(),
@@ -51,9 +85,9 @@ impl SmallBoard {
 
     /// One tick, and what it sends.
     pub(crate) fn tick(&mut self, order: Order) -> [u8; SAMPLE_BYTES] {
-        let adc = self.stage.input(1, u32::MAX).adc;
+        let adc = self.stage.adc();
         let frame = self.controller.step(Input { adc, order }, false);
-        self.stage.output(frame.dac);
+        self.stage.dac(frame.dac);
         if frame.mode() == Mode::Running {
             self.played.push(frame.reference_um);
         }
@@ -62,9 +96,20 @@ impl SmallBoard {
 
     /// One connection: it ticks while it is told something, and `ticks` times once it has been started; then it waits for the stop.
     pub(crate) fn serve(&mut self, ticks: u32) {
+        self.serve_after(0, ticks);
+    }
+
+    /// As [`Self::serve`], with so many ticks at its safe level before it is told anything.
+    pub(crate) fn serve_after(&mut self, at_rest: u32, ticks: u32) {
         let (mut connection, _) = self.server.accept().unwrap();
         for about in About::all("nucleo-h743zi") {
             connection.write_all(&about.to_packet()).unwrap();
+        }
+        for _ in 0..at_rest {
+            let packet = self.tick(Order::None);
+            if connection.write_all(&packet).is_err() {
+                return;
+            }
         }
         let (mut orders, mut left) = (Orders::default(), 0);
         loop {

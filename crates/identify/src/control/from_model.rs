@@ -1,6 +1,6 @@
 //! From a fitted model with effects to the chain that a controller undoes: each effect brings its compensator, or is named.
 
-use super::inverse;
+use super::inverse::{self, Pairs};
 use super::linear_part::{LinearPart, ModeOfStage};
 use super::model::{AroundPart, CREEP_FAST, CREEP_SLOW, ControlModel, CreepPart, HumPart};
 use crate::error::IdentifyError;
@@ -93,16 +93,14 @@ pub fn chain_of(
         });
     }
     let quasi_static = quasi_static(model);
-    let played = play(&quasi_static)?;
+    let played = played(&quasi_static)?;
     rises(&played)?;
-    let inputs: Vec<&[f64]> = played.series.iter().map(|(_, x)| x.as_slice()).collect();
-    let voltages: Vec<Vec<f64>> = played.series.iter().map(|(v, _)| v.clone()).collect();
-    let (inverse, left_v) = inverse::fit_pairs(&inputs, &voltages);
+    let (inverse, left_v) = inverse::fit_pairs(&played.series);
     let swing_v = model.input_max - model.input_min;
     chain.inverse = inverse;
     chain.around.rest_um = played.rest_um;
     chain.misfit_percent = 100.0 * left_v / swing_v;
-    let spans = inputs.iter().flat_map(|x| x.iter().copied());
+    let spans = played.series.iter().flat_map(|pairs| pairs.position_um.iter().copied());
     let (low, high) = crate::family::range(spans);
     chain.small_signal_um_per_v = (high - low) / swing_v;
     Ok((chain, undone))
@@ -257,7 +255,7 @@ fn creep(first_tau_s: f64, shares: &[f64], part: &mut CreepPart) {
 }
 
 /// The hysteresis alone, as slow as can be: what stands in its place and is static stays, all else is taken out.
-fn quasi_static(model: &Model) -> Model {
+pub(super) fn quasi_static(model: &Model) -> Model {
     let mut alone = model.clone();
     alone.effects.retain(|effect| effect.name == "asymmetry");
     alone.envelope = model.envelope.map(|_| Envelope {
@@ -268,19 +266,19 @@ fn quasi_static(model: &Model) -> Model {
 }
 
 /// Voltages and the displacements that they make, from rest at 0 V.
-struct Played {
-    series: Vec<(Vec<f64>, Vec<f64>)>,
+pub(super) struct Played {
+    pub series: Vec<Pairs>,
     /// Position at rest at 0 V, micrometres.
-    rest_um: f64,
+    pub rest_um: f64,
 }
 
 /// Time between two samples of a play, seconds: so long that rates are none.
-const AGES_S: f64 = 1e6;
+pub(super) const AGES_S: f64 = 1e6;
 /// Samples of a sweep over the whole range: steps of a 500th of it, a fifth of the narrowest threshold of the inverse.
 const SWEEP: usize = 500;
 
 /// Plays cycles of every size about several middles, and a walk with turns at random places.
-fn play(model: &Model) -> Result<Played, IdentifyError> {
+pub(super) fn played(model: &Model) -> Result<Played, IdentifyError> {
     let [low, high] = [model.input_min.min(0.0), model.input_max];
     let span = high - low;
     let mut turns: Vec<Vec<f64>> = Vec::new();
@@ -312,8 +310,11 @@ fn play(model: &Model) -> Result<Played, IdentifyError> {
             voltage_v.extend((1..=steps as usize).map(|n| pair[0] + (pair[1] - pair[0]) * n as f64 / steps));
         }
         let position_um = model.simulate_input(&voltage_v, AGES_S, rest)?;
-        let moved = position_um.iter().map(|y| y - rest_um).collect();
-        series.push((voltage_v, moved));
+        series.push(Pairs {
+            position_um: position_um.iter().map(|y| y - rest_um).collect(),
+            voltage_v,
+            factor: 1.0,
+        });
     }
     Ok(Played { series, rest_um })
 }
@@ -324,7 +325,7 @@ const WAVERS: f64 = 0.01;
 
 /// Refuses a hysteresis whose displacement goes back while the voltage goes on.
 fn rises(played: &Played) -> Result<(), IdentifyError> {
-    let all = played.series.iter().flat_map(|(_, x)| x.iter().copied());
+    let all = played.series.iter().flat_map(|pairs| pairs.position_um.iter().copied());
     let (low, high) = crate::family::range(all);
     let stroke = high - low;
     let refuse = |reason: String| Err(IdentifyError::Control { reason });
@@ -333,7 +334,12 @@ fn rises(played: &Played) -> Result<(), IdentifyError> {
             "the model does not move between its lowest and highest voltage; fit it to records that do".into(),
         );
     }
-    for (voltage_v, x) in &played.series {
+    for Pairs {
+        voltage_v,
+        position_um: x,
+        ..
+    } in &played.series
+    {
         // Farthest along the sweep so far, and the voltage there.
         let (mut farthest, mut at_v, mut last) = (0.0, voltage_v[0], 0.0);
         for (v, x) in voltage_v.windows(2).zip(x.windows(2)) {

@@ -44,6 +44,8 @@ struct Problem {
     rows: Vec<[f64; COLUMNS]>,
     /// Record and sample of each row.
     places: Vec<(usize, usize)>,
+    /// What the rows of each record are multiplied by.
+    factors: Vec<f64>,
     normal: Normal,
     scale: Scale,
 }
@@ -184,8 +186,8 @@ pub(super) fn behind_lag(voltage_v: &[f64], period_s: f64, latency_s: f64, lag_s
 }
 
 impl Problem {
-    /// Builds the rows from the inverse's inputs, one series a record.
-    fn new(inputs: &[&[f64]]) -> Self {
+    /// Builds the rows from the inverse's inputs, one series a record; a factor multiplies the error of each.
+    fn new(inputs: &[&[f64]], factors: &[f64]) -> Self {
         let all = || inputs.iter().flat_map(|series| series.iter().copied());
         let scale = Scale {
             low_um: all().fold(f64::INFINITY, f64::min),
@@ -195,16 +197,17 @@ impl Problem {
         let mut problem = Self {
             rows: Vec::new(),
             places: Vec::new(),
+            factors: factors.to_vec(),
             normal: Normal::new(COLUMNS),
             scale,
         };
-        for (number, series) in inputs.iter().enumerate() {
+        for (number, (series, factor)) in inputs.iter().zip(factors).enumerate() {
             let stride = series.len().div_ceil(ROWS_A_RECORD).max(1);
             let mut plays = [0.0; PLAYS];
             for (k, &x) in series.iter().enumerate() {
                 play::advance(&thresholds, &mut plays, x, x);
                 if k % stride == 0 {
-                    let row = row(scale, x, &plays);
+                    let row = row(scale, x, &plays).map(|cell| factor * cell);
                     problem.normal.add_row(&row, 0.0);
                     problem.rows.push(row);
                     problem.places.push((number, k));
@@ -224,10 +227,10 @@ impl Problem {
     }
 
     /// Solves for voltages: coefficients and the mean square of what is left, V^2.
-    fn solve(&self, targets: &[Vec<f64>], ridge: f64) -> (Vec<f64>, f64) {
+    fn solve<S: AsRef<[f64]>>(&self, targets: &[S], ridge: f64) -> (Vec<f64>, f64) {
         let mut right = DVector::<f64>::zeros(COLUMNS);
         for (row, &(record, k)) in self.rows.iter().zip(&self.places) {
-            let target = targets[record][k];
+            let target = self.factors[record] * targets[record].as_ref()[k];
             right.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * target);
         }
         let coefficients = self.normal.solve_for(&right, ridge);
@@ -237,10 +240,15 @@ impl Problem {
             .zip(&self.places)
             .map(|(row, &(record, k))| {
                 let fitted: f64 = row.iter().zip(&coefficients).map(|(x, c)| x * c).sum();
-                (targets[record][k] - fitted).powi(2)
+                (self.factors[record] * targets[record].as_ref()[k] - fitted).powi(2)
             })
             .sum();
-        (coefficients, squares / self.rows.len().max(1) as f64)
+        let counted: f64 = self
+            .places
+            .iter()
+            .map(|&(record, _)| self.factors[record].powi(2))
+            .sum();
+        (coefficients, squares / counted.max(f64::MIN_POSITIVE))
     }
 
     /// The lag with which the records leave least, by golden section between 0 and 0.4 ms, and the inverse with it.
@@ -360,15 +368,26 @@ const RIDGES: [f64; 7] = [1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2];
 /// Least slope of such an inverse, as a share of its mean: a stack's slope after a turn is half its mean and more.
 const LEAST_SLOPE: f64 = 0.2;
 
-/// Fits the inverse to positions and the voltages that they stand for, series by series, each from rest; with the rms of what is
-/// left, volts. Where no ridge makes it rise everywhere the smoothest is returned, to be refused.
-pub(super) fn fit_pairs(positions_um: &[&[f64]], voltages_v: &[Vec<f64>]) -> (InversePart, f64) {
-    let problem = Problem::new(positions_um);
-    let (low_v, high_v) = crate::family::range(voltages_v.iter().flatten().copied());
+/// Positions from rest, and the voltages that they stand for.
+pub(super) struct Pairs {
+    pub position_um: Vec<f64>,
+    pub voltage_v: Vec<f64>,
+    /// What its error is multiplied by.
+    pub factor: f64,
+}
+
+/// Fits the inverse to series of pairs; with the rms of what is left, volts. Where no ridge makes it rise everywhere the smoothest is
+/// returned, to be refused.
+pub(super) fn fit_pairs(series: &[Pairs]) -> (InversePart, f64) {
+    let positions_um: Vec<&[f64]> = series.iter().map(|pairs| pairs.position_um.as_slice()).collect();
+    let voltages_v: Vec<&[f64]> = series.iter().map(|pairs| pairs.voltage_v.as_slice()).collect();
+    let factors: Vec<f64> = series.iter().map(|pairs| pairs.factor).collect();
+    let problem = Problem::new(&positions_um, &factors);
+    let (low_v, high_v) = crate::family::range(voltages_v.iter().copied().flatten().copied());
     let mean_slope = (high_v - low_v) / (problem.scale.high_um - problem.scale.low_um);
     let mut last = None;
     for ridge in RIDGES {
-        let (coefficients, squares) = problem.solve(voltages_v, ridge);
+        let (coefficients, squares) = problem.solve(&voltages_v, ridge);
         let part = part(problem.scale, &coefficients);
         let rises = part.smallest_slope_v_per_um() > LEAST_SLOPE * mean_slope;
         last = Some((part, squares.sqrt()));
@@ -395,7 +414,7 @@ pub(super) fn fit(records: &[&Record], around: &Around<'_>) -> Result<(InversePa
     loop {
         seen.par_iter_mut().for_each(|record| record.undo_creep(&creep));
         let inputs: Vec<&[f64]> = seen.iter().map(|s| &s.before_creep_um[..s.to]).collect();
-        let found = Problem::new(&inputs).solve_with_lag(&seen, around.latency_s)?;
+        let found = Problem::new(&inputs, &vec![1.0; inputs.len()]).solve_with_lag(&seen, around.latency_s)?;
         if round == ROUNDS || around.linear.modes.is_empty() {
             return Ok(found);
         }

@@ -4,6 +4,7 @@
 mod hide;
 mod programme;
 mod tracking;
+mod training;
 
 pub use hide::Hidden;
 

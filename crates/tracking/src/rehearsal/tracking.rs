@@ -38,12 +38,9 @@ impl Rehearsal {
             .enumerate()
             .map(|(number, (name, kind))| {
                 let reference = self.reference(kind);
-                let couples = stage.cross_coupling.is_some();
-                let beside: Vec<f64> = (0..reference.samples_um.len())
-                    .map(|k| 0.4 * self.full_v() * (1.0 - (TAU * BESIDE_HZ * k as f64 * PERIOD_S).cos()))
-                    .collect();
+                let beside_v = self.beside_v(stage, reference.samples_um.len());
                 let seed = !self.noise_seed(number as u64);
-                let run = track_beside(stage, seed, &law, &reference, if couples { &beside } else { &[] })?;
+                let run = track_beside(stage, seed, &law, &reference, &beside_v)?;
                 let judged = run.from(reference.judged_from);
                 let squares: f64 = judged
                     .reference_um
@@ -54,6 +51,16 @@ impl Rehearsal {
                 let rms_um = (squares / judged.true_um.len().max(1) as f64).sqrt();
                 Ok((name.to_owned(), 100.0 * rms_um / (high_um - low_um)))
             })
+            .collect()
+    }
+
+    /// The other axis' command beside a reference of so many samples; empty without one.
+    pub(super) fn beside_v(&self, stage: &StageConfig, samples: usize) -> Vec<f64> {
+        if stage.cross_coupling.is_none() {
+            return Vec::new();
+        }
+        (0..samples)
+            .map(|k| 0.4 * self.full_v() * (1.0 - (TAU * BESIDE_HZ * k as f64 * PERIOD_S).cos()))
             .collect()
     }
 

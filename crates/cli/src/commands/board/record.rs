@@ -9,7 +9,7 @@ use clap::Args;
 use hysteron_board::budget::BOARDS;
 use hysteron_board::capture::{Start, capture};
 use hysteron_board::telemetry::Capture;
-use hysteron_data::{DataError, Dataset, Known};
+use hysteron_data::{Dataset, Known};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -69,12 +69,7 @@ struct Answer {
 }
 
 pub(crate) fn run(args: &RecordArgs) -> Result<Done, CliError> {
-    let manifest = args.output.join("dataset.toml");
-    // Before anything is waited for, and again when it is written.
-    if !args.overwrite && manifest.exists() {
-        let file = manifest.display().to_string();
-        return Err(DataError::Exists { file }.into());
-    }
+    output::refuse_to_replace(&args.output, args.overwrite)?;
     let wish = match args.wanted.is_nothing() {
         true => None,
         false if args.run => Some(args.wanted.wish(args.seconds)?),

@@ -1,15 +1,28 @@
 //! From records to a controller that tracks: `campaign`, `design`, `track`; `rehearse` all of it.
 
+mod campaign_on_board;
 mod chip;
 pub(crate) mod design;
 mod on_board;
 mod page;
+mod programme;
 pub(crate) mod record;
 pub(crate) mod rehearse;
 pub(crate) mod track;
 
 use crate::error::CliError;
 use hysteron_plant::{StageConfig, preset};
+
+/// A range that was given as two numbers.
+pub(crate) fn range_um(given: Option<&[f64]>) -> Result<Option<[f64; 2]>, CliError> {
+    match given {
+        None => Ok(None),
+        Some(&[low, high]) if low.is_finite() && high.is_finite() && low < high => Ok(Some([low, high])),
+        Some(given) => Err(CliError::Option(format!(
+            "--range {given:?}: two positions in micrometres, the lower first, such as 3,13"
+        ))),
+    }
+}
 
 /// The preset with a name.
 pub(crate) fn stage(name: &str) -> Result<StageConfig, CliError> {

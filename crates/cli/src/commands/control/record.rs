@@ -1,6 +1,7 @@
-//! `hysteron campaign`: on a simulated stage, or as files for one's own.
+//! `hysteron campaign`: on a simulated stage, by a board at a real one, or as files for one's own.
 
-use crate::commands::control::stage;
+use crate::commands::control::campaign_on_board::{self, Asked};
+use crate::commands::control::{range_um, stage};
 use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
@@ -23,17 +24,44 @@ use std::path::{Path, PathBuf};
     hysteron campaign --top-v 150 --rate-hz 50000 -o plan                  # frf-small.csv, hold.csv, large-...csv\n  \
     hysteron import recorded/*.csv -o back                                 # same names, with position_um\n  \
     hysteron campaign --top-v 150 --rate-hz 50000 --recorded back --latency-us 30 -o records    # checks; writes records/next\n\n\
-    Play what is in records/next, import all of it again, and so on until nothing more is asked for."
+    Play what is in records/next, import all of it again, and so on until nothing more is asked for.\n\n\
+    By a board that runs this firmware, with any table, at a stage that has rested at 0 V; sines, minor loops, multisine, noise, holds\n\
+    in references of 256 points, 48 s of records and the rests between them:\n  \
+    hysteron campaign --board localhost:9090 --range 0.5,14 -o records\n  \
+    hysteron learn records --model play-polynomial -o model.toml\n  \
+    hysteron design model.toml -o controller.toml"
 )]
 pub(crate) struct CampaignArgs {
     /// The simulated stage: paper-rate, paper-delay, 8k, 2.5k or 739
     #[arg(
         long,
         value_name = "PRESET",
-        conflicts_with = "top_v",
-        required_unless_present = "top_v"
+        conflicts_with_all = ["top_v", "board"],
+        required_unless_present_any = ["top_v", "board"]
     )]
     pub stage: Option<String>,
+    /// A board instead, which plays the references and reads the sensor: server of its telemetry's RTT channel 1
+    #[arg(long, value_name = "HOST:PORT", conflicts_with = "top_v")]
+    pub board: Option<String>,
+    /// Which of the board's tables runs, from 0 on
+    #[arg(long, default_value_t = 0, requires = "board")]
+    pub bank: u8,
+    /// Lowest and highest reference of a board, micrometres by its table; by default the table's range less 2 % at either end
+    #[arg(
+        long,
+        value_name = "LOW,HIGH",
+        value_delimiter = ',',
+        num_args = 1,
+        requires = "board",
+        allow_negative_numbers = true
+    )]
+    pub range: Option<Vec<f64>>,
+    /// Slow references for `design --along` instead of the programme, over the middle and lower part of the range: 9 s of records
+    #[arg(long, requires = "board")]
+    pub training: bool,
+    /// Rest at the board's safe level before each record, seconds: what creeps from one record into the next is in no file
+    #[arg(long, value_name = "S", default_value_t = 10.0, requires = "board")]
+    pub rest_s: f64,
     /// Instead of a simulated stage: the highest voltage to use on your own, volts at the actuator; the lowest is 0 V
     #[arg(long, value_name = "V", requires = "rate_hz")]
     pub top_v: Option<f64>,
@@ -58,6 +86,9 @@ pub(crate) struct CampaignArgs {
 }
 
 pub(crate) fn run(args: &CampaignArgs) -> Result<Done, CliError> {
+    if let Some(from) = &args.board {
+        return by_a_board(args, from);
+    }
     match (&args.stage, args.top_v, args.rate_hz) {
         (Some(name), ..) => simulated(args, name),
         (None, Some(top_v), Some(rate_hz)) => {
@@ -74,7 +105,9 @@ pub(crate) fn run(args: &CampaignArgs) -> Result<Done, CliError> {
             }
         }
         // What clap has refused already.
-        _ => Err(CliError::Option("give --stage, or --top-v and --rate-hz".to_owned())),
+        _ => Err(CliError::Option(
+            "give --stage, --board, or --top-v and --rate-hz".to_owned(),
+        )),
     }
 }
 
@@ -96,8 +129,37 @@ fn simulated(args: &CampaignArgs, name: &str) -> Result<Done, CliError> {
     write_dataset(&done.records, &args.output, overwrite(args))?;
     let folder = args.output.display();
     output::print(&format!(
-        "{}\nwritten to {folder}\nnext: hysteron design {folder} -o controller.toml\n",
-        listed(&done.records.records, done.model.misfit_percent)
+        "{}{}\nwritten to {folder}\nnext: hysteron design {folder} -o controller.toml\n",
+        listed(&done.records.records),
+        misses(done.model.misfit_percent)
+    ))?;
+    Ok(Done::Answered)
+}
+
+fn by_a_board(args: &CampaignArgs, from: &str) -> Result<Done, CliError> {
+    within("--rest-s", args.rest_s, [0.0, 3600.0], "s")?;
+    output::refuse_to_replace(&args.output, args.overwrite)?;
+    let records = campaign_on_board::record(&Asked {
+        from,
+        bank: args.bank,
+        range_um: range_um(args.range.as_deref())?,
+        rest_s: args.rest_s,
+        training: args.training,
+        seed: args.seed,
+    })?;
+    write_dataset(&records, &args.output, overwrite(args))?;
+    let folder = args.output.display();
+    let latency = match records.known.delay_s {
+        Some(delay_s) => format!("known delay {:.1} us, computed", 1e6 * delay_s),
+        None => "no known delay of this board: measure it, and write it to dataset.toml, [known] delay_s".to_owned(),
+    };
+    let next = match args.training {
+        true => format!("hysteron design model.toml --along {folder} -o controller.toml"),
+        false => format!("hysteron learn {folder} --model play-polynomial -o model.toml"),
+    };
+    output::print(&format!(
+        "{}\n{latency}\nwritten to {folder}\nnext: {next}\n",
+        listed(&records.records)
     ))?;
     Ok(Done::Answered)
 }
@@ -110,8 +172,13 @@ fn overwrite(args: &CampaignArgs) -> Overwrite {
     }
 }
 
-/// The records, and how well what is identified from them explains their commands.
-fn listed(records: &[Record], misfit_percent: f64) -> String {
+/// How well what is identified from records explains their commands.
+fn misses(misfit_percent: f64) -> String {
+    format!("identified from them: the inverse misses the commands by {misfit_percent:.3} % of their range\n")
+}
+
+/// The records.
+fn listed(records: &[Record]) -> String {
     let mut text = String::new();
     let mut total_s = 0.0;
     for record in records {
@@ -126,10 +193,7 @@ fn listed(records: &[Record], misfit_percent: f64) -> String {
             record.excitation
         );
     }
-    let _ = writeln!(
-        text,
-        "\n{total_s:.1} s of records; identified from them: the inverse misses the commands by {misfit_percent:.3} % of their range"
-    );
+    let _ = writeln!(text, "\n{total_s:.1} s of records");
     text
 }
 
@@ -205,7 +269,7 @@ fn came_back(args: &CampaignArgs, protocol: &Protocol, folder: &Path) -> Result<
         model = identify(&dataset)?;
     }
     write_dataset(&dataset, &args.output, overwrite(args))?;
-    let mut text = listed(&dataset.records, model.misfit_percent);
+    let mut text = listed(&dataset.records) + &misses(model.misfit_percent);
     let folder = args.output.display();
     // Writing to a String does not fail.
     let _ = match next {

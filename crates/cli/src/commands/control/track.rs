@@ -2,7 +2,7 @@
 
 use crate::commands::board::EmulatorName;
 use crate::commands::control::chip::{Chip, Follow};
-use crate::commands::control::{on_board, page, stage};
+use crate::commands::control::{on_board, page, range_um, stage};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
@@ -113,15 +113,7 @@ struct Answer<'a> {
 
 pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
     let controller = Controller::read(&args.controller)?;
-    let given_um = match args.range.as_deref() {
-        Some(&[low, high]) if low.is_finite() && high.is_finite() && low < high => Some([low, high]),
-        Some(given) => {
-            return Err(CliError::Option(format!(
-                "--range {given:?}: two positions in micrometres, the lower first, such as 3,13"
-            )));
-        }
-        None => None,
-    };
+    let given_um = range_um(args.range.as_deref())?;
     match (&args.stage, &args.board) {
         (_, Some(from)) => on_board::track(from, args.bank, given_um, &controller, args.json),
         (Some(name), None) => on_stage(args, name, given_um, &controller),

@@ -1,16 +1,17 @@
 //! Records and runs of a rehearsal on the firmware in the emulator.
 
-use super::programme::{Piece, programme};
 use super::rows::{Hold, Kept};
 use crate::commands::control::chip::{Chip, Follow, RATE_HZ, RISE_TICKS, Reached, Running, straight_line};
+use crate::commands::control::programme::{Piece, programme, training_programme};
 use crate::error::CliError;
 use crate::progress;
-use hysteron_board::host::parameters;
-use hysteron_board::{FALL_TICKS, Player, Request, Shape};
-use hysteron_data::{Dataset, Known};
+use hysteron_board::host::{complete, parameters};
+use hysteron_board::{FALL_TICKS, Law, Parameters, Player, Request, Shape};
+use hysteron_data::{Dataset, Known, Record};
 use hysteron_plant::Stage;
+use hysteron_table::TableError;
 use hysteron_tracking::design::Controller;
-use hysteron_tracking::rehearsal::Rehearsal;
+use hysteron_tracking::rehearsal::{BESIDE_HZ, Rehearsal};
 
 /// The records: the board plays them with a straight line for a law; commands are what its frames say.
 pub(super) fn records(chip: &Chip, rehearsal: &Rehearsal) -> Result<Dataset, CliError> {
@@ -23,7 +24,9 @@ pub(super) fn records(chip: &Chip, rehearsal: &Rehearsal) -> Result<Dataset, Cli
         bar.set_message(format!("recording {}", piece.name));
         let rested = Stage::new(stage, rehearsal.noise_seed(number as u64))?;
         let beside_hz = Rehearsal::cycles_beside(number) / piece.kept_s;
-        let player = play(&mut running, piece, rested, beside_hz)?;
+        let top_um = f64::from(running.hello().input_max_um);
+        let law = parameters(&running.table);
+        let player = play(&mut running, law, (piece, top_um), rested, beside_hz)?;
         played.push(Kept::of(piece, &player));
         progress::advance(&bar, (number + 1) as f64 / pieces.len() as f64);
     }
@@ -87,12 +90,38 @@ pub(super) fn errors(
     running.follow(&rehearsal.stage, &references, controller.feedback.is_some(), seed)
 }
 
-/// Plays a record's reference with the straight line, the other axis beside it at `beside_hz`.
-fn play(running: &mut Running, piece: &Piece, stage: Stage, beside_hz: f64) -> Result<Player, CliError> {
+/// Records of a controller, open loop, along slow references: what the host's rehearsal runs along, with references of 256 points.
+pub(super) fn training(chip: &Chip, rehearsal: &Rehearsal, controller: &Controller) -> Result<Vec<Record>, CliError> {
+    let stage = &rehearsal.stage;
+    let mut running = chip.start_law("training", controller, stage)?;
+    let both = stage.cross_coupling.is_some();
+    let mut records = Vec::new();
+    for (number, piece) in training_programme(rehearsal.seed).iter().enumerate() {
+        let rested = Stage::new(stage, rehearsal.noise_seed(300 + number as u64))?;
+        let law = complete(&running.table);
+        let player = play(
+            &mut running,
+            law,
+            (piece, stage.hysteresis.stroke_um),
+            rested,
+            BESIDE_HZ,
+        )?;
+        records.push(Kept::of(piece, &player).record(piece, Hold::Followed, both));
+    }
+    Ok(records)
+}
+
+/// Plays the reference of a piece, its range in shares of `top_um`, the other axis beside it at `beside_hz`.
+fn play<L: Law>(
+    running: &mut Running,
+    law: Result<Parameters<L>, TableError>,
+    (piece, top_um): (&Piece, f64),
+    stage: Stage,
+    beside_hz: f64,
+) -> Result<Player, CliError> {
     let ticks = (piece.kept_s * RATE_HZ).ceil() as u32;
     let [low, high] = piece.range;
-    let moves = low < high;
-    let top_um = f64::from(running.hello().input_max_um);
+    let moves = piece.moves();
     let request = Request {
         shape: piece.shape,
         frequency_hz: piece.frequency_hz,
@@ -105,7 +134,6 @@ fn play(running: &mut Running, piece: &Piece, stage: Stage, beside_hz: f64) -> R
     let player = Player::new(stage, piece.points.as_ref(), if moves { ticks } else { 0 });
     let mut player = player.beside(running.other_stage()?);
     let setup = running.setup(&request, player.ticks_before() + ticks + FALL_TICKS)?;
-    let law = parameters(&running.table);
     running.run_ahead(&setup, law, &mut player, beside_hz)?;
     Ok(player)
 }

@@ -1,7 +1,6 @@
 //! `hysteron rehearse`: the whole way on a stage with something hidden in it, the tracking error before and after.
 
 mod chip;
-mod programme;
 mod rows;
 mod text;
 
@@ -12,9 +11,9 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
-use hysteron_data::{Dataset, Overwrite, write_dataset};
+use hysteron_data::{Dataset, Overwrite, Record, write_dataset};
 use hysteron_diagnose::{Learned, learn_with};
-use hysteron_identify::control::{RecordedHold, chain_of};
+use hysteron_identify::control::{ControlModel, RecordedHold, chain_of, refine};
 use hysteron_identify::{FitOptions, Model, fit};
 use hysteron_plant::StageConfig;
 use hysteron_tracking::design::{Controller, ReferenceKind};
@@ -28,7 +27,8 @@ use std::path::PathBuf;
     hysteron rehearse delay --emulator mps2-an386 -o rehearsal\n\n\
     A stage is drawn from the seed and the effect is hidden in it. It is recorded, a model is learned from the records alone\n\
     (stage and model share no code), a controller is designed from the model of each step and tracks references on the stage:\n\
-    errors of the true position, rms, % of the references' range, nothing shifted. Then the truth is revealed.")]
+    errors of the true position, rms, % of the references' range, nothing shifted. The last one plays slow references of its own\n\
+    (7 s), and its inverse is fitted to what came back as well: `trained`. Then the truth is revealed.")]
 pub(crate) struct RehearseArgs {
     /// delay, first-order-lag, resonance, creep, cross-coupling or mains-hum
     pub effect: String,
@@ -48,7 +48,7 @@ pub(crate) struct RehearseArgs {
     /// The firmware's sources
     #[arg(long, value_name = "FOLDER", default_value = "firmware", requires = "emulator")]
     pub firmware: PathBuf,
-    /// Folder for records, model.toml and controller.toml; with an emulator for tables and images, too
+    /// Folder for records, slow records, model.toml and controller.toml; with an emulator for tables and images, too
     #[arg(short, long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
     /// Print the answer as JSON
@@ -60,6 +60,8 @@ pub(crate) struct RehearseArgs {
 #[derive(Serialize)]
 struct Rung {
     effects: Vec<String>,
+    /// Whether the inverse was fitted to records along references as well.
+    trained: bool,
     /// Error of the model on records it was not fitted to, percent of peak to peak.
     model_percent: Option<f64>,
     #[serde(rename = "loop")]
@@ -78,9 +80,9 @@ struct Rehearsed {
     emulator: Option<&'static str>,
     named: bool,
     rungs: Vec<Rung>,
-    /// The last model with the compensator of the hidden effect left out, open loop.
+    /// The last controller with the compensator of the hidden effect left out, open loop.
     without_compensator_percent: Option<BTreeMap<String, f64>>,
-    /// The first model's kind of controller on the same stage with nothing hidden in it.
+    /// The first model's kind of controller, trained, on the same stage with nothing hidden in it.
     without_effect_percent: Option<BTreeMap<String, f64>>,
     /// Beside an emulator: the last controller, open loop, by the host's law in `f64`.
     host_percent: Option<BTreeMap<String, f64>>,
@@ -104,6 +106,13 @@ impl Ground {
         match self {
             Self::Host => Ok(rehearsal.records(&rehearsal.stage)?),
             Self::Board(chip) => chip::records(chip, rehearsal),
+        }
+    }
+
+    fn training(&self, rehearsal: &Rehearsal, controller: &Controller) -> Result<Vec<Record>, CliError> {
+        match self {
+            Self::Host => Ok(rehearsal.training(&rehearsal.stage, controller)?),
+            Self::Board(chip) => chip::training(chip, rehearsal, controller),
         }
     }
 
@@ -148,13 +157,19 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<Done, CliError> {
         progress::advance(&bar, share);
     })?;
     bar.finish_and_clear();
-    let rehearsed = rehearsed(&ground, &rehearsal, &learned)?;
+    let (rehearsed, trained) = rehearsed(&ground, &rehearsal, &learned)?;
     if let Some(folder) = &args.output {
         write_dataset(&records, &folder.join("records"), Overwrite::Allow)?;
         learned.model.write(&folder.join("model.toml"))?;
         // The table says why there is none.
-        if let Ok(controller) = design(&rehearsal.stage, &learned.model) {
-            output::write_file(&folder.join("controller.toml"), &controller.with_feedback().to_toml()?)?;
+        if let Some(trained) = trained {
+            output::write_file(&folder.join("controller.toml"), &trained.controller.to_toml()?)?;
+            let slow = Dataset {
+                name: format!("{}-slow", records.name),
+                records: trained.records,
+                ..records
+            };
+            write_dataset(&slow, &folder.join("slow"), Overwrite::Allow)?;
         }
     }
     if args.json {
@@ -165,14 +180,23 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<Done, CliError> {
     Ok(Done::Answered)
 }
 
-fn design(stage: &StageConfig, model: &Model) -> Result<Controller, CliError> {
+fn chain(stage: &StageConfig, model: &Model) -> Result<ControlModel, CliError> {
     let limits = [stage.amplifier.min_v, stage.amplifier.max_v];
     let (chain, _) = chain_of(model, stage.sample_period_s, limits, RecordedHold::AccountedFor)?;
-    Ok(Controller::design(&chain, ReferenceKind::Previewed)?)
+    Ok(chain)
 }
 
-/// A controller from the model of each step, open loop; from the last with feedback, too; the last without the compensator.
-fn rehearsed(ground: &Ground, rehearsal: &Rehearsal, learned: &Learned) -> Result<Rehearsed, CliError> {
+fn design(chain: &ControlModel) -> Result<Controller, CliError> {
+    Ok(Controller::design(chain, ReferenceKind::Previewed)?)
+}
+
+/// A controller from the model of each step, open loop; the last one trained, open loop and closed, and without the compensator.
+/// With that one, where there is one.
+fn rehearsed(
+    ground: &Ground,
+    rehearsal: &Rehearsal,
+    learned: &Learned,
+) -> Result<(Rehearsed, Option<Trained>), CliError> {
     let hidden = rehearsal.hidden.name();
     let mut rehearsed = Rehearsed {
         effect: hidden,
@@ -190,48 +214,121 @@ fn rehearsed(ground: &Ground, rehearsal: &Rehearsal, learned: &Learned) -> Resul
         late_ticks: 0,
         truth: rehearsal.truth.clone(),
     };
-    let steps = learned.rungs.len();
-    let bar = progress::bar("tracking");
-    for (i, model) in learned.rungs.iter().enumerate() {
-        // The first model has no history yet: it stands as the first step in that of the last.
+    let rungs = learned.rungs.iter().enumerate();
+    // The first model has no history yet: it stands as the first step in that of the last.
+    let model_percent = |i: usize, model: &Model| {
         let step = learned.model.history.first().filter(|_| i == 0);
-        let open = design(&rehearsal.stage, model).map_err(|refusal| refusal.to_string());
-        let closed = (i + 1 == steps).then(|| open.clone().map(Controller::with_feedback));
-        for (loop_kind, controller) in [("open", Some(open)), ("closed", closed)] {
-            let (tracking_percent, refused) = match controller {
-                None => continue,
-                Some(Ok(controller)) => {
-                    let reached = ground.errors(rehearsal, &controller, &format!("step-{i}-{loop_kind}"))?;
-                    rehearsed.clocked_ticks += reached.clocked_ticks;
-                    rehearsed.late_ticks += reached.late_ticks;
-                    if i + 1 == steps && loop_kind == "open" && rehearsed.emulator.is_some() {
-                        rehearsed.host_percent = Some(rehearsal.errors(&rehearsal.stage, &controller)?);
-                    }
-                    (Some(reached.percent), None)
-                }
-                Some(Err(reason)) => (None, Some(reason)),
-            };
-            rehearsed.rungs.push(Rung {
-                effects: model.effects.iter().map(|effect| effect.name.clone()).collect(),
-                model_percent: step.or(model.history.last()).and_then(|step| step.validate_percent),
-                loop_kind,
-                tracking_percent,
-                refused,
-            });
-        }
-        progress::advance(&bar, (i + 1) as f64 / (steps + 1) as f64);
+        step.or(model.history.last()).and_then(|step| step.validate_percent)
+    };
+    let bar = progress::bar("tracking");
+    let steps = (learned.rungs.len() + 3) as f64;
+    for (i, model) in rungs {
+        let open = chain(&rehearsal.stage, model).and_then(|chain| design(&chain));
+        rehearsed.climb(
+            ground,
+            rehearsal,
+            &open.map_err(|refusal| refusal.to_string()),
+            Climbed {
+                model,
+                model_percent: model_percent(i, model),
+                name: format!("step-{i}-open"),
+                trained: false,
+            },
+        )?;
+        progress::advance(&bar, (i + 1) as f64 / steps);
+    }
+    let model = &learned.model;
+    let Ok(mut trained) = chain(&rehearsal.stage, model) else {
+        return Ok((rehearsed, None));
+    };
+    let last = design(&trained)?;
+    let records = ground.training(rehearsal, &last)?;
+    refine(&mut trained, model, &records)?;
+    let open = design(&trained)?;
+    let closed = open.clone().with_feedback();
+    for (controller, name) in [(&open, "trained-open"), (&closed, "trained-closed")] {
+        rehearsed.climb(
+            ground,
+            rehearsal,
+            &Ok(controller.clone()),
+            Climbed {
+                model,
+                model_percent: model_percent(learned.rungs.len() - 1, model),
+                name: name.to_owned(),
+                trained: true,
+            },
+        )?;
+    }
+    progress::advance(&bar, 1.0 - 1.0 / steps);
+    if rehearsed.emulator.is_some() {
+        rehearsed.host_percent = Some(rehearsal.errors(&rehearsal.stage, &open)?);
     }
     // The same hysteresis and the same other effects, this one not undone.
-    let mut without = learned.model.clone();
+    let mut without = model.clone();
     without.effects.retain(|effect| effect.name != hidden);
-    if let Ok(controller) = design(&rehearsal.stage, &without) {
+    if let Ok(mut without) = chain(&rehearsal.stage, &without) {
+        without.inverse = trained.inverse;
+        let controller = design(&without)?;
         rehearsed.without_compensator_percent = Some(ground.errors(rehearsal, &controller, "without")?.percent);
     }
     bar.finish_and_clear();
-    Ok(rehearsed)
+    let trained = Trained {
+        controller: closed,
+        records,
+    };
+    Ok((rehearsed, Some(trained)))
 }
 
-/// What a controller of the hysteresis alone leaves on the host where nothing is hidden: the effect dominates where it leaves many times more.
+/// The last controller, and the slow records that its inverse was fitted to.
+struct Trained {
+    controller: Controller,
+    records: Vec<Record>,
+}
+
+/// What a rung of the ladder stands for.
+struct Climbed<'a> {
+    model: &'a Model,
+    model_percent: Option<f64>,
+    /// Of its image.
+    name: String,
+    trained: bool,
+}
+
+impl Rehearsed {
+    /// Tracks with a controller, or says why there is none.
+    fn climb(
+        &mut self,
+        ground: &Ground,
+        rehearsal: &Rehearsal,
+        controller: &Result<Controller, String>,
+        climbed: Climbed<'_>,
+    ) -> Result<(), CliError> {
+        let closed = controller
+            .as_ref()
+            .is_ok_and(|controller| controller.feedback.is_some());
+        let (tracking_percent, refused) = match controller {
+            Ok(controller) => {
+                let reached = ground.errors(rehearsal, controller, &climbed.name)?;
+                self.clocked_ticks += reached.clocked_ticks;
+                self.late_ticks += reached.late_ticks;
+                (Some(reached.percent), None)
+            }
+            Err(reason) => (None, Some(reason.clone())),
+        };
+        self.rungs.push(Rung {
+            effects: climbed.model.effects.iter().map(|effect| effect.name.clone()).collect(),
+            trained: climbed.trained,
+            model_percent: climbed.model_percent,
+            loop_kind: if closed { "closed" } else { "open" },
+            tracking_percent,
+            refused,
+        });
+        Ok(())
+    }
+}
+
+/// What a trained controller of the hysteresis alone leaves on the host where nothing is hidden: the effect dominates where it leaves
+/// many times more.
 fn floor(rehearsal: &Rehearsal, model: &Model) -> Result<Option<BTreeMap<String, f64>>, CliError> {
     let records = rehearsal.records(&rehearsal.bare)?;
     let options = FitOptions {
@@ -239,8 +336,10 @@ fn floor(rehearsal: &Rehearsal, model: &Model) -> Result<Option<BTreeMap<String,
         ..FitOptions::new(model.family)
     };
     let model = fit(&records, &options, &|_| ())?.model;
-    match design(&rehearsal.bare, &model) {
-        Ok(controller) => Ok(Some(rehearsal.errors(&rehearsal.bare, &controller)?)),
-        Err(_) => Ok(None),
-    }
+    let Ok(mut trained) = chain(&rehearsal.bare, &model) else {
+        return Ok(None);
+    };
+    let records = rehearsal.training(&rehearsal.bare, &design(&trained)?)?;
+    refine(&mut trained, &model, &records)?;
+    Ok(Some(rehearsal.errors(&rehearsal.bare, &design(&trained)?)?))
 }

@@ -1,7 +1,7 @@
 //! The rows of a record of the board's telemetry: what stands beside a reading, the command having been held for a sample.
 
-use super::programme::Piece;
 use crate::commands::control::chip::RATE_HZ;
+use crate::commands::control::programme::Piece;
 use hysteron_board::Player;
 use hysteron_data::Record;
 
@@ -68,7 +68,6 @@ impl Kept {
 
     /// `both`: with the other axis' voltage.
     pub(super) fn record(&self, piece: &Piece, hold: Hold, both: bool) -> Record {
-        let [low, high] = piece.range;
         let straight = |[now, before, _]: &[f64; 3]| match hold {
             Hold::Followed => *before,
             Hold::Smoothed => 0.5 * (now + before),
@@ -76,13 +75,7 @@ impl Kept {
         Record {
             file: format!("{}.csv", piece.name),
             role: piece.role,
-            excitation: format!(
-                "{:?} {:.4} Hz, {:.0} to {:.0} % of the range",
-                piece.shape,
-                piece.frequency_hz,
-                100.0 * low,
-                100.0 * high
-            ),
+            excitation: piece.words(),
             start_s: 0.0,
             period_s: piece.every as f64 / RATE_HZ,
             voltage_v: self.held_v.iter().map(straight).collect(),

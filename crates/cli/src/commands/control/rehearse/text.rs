@@ -34,6 +34,7 @@ pub(super) fn text(rehearsed: &Rehearsed) -> String {
         } else {
             format!("+ {}", rung.effects.join(", "))
         };
+        let name = if rung.trained { format!("{name}, trained") } else { name };
         let refused = rung.refused.as_deref().unwrap_or("");
         line(
             &name,
@@ -45,11 +46,11 @@ pub(super) fn text(rehearsed: &Rehearsed) -> String {
     }
     let others: [(&str, &Option<BTreeMap<String, f64>>); 2] = [
         (
-            "last model, this compensator left out",
+            "the same, this compensator left out",
             &rehearsed.without_compensator_percent,
         ),
         (
-            "(hysteresis, nothing hidden in the stage)",
+            "(trained, nothing hidden in the stage)",
             &rehearsed.without_effect_percent,
         ),
     ];
@@ -58,7 +59,7 @@ pub(super) fn text(rehearsed: &Rehearsed) -> String {
     }
     if let Some(emulator) = rehearsed.emulator {
         if let Some(errors) = &rehearsed.host_percent {
-            line("(last model, by the host in f64)", "open", None, Some(errors), "");
+            line("(trained, by the host in f64)", "open", None, Some(errors), "");
         }
         let _ = writeln!(
             text,

@@ -1,0 +1,197 @@
+//! `hysteron campaign --board`: the records of a stage, played by the board at it.
+
+use crate::commands::control::on_board::{RAMP_S, no_fault};
+use crate::commands::control::programme::{Piece, programme, training_programme};
+use crate::error::CliError;
+use crate::progress;
+use hysteron_board::budget::BOARDS;
+use hysteron_board::capture::{Start, Wish, capture};
+use hysteron_board::telemetry::Capture;
+use hysteron_board::upload::Upload;
+use hysteron_board::{INSET, Mode, Request};
+use hysteron_data::{Dataset, Known, Record};
+use hysteron_tracking::usable::moved;
+use indicatif::ProgressBar;
+use std::time::{Duration, Instant};
+
+/// Times that a reference is played until its record has no gap.
+const TIMES: usize = 3;
+
+/// What is asked of whom.
+pub(super) struct Asked<'a> {
+    /// The server of the board's telemetry.
+    pub from: &'a str,
+    pub bank: u8,
+    /// Lowest and highest reference, micrometres; none for all that the table allows.
+    pub range_um: Option<[f64; 2]>,
+    /// Rest before each record, seconds.
+    pub rest_s: f64,
+    /// Slow references only.
+    pub training: bool,
+    pub seed: u64,
+}
+
+/// Plays the programme open loop, whatever table the board has, and keeps what it commanded and read.
+pub(super) fn record(asked: &Asked<'_>) -> Result<Dataset, CliError> {
+    let mut pieces = programme(asked.seed)?;
+    if asked.training {
+        pieces.retain(|piece| !piece.moves());
+        pieces.extend(training_programme(asked.seed));
+    }
+    // The rest comes first: it says which board it is, what its table allows, and what the sensor's noise is.
+    pieces.sort_by_key(Piece::moves);
+    let bar = progress::bar("recording on the board");
+    let total_s: f64 = pieces.iter().map(|piece| asked.rest_s + RAMP_S + piece.kept_s).sum();
+    let mut dataset = Dataset::default();
+    let (mut range_um, mut done_s, mut wrong) = (asked.range_um.unwrap_or_default(), 0.0, Vec::new());
+    for piece in &pieces {
+        bar.set_message(format!("before {}, at rest", piece.name));
+        rest(asked.rest_s, &|s| progress::advance(&bar, (done_s + s) / total_s));
+        done_s += asked.rest_s;
+        bar.set_message(piece.name.to_owned());
+        let length_s = RAMP_S + piece.kept_s;
+        let captured = without_a_gap(asked, piece, range_um, &bar, &|share| {
+            (done_s + share * length_s) / total_s
+        })?;
+        done_s += length_s;
+        let record = rows(&captured, piece);
+        match dataset.records.first() {
+            None => {
+                let about = &captured.about;
+                let hello = captured.pieces.last().map_or(about.hello, |piece| piece.table);
+                let [min, max] = [hello.input_min_um, hello.input_max_um].map(f64::from);
+                let inset = INSET * (max - min);
+                range_um = asked.range_um.unwrap_or([min + inset, max - inset]);
+                let [min_v, max_v] = about.dac_v.map(f64::from);
+                let budget = BOARDS.iter().find(|budget| budget.board == about.board());
+                dataset.name = format!("campaign-{}", about.board());
+                dataset.description = format!(
+                    "played and read by {} at {} Hz, open loop, bank {}, {:.4} to {:.4} um asked for, {} s of rest before each",
+                    about.board(),
+                    hello.sample_rate_hz,
+                    asked.bank,
+                    range_um[0],
+                    range_um[1],
+                    asked.rest_s
+                );
+                dataset.known = Known {
+                    delay_s: budget.map(|budget| budget.known_delay_s()),
+                    voltage_min_v: Some(min_v),
+                    voltage_max_v: Some(max_v),
+                    ..Known::default()
+                };
+            }
+            Some(at_rest) => wrong.extend(
+                moved(&record, at_rest)
+                    .err()
+                    .map(|why| format!("{}: {why}", piece.name)),
+            ),
+        }
+        dataset.records.push(record);
+    }
+    bar.finish_and_clear();
+    match wrong.is_empty() {
+        true => Ok(dataset),
+        false => Err(CliError::Option(format!(
+            "{} of {} records cannot be used:\n{}",
+            wrong.len(),
+            pieces.len(),
+            wrong.join("\n")
+        ))),
+    }
+}
+
+/// Waits, in steps that a progress bar shows.
+fn rest(seconds: f64, progress: &dyn Fn(f64)) {
+    let begun = Instant::now();
+    while begun.elapsed().as_secs_f64() < seconds {
+        progress(begun.elapsed().as_secs_f64());
+        let left_s = seconds - begun.elapsed().as_secs_f64();
+        std::thread::sleep(Duration::from_secs_f64(left_s.clamp(0.0, 0.2)));
+    }
+}
+
+/// A recording of a piece in which no tick is missing.
+fn without_a_gap(
+    asked: &Asked<'_>,
+    piece: &Piece,
+    [low_um, high_um]: [f64; 2],
+    bar: &ProgressBar,
+    place: &dyn Fn(f64) -> f64,
+) -> Result<Capture, CliError> {
+    let range_um = piece.range.map(|share| low_um + share * (high_um - low_um));
+    let wish = Wish {
+        bank: asked.bank,
+        request: Request {
+            shape: piece.shape,
+            frequency_hz: piece.frequency_hz,
+            range_um: Some(range_um),
+            seconds: RAMP_S + piece.kept_s,
+            feedforward: true,
+            feedback: false,
+        },
+        upload: piece.points.map(|points| Upload::new(range_um, points)),
+    };
+    let mut lost = 0;
+    for _ in 0..TIMES {
+        let (start, seconds) = if piece.moves() {
+            (Start::Playing(&wish), wish.request.seconds)
+        } else {
+            (Start::Nobody, piece.kept_s)
+        };
+        let captured = capture(asked.from, seconds, start, &mut |share| {
+            progress::advance(bar, place(share))
+        })?;
+        no_fault(&captured, piece.name)?;
+        if captured.pieces.len() == 1 && !kept(&captured, piece).is_empty() {
+            return Ok(captured);
+        }
+        lost = captured.counts.lost;
+    }
+    Err(CliError::Option(format!(
+        "{}: played {TIMES} times, and never came whole ({lost} ticks lost the last time); a record with gaps tells nothing of time: \
+         take a faster probe, or a shorter polling interval",
+        piece.name
+    )))
+}
+
+fn rate_hz(captured: &Capture) -> f64 {
+    f64::from(captured.about.hello.sample_rate_hz)
+}
+
+/// The ticks of a record: from the start, the rise with it, to the reference's end; of a rest all that came.
+fn kept(captured: &Capture, piece: &Piece) -> std::ops::Range<usize> {
+    let Some(recording) = captured.pieces.first().map(|piece| &piece.recording) else {
+        return 0..0;
+    };
+    let begun = recording.frames.iter().position(|frame| frame.mode() == Mode::Running);
+    let begun = if piece.moves() {
+        begun.unwrap_or(recording.frames.len())
+    } else {
+        0
+    };
+    let end = begun + (piece.kept_s * rate_hz(captured)).ceil() as usize;
+    if end > recording.frames.len() { 0..0 } else { 0..end }
+}
+
+/// Commands and readings of the same ticks: what lies between them is the known delay.
+fn rows(captured: &Capture, piece: &Piece) -> Record {
+    let ticks = kept(captured, piece);
+    let recording = captured.pieces.first().map(|piece| &piece.recording);
+    let column = |of: fn(&hysteron_board::Recording) -> &[f64]| -> Vec<f64> {
+        let values = recording.map_or(&[][..], of);
+        ticks.clone().step_by(piece.every).map(|k| values[k]).collect()
+    };
+    Record {
+        file: format!("{}.csv", piece.name),
+        role: piece.role,
+        excitation: piece.words(),
+        start_s: 0.0,
+        period_s: piece.every as f64 / rate_hz(captured),
+        voltage_v: column(|recording| &recording.voltage_v),
+        position_um: column(|recording| &recording.position_um),
+        reference_um: None,
+        temperature_c: None,
+        voltage2_v: None,
+    }
+}
