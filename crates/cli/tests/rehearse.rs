@@ -108,7 +108,7 @@ fn val_lag_is_learned_and_compensated_on_the_chip() {
     // Each step of the ladder has an error of the model, and the last is the lowest.
     let of_model = |rung: &Value| rung["model_percent"].as_f64().unwrap();
     assert!(of_model(open) < 0.2 * of_model(&rungs[0]), "{rungs:?}");
-    assert!(folder.path().join("board/step-1-closed.toml").is_file());
+    assert!(folder.path().join("board/trained-closed.toml").is_file());
 }
 
 /// Images of both axes: while one records and tracks, the other moves by a straight line, and the law is told its command.

@@ -250,6 +250,26 @@ mod tests {
         }
     }
 
+    /// Beside 0.3 um peak to peak of noise at rest: one that moves twenty micrometres, one that does not move, one that is clipped.
+    #[test]
+    fn refuse_a_position_that_does_not_move_or_is_clipped() {
+        let (_, driven) = pair();
+        let noise = |k: usize| 0.3 * (((k * 7919 + k * k % 104_729) % 1000) as f64 / 1000.0 - 0.5);
+        let at_rest = Record {
+            position_um: (0..5000).map(noise).collect(),
+            ..driven.clone()
+        };
+        assert_eq!(moved(&driven, &at_rest), Ok(()));
+        let still = moved(&at_rest, &at_rest).unwrap_err();
+        assert!(still.contains("is the amplifier on"), "{still}");
+        let clipped = Record {
+            position_um: driven.position_um.iter().map(|y| y.min(8.0)).collect(),
+            ..driven
+        };
+        let clipped = moved(&clipped, &at_rest).unwrap_err();
+        assert!(clipped.contains("stands at 8 um for"), "{clipped}");
+    }
+
     #[test]
     fn refuse_a_small_multisine_in_noise() {
         let (mut command, mut record) = pair();

@@ -11,7 +11,6 @@ use hysteron_board::upload::Upload;
 use hysteron_board::{INSET, Mode, Request};
 use hysteron_data::{Dataset, Known, Record};
 use hysteron_tracking::usable::moved;
-use indicatif::ProgressBar;
 use std::time::{Duration, Instant};
 
 /// Times that a reference is played until its record has no gap.
@@ -31,7 +30,8 @@ pub(super) struct Asked<'a> {
     pub seed: u64,
 }
 
-/// Plays the programme open loop, whatever table the board has, and keeps what it commanded and read.
+/// Plays the programme open loop, whatever table the board has, and keeps what it commanded and read. Stops at the first record that is of
+/// no use.
 pub(super) fn record(asked: &Asked<'_>) -> Result<Dataset, CliError> {
     let mut pieces = programme(asked.seed)?;
     if asked.training {
@@ -42,62 +42,59 @@ pub(super) fn record(asked: &Asked<'_>) -> Result<Dataset, CliError> {
     pieces.sort_by_key(Piece::moves);
     let bar = progress::bar("recording on the board");
     let total_s: f64 = pieces.iter().map(|piece| asked.rest_s + RAMP_S + piece.kept_s).sum();
+    let mut done_s = 0.0;
+    let mut range_um = asked.range_um;
     let mut dataset = Dataset::default();
-    let (mut range_um, mut done_s, mut wrong) = (asked.range_um.unwrap_or_default(), 0.0, Vec::new());
     for piece in &pieces {
         bar.set_message(format!("before {}, at rest", piece.name));
         rest(asked.rest_s, &|s| progress::advance(&bar, (done_s + s) / total_s));
         done_s += asked.rest_s;
-        bar.set_message(piece.name.to_owned());
+        bar.set_message(piece.name);
         let length_s = RAMP_S + piece.kept_s;
-        let captured = without_a_gap(asked, piece, range_um, &bar, &|share| {
-            (done_s + share * length_s) / total_s
+        let captured = without_a_gap(asked, piece, range_um.unwrap_or_default(), &|share| {
+            progress::advance(&bar, (done_s + share * length_s) / total_s);
         })?;
         done_s += length_s;
         let record = rows(&captured, piece);
-        match dataset.records.first() {
-            None => {
-                let about = &captured.about;
-                let hello = captured.pieces.last().map_or(about.hello, |piece| piece.table);
-                let [min, max] = [hello.input_min_um, hello.input_max_um].map(f64::from);
-                let inset = INSET * (max - min);
-                range_um = asked.range_um.unwrap_or([min + inset, max - inset]);
-                let [min_v, max_v] = about.dac_v.map(f64::from);
-                let budget = BOARDS.iter().find(|budget| budget.board == about.board());
-                dataset.name = format!("campaign-{}", about.board());
-                dataset.description = format!(
-                    "played and read by {} at {} Hz, open loop, bank {}, {:.4} to {:.4} um asked for, {} s of rest before each",
-                    about.board(),
-                    hello.sample_rate_hz,
-                    asked.bank,
-                    range_um[0],
-                    range_um[1],
-                    asked.rest_s
-                );
-                dataset.known = Known {
-                    delay_s: budget.map(|budget| budget.known_delay_s()),
-                    voltage_min_v: Some(min_v),
-                    voltage_max_v: Some(max_v),
-                    ..Known::default()
-                };
-            }
-            Some(at_rest) => wrong.extend(
-                moved(&record, at_rest)
-                    .err()
-                    .map(|why| format!("{}: {why}", piece.name)),
-            ),
+        if let Some(at_rest) = dataset.records.first() {
+            moved(&record, at_rest).map_err(|why| CliError::Option(format!("{}: {why}", piece.name)))?;
+        } else {
+            let [low_um, high_um] = *range_um.get_or_insert_with(|| whole(&captured));
+            dataset = about(&captured);
+            dataset.description = format!(
+                "played and read by a board, open loop, references from {low_um:.4} to {high_um:.4} um by its table, {} s of rest before \
+                 each record",
+                asked.rest_s
+            );
         }
         dataset.records.push(record);
     }
     bar.finish_and_clear();
-    match wrong.is_empty() {
-        true => Ok(dataset),
-        false => Err(CliError::Option(format!(
-            "{} of {} records cannot be used:\n{}",
-            wrong.len(),
-            pieces.len(),
-            wrong.join("\n")
-        ))),
+    Ok(dataset)
+}
+
+/// The range that the board's table allows, less [`INSET`] at either end, micrometres.
+fn whole(captured: &Capture) -> [f64; 2] {
+    let hello = &captured.about.hello;
+    let [min, max] = [hello.input_min_um, hello.input_max_um].map(f64::from);
+    let inset = INSET * (max - min);
+    [min + inset, max - inset]
+}
+
+/// A dataset without records of the board.
+fn about(captured: &Capture) -> Dataset {
+    let board = captured.about.board();
+    let budget = BOARDS.iter().find(|budget| budget.board == board);
+    let [min_v, max_v] = captured.about.dac_v.map(f64::from);
+    Dataset {
+        name: format!("campaign-{board}"),
+        known: Known {
+            delay_s: budget.map(|budget| budget.known_delay_s()),
+            voltage_min_v: Some(min_v),
+            voltage_max_v: Some(max_v),
+            ..Known::default()
+        },
+        ..Dataset::default()
     }
 }
 
@@ -116,8 +113,7 @@ fn without_a_gap(
     asked: &Asked<'_>,
     piece: &Piece,
     [low_um, high_um]: [f64; 2],
-    bar: &ProgressBar,
-    place: &dyn Fn(f64) -> f64,
+    progress: &dyn Fn(f64),
 ) -> Result<Capture, CliError> {
     let range_um = piece.range.map(|share| low_um + share * (high_um - low_um));
     let wish = Wish {
@@ -139,9 +135,7 @@ fn without_a_gap(
         } else {
             (Start::Nobody, piece.kept_s)
         };
-        let captured = capture(asked.from, seconds, start, &mut |share| {
-            progress::advance(bar, place(share))
-        })?;
+        let captured = capture(asked.from, seconds, start, &mut |share| progress(share))?;
         no_fault(&captured, piece.name)?;
         if captured.pieces.len() == 1 && !kept(&captured, piece).is_empty() {
             return Ok(captured);

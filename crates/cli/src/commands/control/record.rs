@@ -43,9 +43,9 @@ pub(crate) struct CampaignArgs {
     /// A board instead, which plays the references and reads the sensor: server of its telemetry's RTT channel 1
     #[arg(long, value_name = "HOST:PORT", conflicts_with = "top_v")]
     pub board: Option<String>,
-    /// Which of the board's tables runs, from 0 on
-    #[arg(long, default_value_t = 0, requires = "board")]
-    pub bank: u8,
+    /// Which of the board's tables runs, from 0 on; 0 where it is not given
+    #[arg(long, requires_all = ["board", "range"])]
+    pub bank: Option<u8>,
     /// Lowest and highest reference of a board, micrometres by its table; by default the table's range less 2 % at either end
     #[arg(
         long,
@@ -141,7 +141,7 @@ fn by_a_board(args: &CampaignArgs, from: &str) -> Result<Done, CliError> {
     output::refuse_to_replace(&args.output, args.overwrite)?;
     let records = campaign_on_board::record(&Asked {
         from,
-        bank: args.bank,
+        bank: args.bank.unwrap_or(0),
         range_um: range_um(args.range.as_deref())?,
         rest_s: args.rest_s,
         training: args.training,
