@@ -51,24 +51,29 @@ pub fn refine(chain: &mut ControlModel, model: &Model, records: &[Record]) -> Re
     Ok(())
 }
 
-/// Farthest that the drive may go from row to row where it turns, as a share of its range: where the turn was, plays remember. An inverse
-/// goes 1 % in half a millisecond after a slow turn, through the plays that stand.
-const LARGEST_STEP: f64 = 0.02;
+/// How far beyond the rows the drive may have gone where it turned, as a share of its range: plays remember the turn.
+const LARGEST_MISS: f64 = 0.01;
 
 /// Refuses rows that are too far apart to show where the drive turned.
+///
+/// Between straight lines that step `a` from row to row before the turn and `b` after it, the turn lies at most `a b / (a + b)` beyond a row.
 fn turns_are_seen(record: &Record) -> Result<(), IdentifyError> {
     let v = &record.voltage_v;
     let turns = v.windows(3).filter(|w| (w[1] - w[0]) * (w[2] - w[1]) < 0.0);
-    let step_v = turns
-        .map(|w| (w[1] - w[0]).abs().max((w[2] - w[1]).abs()))
+    let missed_v = turns
+        .map(|w| {
+            let (a, b) = ((w[1] - w[0]).abs(), (w[2] - w[1]).abs());
+            a * b / (a + b)
+        })
         .fold(0.0, f64::max);
-    let share = step_v / peak_to_peak(v).max(f64::MIN_POSITIVE);
-    if share <= LARGEST_STEP {
+    let share = missed_v / peak_to_peak(v).max(f64::MIN_POSITIVE);
+    if share <= LARGEST_MISS {
         return Ok(());
     }
     Err(IdentifyError::Control {
         reason: format!(
-            "{}: the drive turns between rows that are {:.1} % of its range apart; record it at a higher rate, or drive the stage more slowly",
+            "{}: the drive turns between rows, up to {:.1} % of its range beyond them; record it at a higher rate, or drive the stage more \
+             slowly",
             record.file,
             100.0 * share
         ),
