@@ -107,13 +107,13 @@ pub(super) fn track(
             None => (Response::default(), None),
             Some(table) => {
                 answer.table_sha256 = hex(&table.hash);
-                let about = Small::about(table, range_um);
+                let about = Small::about((from, bank, feedback), table, range_um);
                 bar.set_message(format!("small multisine, {loop_kind} loop"));
                 let part = |part| progress::advance(&bar, share(l, SHAPES.len(), part));
-                let response = about.response(from, bank, feedback, &part)?;
+                let response = about.response(&mut answer.lost, &part)?;
                 bar.set_message(format!("at rest, {loop_kind} loop"));
                 let part = |part| progress::advance(&bar, share(l, SHAPES.len() + 1, part));
-                (response, about.noise_nm(from, bank, feedback, &part)?)
+                (response, about.noise_nm(&mut answer.lost, &part)?)
             }
         };
         let hertz = |crossing: Option<Crossing>| crossing.map(|crossing| crossing.frequency_hz);
@@ -136,7 +136,10 @@ pub(super) fn track(
 }
 
 /// Small signals about the middle of what is followed.
-struct Small {
+struct Small<'a> {
+    from: &'a str,
+    bank: u8,
+    feedback: bool,
     middle_um: f64,
     swing_um: f64,
     rate_hz: f64,
@@ -153,22 +156,26 @@ const PHASES: u64 = 1;
 /// Length of the rest that is judged, seconds.
 const REST_S: f64 = 0.5;
 
-impl Small {
-    fn about(table: &Hello, range_um: Option<[f64; 2]>) -> Self {
+impl<'a> Small<'a> {
+    fn about((from, bank, feedback): (&'a str, u8, bool), table: &Hello, range_um: Option<[f64; 2]>) -> Self {
         let [low_um, high_um] = range_um.unwrap_or([table.input_min_um, table.input_max_um].map(f64::from));
         Self {
+            from,
+            bank,
+            feedback,
             middle_um: 0.5 * (low_um + high_um),
             swing_um: SMALL * (high_um - low_um),
             rate_hz: f64::from(table.sample_rate_hz),
         }
     }
 
-    /// From reference to measured position, at the multisine's own lines; empty where a gap leaves no whole periods.
-    fn response(&self, from: &str, bank: u8, feedback: bool, progress: &dyn Fn(f64)) -> Result<Response, CliError> {
+    /// From reference to measured position, at the multisine's own lines; empty where a gap leaves no whole periods. Adds the ticks that
+    /// did not come to `lost`.
+    fn response(&self, lost: &mut u64, progress: &dyn Fn(f64)) -> Result<Response, CliError> {
         let period = TICKS_A_POINT as usize * TABLE_POINTS;
         let judged = PERIODS * period;
         let points = small_multisine(PHASES);
-        let ticks = self.run(from, (bank, feedback), points, judged, progress)?;
+        let ticks = self.run(points, judged, lost, progress)?;
         let [reference_um, measured_um]: [Vec<f64>; 2] =
             [0, 1].map(|column| ticks.iter().map(|tick| tick[column]).collect());
         let all = line_response(&reference_um, &measured_um, 1.0 / self.rate_hz, PERIODS);
@@ -176,9 +183,9 @@ impl Small {
     }
 
     /// Standard deviation of the measured position about a straight line in time, nanometres: the sensor's own noise with it.
-    fn noise_nm(&self, from: &str, bank: u8, feedback: bool, progress: &dyn Fn(f64)) -> Result<Option<f64>, CliError> {
+    fn noise_nm(&self, lost: &mut u64, progress: &dyn Fn(f64)) -> Result<Option<f64>, CliError> {
         let judged = (REST_S * self.rate_hz) as usize;
-        let ticks = self.run(from, (bank, feedback), [1 << 15; TABLE_POINTS], judged, progress)?;
+        let ticks = self.run([1 << 15; TABLE_POINTS], judged, lost, progress)?;
         let n = ticks.len() as f64;
         let time = |k: usize| (k as f64 + 0.5) / n - 0.5;
         let mean = ticks.iter().map(|tick| tick[1]).sum::<f64>() / n;
@@ -193,29 +200,29 @@ impl Small {
     /// Plays points; reference and measured position of the last `judged` ticks, none where one of them is lost.
     fn run(
         &self,
-        from: &str,
-        (bank, feedback): (u8, bool),
         points: [u16; TABLE_POINTS],
         judged: usize,
+        lost: &mut u64,
         progress: &dyn Fn(f64),
     ) -> Result<Vec<[f64; 2]>, CliError> {
         let range_um = [self.middle_um - self.swing_um, self.middle_um + self.swing_um];
         let wish = Wish {
-            bank,
+            bank: self.bank,
             request: Request {
                 shape: hysteron_board::Shape::Table,
                 frequency_hz: self.rate_hz / f64::from(TICKS_A_POINT * TABLE_POINTS as u32),
                 range_um: Some(range_um),
                 seconds: STANDS_S + judged as f64 / self.rate_hz,
                 feedforward: true,
-                feedback,
+                feedback: self.feedback,
             },
             upload: Some(Upload::new(range_um, points)),
         };
-        let captured = capture(from, wish.request.seconds, Start::Playing(&wish), &mut |share| {
-            progress(share)
+        let captured = capture(self.from, wish.request.seconds, Start::Playing(&wish), &mut |share| {
+            progress(share);
         })?;
         no_fault(&captured, "small signals")?;
+        *lost += captured.counts.lost;
         let Some(recording) = captured.pieces.last().map(|piece| &piece.recording) else {
             return Ok(Vec::new());
         };
