@@ -41,6 +41,11 @@ const PERIOD_S: f64 = 20e-6;
 /// The boards of `firmware/nucleo`.
 pub const BOARDS: [Budget; 2] = [Budget::of(&chips::H743, 450.0), Budget::of(&chips::G474, 450.0)];
 
+/// The budget of a board by its name, where it is one of these.
+pub fn of(board: &str) -> Option<&'static Budget> {
+    BOARDS.iter().find(|budget| budget.board == board)
+}
+
 impl Budget {
     /// By the figures that the board's registers are set to.
     const fn of(chip: &Chip, tick_instructions: f64) -> Self {

@@ -279,8 +279,7 @@ impl Request {
     pub fn setup(&self, hello: &Hello) -> Result<Setup, BoardError> {
         let rate_hz = f64::from(hello.sample_rate_hz);
         let (min, max) = (f64::from(hello.input_min_um), f64::from(hello.input_max_um));
-        let inset = INSET * (max - min);
-        let [low_um, high_um] = self.range_um.unwrap_or([min + inset, max - inset]);
+        let [low_um, high_um] = self.range_um.unwrap_or_else(|| whole_range_um(hello));
         within("frequency, hertz", self.frequency_hz, 1e-3, rate_hz / 10.0)?;
         within("lowest reference, micrometres", low_um, min, max)?;
         within("highest reference, micrometres", high_um, low_um, max)?;
@@ -296,6 +295,13 @@ impl Request {
             clocked: true,
         })
     }
+}
+
+/// A table's range less [`INSET`] at either end, micrometres.
+pub fn whole_range_um(hello: &Hello) -> [f64; 2] {
+    let (min, max) = (f64::from(hello.input_min_um), f64::from(hello.input_max_um));
+    let inset = INSET * (max - min);
+    [min + inset, max - inset]
 }
 
 fn within(name: &'static str, value: f64, min: f64, max: f64) -> Result<(), BoardError> {

@@ -82,6 +82,14 @@ pub(crate) fn hex(hash: &[u8; 32]) -> String {
     })
 }
 
+/// The delay that a dataset of a board is given, as a line.
+pub(crate) fn known_delay_line(delay_s: Option<f64>) -> String {
+    match delay_s {
+        Some(delay_s) => format!("known delay {:.1} us, computed\n", 1e6 * delay_s),
+        None => "no known delay of this board: measure it, and write it to dataset.toml, [known] delay_s\n".to_owned(),
+    }
+}
+
 /// The first fault, as a line; nothing where there is none.
 fn fault_line<'a>(recordings: impl IntoIterator<Item = &'a Recording>) -> String {
     let mut frames = recordings.into_iter().flat_map(|recording| &recording.frames);

@@ -1,12 +1,12 @@
 //! `hysteron board record`.
 
 use crate::commands::board::wanted::Wanted;
-use crate::commands::board::{Piece, fault_line, hex, record, write};
+use crate::commands::board::{Piece, fault_line, hex, known_delay_line, record, write};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
-use hysteron_board::budget::BOARDS;
+use hysteron_board::budget;
 use hysteron_board::capture::{Start, capture};
 use hysteron_board::telemetry::Capture;
 use hysteron_data::{Dataset, Known};
@@ -107,7 +107,6 @@ fn answer(captured: &Capture) -> Answer {
     let mut frames = captured.pieces.iter().flat_map(|piece| &piece.recording.frames);
     let mut tables: Vec<String> = captured.pieces.iter().map(|piece| hex(&piece.table.hash)).collect();
     tables.dedup();
-    let budget = BOARDS.iter().find(|budget| budget.board == about.board());
     Answer {
         board: about.board().to_owned(),
         tables_sha256: tables,
@@ -119,7 +118,7 @@ fn answer(captured: &Capture) -> Answer {
         unheard: counts.unheard,
         foreign_bytes: counts.foreign_bytes,
         restarts: counts.restarts,
-        known_delay_s: budget.map(|budget| budget.known_delay_s()),
+        known_delay_s: budget::of(about.board()).map(|budget| budget.known_delay_s()),
         fault: frames.find_map(|frame| frame.fault()).map(|fault| fault as u8),
     }
 }
@@ -201,9 +200,6 @@ fn text(args: &RecordArgs, answer: &Answer, fault: &str) -> String {
         text += &format!("the stream ended before {} s\n", args.seconds);
     }
     text += fault;
-    text += &match answer.known_delay_s {
-        Some(delay_s) => format!("known delay {:.1} us, computed\n", 1e6 * delay_s),
-        None => "no known delay of this board: measure it, and write it to dataset.toml, [known] delay_s\n".to_owned(),
-    };
+    text += &known_delay_line(answer.known_delay_s);
     text + &format!("{}\nwritten to {}\n", tables(answer), args.output.display())
 }

@@ -4,11 +4,11 @@ use crate::commands::control::on_board::{RAMP_S, no_fault};
 use crate::commands::control::programme::{Piece, programme, training_programme};
 use crate::error::CliError;
 use crate::progress;
-use hysteron_board::budget::BOARDS;
+use hysteron_board::budget;
 use hysteron_board::capture::{Start, Wish, capture};
 use hysteron_board::telemetry::Capture;
 use hysteron_board::upload::Upload;
-use hysteron_board::{INSET, Mode, Request};
+use hysteron_board::{Mode, Request, whole_range_um};
 use hysteron_data::{Dataset, Known, Record};
 use hysteron_tracking::usable::moved;
 use std::time::{Duration, Instant};
@@ -59,7 +59,7 @@ pub(super) fn record(asked: &Asked<'_>) -> Result<Dataset, CliError> {
         if let Some(at_rest) = dataset.records.first() {
             moved(&record, at_rest).map_err(|why| CliError::Option(format!("{}: {why}", piece.name)))?;
         } else {
-            let [low_um, high_um] = *range_um.get_or_insert_with(|| whole(&captured));
+            let [low_um, high_um] = *range_um.get_or_insert_with(|| whole_range_um(&captured.about.hello));
             dataset = about(&captured);
             dataset.description = format!(
                 "played and read by a board, open loop, references from {low_um:.4} to {high_um:.4} um by its table, {} s of rest before \
@@ -73,23 +73,14 @@ pub(super) fn record(asked: &Asked<'_>) -> Result<Dataset, CliError> {
     Ok(dataset)
 }
 
-/// The range that the board's table allows, less [`INSET`] at either end, micrometres.
-fn whole(captured: &Capture) -> [f64; 2] {
-    let hello = &captured.about.hello;
-    let [min, max] = [hello.input_min_um, hello.input_max_um].map(f64::from);
-    let inset = INSET * (max - min);
-    [min + inset, max - inset]
-}
-
 /// A dataset without records of the board.
 fn about(captured: &Capture) -> Dataset {
     let board = captured.about.board();
-    let budget = BOARDS.iter().find(|budget| budget.board == board);
     let [min_v, max_v] = captured.about.dac_v.map(f64::from);
     Dataset {
         name: format!("campaign-{board}"),
         known: Known {
-            delay_s: budget.map(|budget| budget.known_delay_s()),
+            delay_s: budget::of(board).map(|budget| budget.known_delay_s()),
             voltage_min_v: Some(min_v),
             voltage_max_v: Some(max_v),
             ..Known::default()

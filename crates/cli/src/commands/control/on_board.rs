@@ -2,7 +2,7 @@
 
 use crate::commands::board::hex;
 use crate::commands::control::programme::{HARMONICS, TICKS_A_POINT, small_multisine};
-use crate::commands::control::track::{cells, first_mode, heads, of_the_board};
+use crate::commands::control::track::{cells, first_mode, heads, hertz, of_the_board};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
@@ -116,13 +116,13 @@ pub(super) fn track(
                 (response, about.noise_nm(&mut answer.lost, &part)?)
             }
         };
-        let hertz = |crossing: Option<Crossing>| crossing.map(|crossing| crossing.frequency_hz);
+        let frequency_hz = |crossing: Option<Crossing>| crossing.map(|crossing| crossing.frequency_hz);
         answer.controllers.push(Figures {
             name: "complete",
             loop_kind,
             rms_percent,
-            lag30_hz: hertz(response.lag_30_deg()),
-            minus3db_hz: hertz(response.minus_3_db()),
+            lag30_hz: frequency_hz(response.lag_30_deg()),
+            minus3db_hz: frequency_hz(response.minus_3_db()),
             noise_nm,
         });
     }
@@ -319,7 +319,6 @@ fn text(answer: &Answer) -> String {
         "-3 dB Hz",
         "nm"
     );
-    let hertz = |value: Option<f64>| value.map_or("none".to_owned(), |hz| format!("{hz:.0}"));
     for controller in &answer.controllers {
         // Writing to a String does not fail.
         let _ = writeln!(

@@ -1,5 +1,6 @@
 //! `hysteron campaign`: on a simulated stage, by a board at a real one, or as files for one's own.
 
+use crate::commands::board::known_delay_line;
 use crate::commands::control::campaign_on_board::{self, Asked};
 use crate::commands::control::{range_um, stage};
 use crate::commands::load;
@@ -149,17 +150,14 @@ fn by_a_board(args: &CampaignArgs, from: &str) -> Result<Done, CliError> {
     })?;
     write_dataset(&records, &args.output, overwrite(args))?;
     let folder = args.output.display();
-    let latency = match records.known.delay_s {
-        Some(delay_s) => format!("known delay {:.1} us, computed", 1e6 * delay_s),
-        None => "no known delay of this board: measure it, and write it to dataset.toml, [known] delay_s".to_owned(),
-    };
     let next = match args.training {
         true => format!("hysteron design model.toml --along {folder} -o controller.toml"),
         false => format!("hysteron learn {folder} --model play-polynomial -o model.toml"),
     };
     output::print(&format!(
-        "{}\n{latency}\nwritten to {folder}\nnext: {next}\n",
-        listed(&records.records)
+        "{}\n{}written to {folder}\nnext: {next}\n",
+        listed(&records.records),
+        known_delay_line(records.known.delay_s)
     ))?;
     Ok(Done::Answered)
 }

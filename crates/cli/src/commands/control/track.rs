@@ -265,6 +265,11 @@ pub(super) fn heads() -> String {
     COLUMNS.iter().map(|column| format!(" {column:>8}")).collect()
 }
 
+/// A bandwidth; none where it lies beyond what was looked at.
+pub(super) fn hertz(value: Option<f64>) -> String {
+    value.map_or("none".to_owned(), |hz| format!("{hz:.0}"))
+}
+
 /// Errors by reference under them.
 pub(super) fn cells(rms_percent: &BTreeMap<String, f64>) -> String {
     let cell = |(key, _): &(&str, _)| format!(" {:>8.3}", rms_percent.get(*key).copied().unwrap_or(f64::NAN));
@@ -371,7 +376,6 @@ fn line(controller: &ControllerFigures, widest: usize) -> String {
         controller.loop_kind,
         cells(&controller.rms_percent)
     );
-    let hertz = |value: Option<f64>| value.map_or("none".to_owned(), |hz| format!("{hz:.0}"));
     let creep = controller
         .creep_peak_percent
         .map_or("-".to_owned(), |peak| format!("{peak:.3}"));

@@ -227,7 +227,7 @@ fn rehearsed(
         rehearsed.climb(
             ground,
             rehearsal,
-            &open.map_err(|refusal| refusal.to_string()),
+            open.as_ref().map_err(ToString::to_string),
             Climbed {
                 model,
                 model_percent: model_percent(i, model),
@@ -250,7 +250,7 @@ fn rehearsed(
         rehearsed.climb(
             ground,
             rehearsal,
-            &Ok(controller.clone()),
+            Ok(controller),
             Climbed {
                 model,
                 model_percent: model_percent(learned.rungs.len() - 1, model),
@@ -300,7 +300,7 @@ impl Rehearsed {
         &mut self,
         ground: &Ground,
         rehearsal: &Rehearsal,
-        controller: &Result<Controller, String>,
+        controller: Result<&Controller, String>,
         climbed: Climbed<'_>,
     ) -> Result<(), CliError> {
         let closed = controller
@@ -313,7 +313,7 @@ impl Rehearsed {
                 self.late_ticks += reached.late_ticks;
                 (Some(reached.percent), None)
             }
-            Err(reason) => (None, Some(reason.clone())),
+            Err(reason) => (None, Some(reason)),
         };
         self.rungs.push(Rung {
             effects: climbed.model.effects.iter().map(|effect| effect.name.clone()).collect(),
