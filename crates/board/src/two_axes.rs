@@ -17,6 +17,8 @@ pub struct TwoAxisRig {
     stages: [Stage; 2],
     /// What each axis and the board did.
     pub recordings: [Recording; 2],
+    /// Where each axis was at each tick, micrometres; a real one does not say.
+    pub true_um: [Vec<f64>; 2],
     stop_at: u32,
 }
 
@@ -43,6 +45,7 @@ impl TwoAxisRig {
                 Stage::new(&beside(y, x, shares[1]), seed.wrapping_add(1))?,
             ],
             recordings: [Recording::default(), Recording::default()],
+            true_um: [Vec::new(), Vec::new()],
             stop_at: (seconds / x.sample_period_s).round() as u32,
         })
     }
@@ -64,6 +67,9 @@ impl TwoAxisBench for TwoAxisRig {
             _ => Order::None,
         };
         let mut inputs = [Input::default(); 2];
+        for (stage, true_um) in self.stages.iter().zip(&mut self.true_um) {
+            true_um.push(stage.sample().true_position_um);
+        }
         for ((stage, recording), input) in self.stages.iter().zip(&mut self.recordings).zip(&mut inputs) {
             let adc = adc(stage);
             recording.adc.push(adc);

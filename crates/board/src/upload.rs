@@ -45,6 +45,14 @@ impl Upload {
                 }
             }
         }
+        Self::of_positions(&points)
+    }
+
+    /// From positions in micrometres, as many as the table has points.
+    ///
+    /// # Errors
+    /// Another number of points, points that are all the same.
+    pub fn of_positions(points: &[f64]) -> Result<Self, BoardError> {
         let found = points.len();
         let points: [f64; TABLE_POINTS] = points.try_into().map_err(|_| BoardError::Points { found })?;
         let ends = |[low, high]: [f64; 2], &um: &f64| [low.min(um), high.max(um)];
@@ -63,6 +71,11 @@ impl Upload {
     /// From shares of a range, the whole of which they need not reach.
     pub fn new(range_um: [f64; 2], shares: [u16; TABLE_POINTS]) -> Self {
         Self { range_um, shares }
+    }
+
+    /// The points, as shares of [`Self::range_um`].
+    pub fn shares(&self) -> &[u16; TABLE_POINTS] {
+        &self.shares
     }
 
     /// What the board is asked for, at its safe level, before it is asked for [`crate::Shape::Table`] over [`Self::range_um`].

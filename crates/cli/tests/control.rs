@@ -7,6 +7,7 @@ mod emulator;
 mod small_board;
 
 use assert_cmd::Command;
+use hysteron_board::upload::Upload;
 use hysteron_core::law_numbers::LawNumbers;
 use hysteron_data::read_dataset;
 use hysteron_firmware::table;
@@ -17,6 +18,7 @@ use hysteron_tracking::complete::commands;
 use hysteron_tracking::design::Controller;
 use hysteron_tracking::reference::Reference;
 use small_board::SmallBoard;
+use std::collections::BTreeMap;
 
 /// Runs the binary; it must end with 2 and say all of the words.
 fn refused(args: &[&str], words: &[&str]) {
@@ -346,7 +348,17 @@ fn val_a_controller_tracks_on_the_chip_as_it_does_here() {
         &page,
         "--json",
     ];
-    let track = ["track", &controller, "--stage", "8k", "--alone", "--range", "1,6"];
+    let track = [
+        "track",
+        &controller,
+        "--stage",
+        "8k",
+        "--alone",
+        "--range",
+        "1,6",
+        "--iterations",
+        "1",
+    ];
     let answer: serde_json::Value = serde_json::from_slice(&answered(&[&track[..], &on_chip].concat())).unwrap();
     let (here, there) = (&answer["controllers"][0], &answer["board"]["controllers"][0]);
     assert_eq!(there["loop"], "open");
@@ -355,6 +367,50 @@ fn val_a_controller_tracks_on_the_chip_as_it_does_here() {
         assert!(
             here > 1.0 && (there - here).abs() < 0.01 * here,
             "{key}: {here} % here, {there} % there"
+        );
+    }
+    // The chip gets the period in 256 points; on the host it is one value a sample.
+    let runs = |learned: &serde_json::Value| {
+        let learned = learned.as_array().unwrap().clone();
+        assert_eq!(learned.len(), 5);
+        let percent = |run: &serde_json::Value| run["true_percent"].as_f64().unwrap();
+        let each = |reference: &serde_json::Value| {
+            reference["iterations"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(percent)
+                .collect()
+        };
+        learned.iter().map(each).collect::<Vec<Vec<f64>>>()
+    };
+    for (here, there) in runs(&answer["learned"]).iter().zip(&runs(&answer["board"]["learned"])) {
+        assert!(there[1] < 0.5 * there[0], "{there:?}");
+        assert!((there[0] / here[0] - 1.0).abs() < 0.01, "{here:?} {there:?}");
+    }
+    // Both axes by one image, open loop.
+    let scans = |answer: &serde_json::Value| {
+        let scans = answer["scans"].as_array().unwrap().iter();
+        let open =
+            scans.filter(|scan| scan["loop"] == "open" && scan["name"].as_str().unwrap().starts_with("complete"));
+        // The last one of each kind is told of the other axis.
+        let told: BTreeMap<String, f64> = open
+            .map(|scan| {
+                (
+                    scan["scan"].as_str().unwrap().to_owned(),
+                    scan["x_percent"].as_f64().unwrap(),
+                )
+            })
+            .collect();
+        told
+    };
+    let (here, there) = (scans(&answer), scans(&answer["board"]));
+    assert_eq!(here.len(), 2);
+    for (scan, here) in here {
+        assert!(
+            (there[&scan] / here - 1.0).abs() < 0.02,
+            "{scan}: {here} {}",
+            there[&scan]
         );
     }
     assert!(std::fs::read_to_string(page).unwrap().contains("The same as firmware"));
@@ -566,6 +622,7 @@ fn val_slow_records_along_references_make_a_better_inverse() {
         let reference = Reference {
             samples_um,
             judged_from: 0,
+            ..Reference::default()
         };
         let commands_v = commands(&law, &reference);
         let ahead = commands_v.len() - reference.samples_um.len();
@@ -588,7 +645,7 @@ fn val_slow_records_along_references_make_a_better_inverse() {
     hysteron(&["design", model_file, "--open", "--along", along, "-o", better]);
     let [before, after] = [plain, better].map(|file| rms_um(&follow(file, 4.3)));
     assert!(
-        before > 0.05 && after < 0.2 * before,
+        before > 0.04 && after < 0.2 * before,
         "{before} um before, {after} um after"
     );
     refused(
@@ -629,8 +686,10 @@ fn val_a_controller_tracks_on_a_board() {
     hysteron(&["design", model_file, "-o", controller]);
     let (low, high) = (table::INPUT_MAX_UM * 0.3, table::INPUT_MAX_UM * 0.7);
     let range = format!("{low},{high}");
-    let args = ["track", controller, "--board", &from, "--range", &range, "--json"];
-    let answer: serde_json::Value = serde_json::from_str(&hysteron(&args)).unwrap();
+    let kept = folder.path().join("learned");
+    let learning = ["--iterations", "2", "--keep", kept.to_str().unwrap(), "--json"];
+    let args = ["track", controller, "--board", &from, "--range", &range];
+    let answer: serde_json::Value = serde_json::from_str(&hysteron(&[&args[..], &learning].concat())).unwrap();
     assert_eq!(
         (&answer["stage"], &answer["position"], &answer["lost"]),
         (&"nucleo-h743zi".into(), &"measured".into(), &0.into())
@@ -657,6 +716,33 @@ fn val_a_controller_tracks_on_a_board() {
         assert!((0.5..40.0).contains(&percent(0, reference)), "{reference} {answer:#}");
     }
     assert!(percent(1, "10") < 0.7 * percent(0, "10"), "{answer:#}");
+    // Feedback brings the hold back.
+    let peak = |number: usize| answer["controllers"][number]["creep_peak_percent"].as_f64().unwrap();
+    assert!(peak(0) > 0.1 && peak(1) < 0.5 * peak(0), "{answer:#}");
+    // Each correction takes off most of what repeats, whatever the table knows of this stage.
+    let learned = answer["learned"].as_array().unwrap();
+    assert_eq!(learned.len(), 5);
+    for reference in learned {
+        let runs = reference["iterations"].as_array().unwrap();
+        let percent = |run: usize| runs[run]["measured_percent"].as_f64().unwrap();
+        assert!(percent(2) < 0.5 * percent(0), "{reference:#}");
+        assert_eq!(reference["kept"], 2);
+        // Without a correction it is the reference itself, in points.
+        let plain = answer["controllers"][0]["rms_percent"][reference["name"].as_str().unwrap()]
+            .as_f64()
+            .unwrap();
+        assert!((percent(0) / plain - 1.0).abs() < 0.02, "{plain} {reference:#}");
+        assert!(runs[0].get("true_percent").is_none());
+        // As the board takes it.
+        let file = kept.join(format!("{}.csv", reference["name"].as_str().unwrap()));
+        let points = Upload::parse(&std::fs::read_to_string(file).unwrap()).unwrap();
+        let width = points.range_um[1] - points.range_um[0];
+        assert!(
+            (0.5..1.5).contains(&(width / f64::from(high - low))),
+            "{:?}",
+            points.range_um
+        );
+    }
     for controller in answer["controllers"].as_array().unwrap() {
         // The sensor's noise, and the converter's steps of 0.76 nm.
         let noise_nm = controller["noise_nm"].as_f64().unwrap();

@@ -209,20 +209,16 @@ impl<T: Real, S: Sums<T>, const N: usize> Corners<T, S, N> {
     /// count: behind them may be some that are not, where two bounds were rounded onto one output.
     #[inline(always)]
     fn reach<const LEFT: bool>(&self, corner: &Corner<T>, from: usize, bound: T) -> usize {
-        let plays = self
-            .bank
-            .thresholds()
-            .values()
-            .get(from..corner.end)
-            .unwrap_or_default();
         let touched = |threshold: &T| corner.touched::<LEFT>(*threshold, bound);
-        if plays.last().is_some_and(touched) {
-            corner.end
-        } else if corner.left == LEFT {
-            from
-        } else {
-            from + plays.partition_point(touched)
+        // Most corners are wiped out whole.
+        if touched(&self.threshold(corner.end - 1)) {
+            return corner.end;
         }
+        if corner.left == LEFT {
+            return from;
+        }
+        let plays = self.bank.thresholds().values().get(from..corner.end);
+        from + plays.unwrap_or_default().partition_point(touched)
     }
 }
 

@@ -217,16 +217,16 @@ fn val_ten_million_samples_do_not_drift() {
     assert!(worst[9] < 2.0 * worst[0] + 1e-5, "{worst:?}");
 }
 
-/// A fitted inverse's size: 18 graded plays over 15 um, cubics whose voltages have both signs.
-fn fitted<T: Real>() -> (PlayBank<T, 18>, PolynomialCoefficients<T, 18>) {
+/// A fitted inverse's size: 24 graded plays over 15 um, cubics whose voltages have both signs.
+fn fitted<T: Real>() -> (PlayBank<T, 24>, PolynomialCoefficients<T, 24>) {
     let array = |of: fn(usize) -> f64| core::array::from_fn(|i| T::from_f64(f64::from(of(i) as f32)));
-    let thresholds = array(|i| 0.011 + 0.0417 * (i * i) as f64 + 0.05 * i as f64);
+    let thresholds = array(|i| 0.0065 + 0.026 * (i * i) as f64 + 0.026 * i as f64);
     let [low, high, rate_hz] = [-0.75, 15.0, 50e3].map(T::from_f64);
     let bank = PlayBank::new(Thresholds::new(thresholds).unwrap(), low, high, rate_hz).unwrap();
     let coefficients = PolynomialCoefficients {
         offset: T::from_f64(-0.25),
         input_function: [41.5, 0.375, -0.0234375, 0.000_244_140_625, -0.000_007_629_394_531_25].map(T::from_f64),
-        linear: array(|i| -1.7 + 0.9 * ((i * 7 % 5) as f64 - 2.0) / 2.0),
+        linear: array(|i| -1.275 + 0.9 * ((i * 7 % 5) as f64 - 2.0) / 2.0),
         quadratic: array(|i| 0.04 * ((i * 3 % 7) as f64 - 3.0) / 3.0),
         cubic: array(|i| 0.0026 * ((i * 5 % 9) as f64 - 4.0) / 4.0),
     };

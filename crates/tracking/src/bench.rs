@@ -323,6 +323,7 @@ impl Bench<'_> {
         Ok(Reference {
             judged_from: samples_um.len() - judged,
             samples_um,
+            ..Reference::default()
         })
     }
 
@@ -335,6 +336,7 @@ impl Bench<'_> {
         let reference = Reference {
             samples_um: (0..samples(1.0)).map(|k| middle_um * share(k)).collect(),
             judged_from: samples(0.8),
+            ..Reference::default()
         };
         let run = contender.track(self, &reference)?;
         Ok(1e3 * rms_about_a_line(&run.true_um))
@@ -359,6 +361,7 @@ impl Bench<'_> {
             &Reference {
                 samples_um,
                 judged_from: 0,
+                ..Reference::default()
             },
         )?;
         let largest = judged

@@ -243,7 +243,7 @@ impl Protocol {
             let seed = self.seed_of(100 * pass as u64 + stream);
             noise(ends, 0.25 * (ends[1] - ends[0]), bandwidth_hz, seconds, seed, period_s)
         };
-        let plan: [(&str, Reference); 8] = [
+        let plan: [(&str, Reference); 9] = [
             ("noise", random(500.0, 1.5, wide, 50)?),
             ("fast-noise", random(1200.0, 0.4, range(0.2, 0.85), 51)?),
             ("023hz", sine(23.0, wide)),
@@ -254,6 +254,10 @@ impl Protocol {
             (
                 "triangle-061hz",
                 Shape::Triangle { frequency_hz: 61.0 }.reference(range(0.2, 0.9), period_s),
+            ),
+            (
+                "harmonics-079hz",
+                Shape::ComplexHarmonic { frequency_hz: 79.0 }.reference(range(0.15, 0.85), period_s),
             ),
         ];
         let law = controller.law::<f64>()?;

@@ -9,8 +9,7 @@ use hysteron_plant::{Stage, StageConfig};
 
 /// Lets a complete law drive a fresh stage along a reference; position k is compared with reference k, nothing is shifted.
 ///
-/// The law takes in each sample of the reference as many samples before it is due as it was designed for; beyond the end
-/// the reference rests.
+/// The law takes in each sample of the reference as many samples before it is due as it was designed for.
 ///
 /// # Errors
 /// A stage that cannot be built, a reference that is not finite.
@@ -42,11 +41,10 @@ pub fn track_beside(
     }
     let mut stage = Stage::new(config, seed)?;
     let ahead = law.ahead();
-    let last = samples_um.last().copied().unwrap_or(0.0);
     let temperature = |stage: &Stage| stage.sample().temperature_c.unwrap_or(0.0);
     let mut state = law.rest(temperature(&stage));
     let input = |stage: &Stage, k: usize| LoopInput {
-        reference_ahead: samples_um.get(k).copied().unwrap_or(last),
+        reference_ahead: reference.at(k),
         measured: stage.sample().position_um,
         voltage2_ahead: voltage2_v.get(k).copied().unwrap_or(0.0),
         motion2_ahead: 0.0,
@@ -80,13 +78,11 @@ pub fn track_beside(
 /// What a law without feedback commands along a reference, with what it commands before the first sample is due.
 pub fn commands(law: &CompleteLaw<f64>, reference: &Reference) -> Vec<f64> {
     let samples_um = &reference.samples_um;
-    let last = samples_um.last().copied().unwrap_or(0.0);
     let mut state = law.rest(0.0);
     (0..samples_um.len() + law.ahead())
         .map(|k| {
-            let reference_ahead = samples_um.get(k).copied().unwrap_or(last);
             let input = LoopInput {
-                reference_ahead,
+                reference_ahead: reference.at(k),
                 ..LoopInput::default()
             };
             law.step(&mut state, input)

@@ -31,8 +31,16 @@ pub const LEARNED: [&str; 5] = ["10", "100", "500", "complex-harmonic-100", "tri
 pub struct Iteration {
     /// Rms of reference minus sensor's reading, percent of peak to peak: all that learning knows.
     pub measured_percent: f64,
-    /// The same of the true position.
-    pub true_percent: f64,
+    /// The same of the true position, where there is one to be had.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub true_percent: Option<f64>,
+}
+
+impl Iteration {
+    /// Of the true position where there is one, of the sensor's readings otherwise.
+    pub fn percent(&self) -> f64 {
+        self.true_percent.unwrap_or(self.measured_percent)
+    }
 }
 
 /// What became of one reference.
@@ -46,13 +54,56 @@ pub struct LearnedReference {
     pub kept: usize,
     /// Why there are no more.
     pub stopped: &'static str,
+    /// What that run was asked for besides the reference, one period, micrometres.
+    #[serde(skip)]
+    pub correction_um: Vec<f64>,
+}
+
+/// A run, as far as learning sees it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    /// Samples since the reference began, and there what is wanted less what the sensor read, micrometres. Some may be missing.
+    pub error_um: Vec<(usize, f64)>,
+    /// Its figures.
+    pub iteration: Iteration,
+}
+
+/// How a reference is learned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Learning {
+    /// Samples of a period.
+    pub samples: usize,
+    /// Sample period, seconds.
+    pub period_s: f64,
+    /// Where learning ends, hertz; it fades from 0.6 of it on.
+    pub band_hz: f64,
+    /// Corrections at most.
+    pub most: usize,
+}
+
+/// The band in which a controller's gain and phase are within 3 dB and 30 degrees, hertz: learning would diverge above it.
+///
+/// # Errors
+/// A controller for references that are not known ahead.
+pub fn band_hz(controller: &Controller) -> Result<f64, TrackingError> {
+    if controller.reference == ReferenceKind::Live {
+        return Err(TrackingError::Design {
+            what: "iterative learning needs a reference that is known ahead and repeats, and this controller is for live ones".into(),
+            advice: "design it with --reference previewed",
+        });
+    }
+    Ok(controller.preview_quality()?.bandwidth_hz)
+}
+
+/// Samples of a period of a shape; none where they are no whole number.
+pub fn whole_period(shape: Shape, period_s: f64) -> Option<usize> {
+    let samples = 1.0 / shape.frequency_hz() / period_s;
+    ((samples - samples.round()).abs() < 1e-6 * samples).then(|| samples.round() as usize)
 }
 
 /// Learns each reference of [`LEARNED`] in open loop, with at most `most` corrections.
 ///
-/// Each run begins with the stage at rest and has noise of its own. The error of the judged periods is averaged to one period; its
-/// harmonics, times a real gain that falls to nothing within the law's band, correct the reference: no phase is added, the period is
-/// closed.
+/// Each run begins with the stage at rest and has noise of its own.
 ///
 /// # Errors
 /// A controller for references that are not known ahead, a stage or controller that cannot be run.
@@ -64,83 +115,124 @@ pub fn learn_references(
     controller: &Controller,
     most: usize,
 ) -> Result<Vec<LearnedReference>, TrackingError> {
-    if controller.reference == ReferenceKind::Live {
-        return Err(TrackingError::Design {
-            what: "iterative learning needs a reference that is known ahead and repeats, and this controller is for live ones".into(),
-            advice: "design it with --reference previewed",
-        });
-    }
+    let band_hz = band_hz(controller)?;
     let law = controller.without_feedback().law::<f64>()?;
-    let band_hz = controller.preview_quality()?.bandwidth_hz;
+    let period_s = bench.stage.sample_period_s;
     let learned = crate::bench::SHAPES
         .into_par_iter()
-        .filter(|(name, _)| LEARNED.contains(name));
+        .filter(|(name, _)| LEARNED.contains(name))
+        .filter_map(|(name, shape)| Some((name, shape, whole_period(shape, period_s)?)));
     learned
-        .map(|(name, shape)| learn(bench, &law, name, shape, band_hz, most))
+        .map(|(name, shape, samples)| {
+            let learning = Learning {
+                samples,
+                period_s,
+                band_hz,
+                most,
+            };
+            learn(name, learning, |number, correction_um| {
+                run(bench, &law, shape, number, correction_um)
+            })
+        })
         .collect()
 }
 
-fn learn(
+/// A run on the simulated stage; none where the reference stands still.
+fn run(
     bench: &Bench<'_>,
     law: &CompleteLaw<f64>,
-    name: &str,
     shape: Shape,
-    band_hz: f64,
-    most: usize,
-) -> Result<LearnedReference, TrackingError> {
+    number: usize,
+    correction_um: &[f64],
+) -> Result<Option<Run>, TrackingError> {
     let period_s = bench.stage.sample_period_s;
     let wanted = shape.reference(bench.range_um, period_s);
     let rise = (RISE_S / period_s).round() as usize;
-    let samples = (1.0 / shape.frequency_hz() / period_s).round() as usize;
+    let mut samples_um = wanted.samples_um.clone();
+    for (value, correction) in samples_um.iter_mut().skip(rise).zip(correction_um.iter().cycle()) {
+        *value += correction;
+    }
+    let corrections = correction_um
+        .iter()
+        .cycle()
+        .skip((samples_um.len() - rise) % correction_um.len());
+    let after_um = wanted
+        .after_um
+        .iter()
+        .zip(corrections)
+        .map(|(um, correction)| um + correction);
+    let asked = Reference {
+        samples_um,
+        after_um: after_um.collect(),
+        ..wanted
+    };
+    let seed = bench.seed.wrapping_add(number as u64);
+    let mut run = complete::track(bench.stage, seed, law, &asked)?.from(wanted.judged_from);
+    // What is wanted, not what was asked for.
+    run.reference_um = wanted.samples_um[wanted.judged_from..].to_vec();
+    let errors = run.reference_um.iter().zip(&run.measured_um).map(|(r, y)| r - y);
+    Ok(judge(&run, period_s).map(|figures| Run {
+        error_um: (wanted.judged_from - rise..).zip(errors).collect(),
+        iteration: Iteration {
+            measured_percent: figures.measured_percent,
+            true_percent: Some(figures.true_percent),
+        },
+    }))
+}
+
+/// Lets a reference be run again and again, by number and correction of one period in micrometres, and corrects it by what is left.
+///
+/// The errors are averaged to one period; its harmonics, times a real gain that falls to nothing within the band, correct the
+/// reference: no phase is added, the period is closed.
+///
+/// # Errors
+/// Those of a run.
+pub fn learn<E>(
+    name: &str,
+    learning: Learning,
+    mut run: impl FnMut(usize, &[f64]) -> Result<Option<Run>, E>,
+) -> Result<LearnedReference, E> {
+    let samples = learning.samples;
     let mut correction_um = vec![0.0; samples];
     let mut learned = LearnedReference {
         name: name.to_owned(),
         iterations: Vec::new(),
         kept: 0,
         stopped: "all runs that were asked for are done",
+        correction_um: correction_um.clone(),
     };
-    for number in 0..=most {
-        let mut asked_um = wanted.samples_um.clone();
-        for (k, value) in asked_um.iter_mut().skip(rise).enumerate() {
-            *value += correction_um[k % samples];
-        }
-        let asked = Reference {
-            samples_um: asked_um,
-            judged_from: wanted.judged_from,
-        };
-        let seed = bench.seed.wrapping_add(number as u64);
-        let mut run = complete::track(bench.stage, seed, law, &asked)?.from(wanted.judged_from);
-        // What is wanted, not what was asked for.
-        run.reference_um = wanted.samples_um[wanted.judged_from..].to_vec();
-        let Some(figures) = judge(&run, period_s) else {
+    for number in 0..=learning.most {
+        let Some(run) = run(number, &correction_um)? else {
             learned.stopped = "the reference does not move";
             break;
         };
-        learned.iterations.push(Iteration {
-            measured_percent: figures.measured_percent,
-            true_percent: figures.true_percent,
-        });
+        learned.iterations.push(run.iteration);
+        let measured_percent = run.iteration.measured_percent;
         let best = learned.iterations[learned.kept].measured_percent;
-        if number > 0 && figures.measured_percent < (1.0 - PROGRESS) * best {
+        if number > 0 && measured_percent < (1.0 - PROGRESS) * best {
             learned.kept = number;
+            learned.correction_um.clone_from(&correction_um);
         }
         if number >= learned.kept + PATIENCE {
-            learned.stopped = if figures.measured_percent > 1.1 * best {
+            learned.stopped = if measured_percent > 1.1 * best {
                 "the error grew again: what is left does not repeat, or lies where the law is no inverse"
             } else {
                 "the error no longer falls: what is left is noise, or lies above the band that is learned in"
             };
             break;
         }
-        let error = run.reference_um.iter().zip(&run.measured_um).map(|(r, y)| r - y);
-        // The judged part begins a whole number of periods after the rise.
-        let mut mean_um = vec![0.0; samples];
-        let periods = run.reference_um.len() / samples;
-        error
-            .take(periods * samples)
-            .enumerate()
-            .for_each(|(k, e)| mean_um[k % samples] += e / periods as f64);
-        let step_um = filtered(&mean_um, |hz| GAIN * share(hz, band_hz), period_s);
+        let (mut sum_um, mut count) = (vec![0.0; samples], vec![0.0; samples]);
+        for (k, e) in run.error_um {
+            sum_um[k % samples] += e;
+            count[k % samples] += 1.0;
+        }
+        let mean_um: Vec<f64> = sum_um
+            .iter()
+            .zip(&count)
+            .map(|(sum, n)| sum / f64::max(*n, 1.0))
+            .collect();
+        let gain = |hz| GAIN * share(hz, learning.band_hz);
+        let step_um = filtered(&mean_um, samples, gain, learning.period_s);
         correction_um
             .iter_mut()
             .zip(step_um)
@@ -149,17 +241,25 @@ fn learn(
     Ok(learned)
 }
 
+/// A period of a shape over a range with what was learned, in so many points.
+pub fn corrected(shape: Shape, [low_um, high_um]: [f64; 2], correction_um: &[f64], points: usize) -> Vec<f64> {
+    let correction_um = filtered(correction_um, points, |_| 1.0, 1.0);
+    let time_s = |i: usize| i as f64 / points as f64 / shape.frequency_hz();
+    let at = |i: usize| low_um + (high_um - low_um) * shape.share(time_s(i));
+    correction_um.iter().enumerate().map(|(i, c)| at(i) + c).collect()
+}
+
 /// 1 up to [`WHOLE`] of the band, half a cosine to 0 at its end.
 fn share(frequency_hz: f64, band_hz: f64) -> f64 {
     let above = (frequency_hz / band_hz - WHOLE) / (1.0 - WHOLE);
     0.5 + 0.5 * (PI * above.clamp(0.0, 1.0)).cos()
 }
 
-/// One period through a real gain: its harmonics keep their phases.
-fn filtered(period: &[f64], gain: impl Fn(f64) -> f64, period_s: f64) -> Vec<f64> {
+/// One period through a real gain, in so many points: its harmonics keep their phases.
+fn filtered(period: &[f64], points: usize, gain: impl Fn(f64) -> f64, period_s: f64) -> Vec<f64> {
     let n = period.len();
     let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, back) = (planner.plan_fft_forward(n), planner.plan_fft_inverse(n));
+    let (forward, back) = (planner.plan_fft_forward(n), planner.plan_fft_inverse(points));
     let mut time = period.to_vec();
     let mut spectrum = forward.make_output_vec();
     // Lengths are the plans' own.
@@ -167,9 +267,18 @@ fn filtered(period: &[f64], gain: impl Fn(f64) -> f64, period_s: f64) -> Vec<f64
     for (harmonic, value) in spectrum.iter_mut().enumerate() {
         *value *= gain(harmonic as f64 / (n as f64 * period_s)) / n as f64;
     }
-    match done.and_then(|()| back.process(&mut spectrum, &mut time)) {
+    let mut all = back.make_input_vec();
+    all.iter_mut().zip(&spectrum).for_each(|(to, from)| *to = *from);
+    // A real signal has a real end of its spectrum.
+    if points.is_multiple_of(2)
+        && let Some(end) = all.last_mut()
+    {
+        end.im = 0.0;
+    }
+    let mut time = back.make_output_vec();
+    match done.and_then(|()| back.process(&mut all, &mut time)) {
         Ok(()) => time,
-        Err(_) => vec![0.0; n],
+        Err(_) => vec![0.0; points],
     }
 }
 
@@ -183,7 +292,7 @@ mod tests {
     fn val_filter_keeps_phases() {
         let at = |k: usize, harmonic: f64, phase: f64| (TAU * harmonic * k as f64 / 500.0 + phase).cos();
         let period: Vec<f64> = (0..500).map(|k| at(k, 1.0, 0.3) + at(k, 7.0, -1.0)).collect();
-        let found = filtered(&period, |hz| share(hz, 1e3), 20e-6);
+        let found = filtered(&period, 500, |hz| share(hz, 1e3), 20e-6);
         let seventh = 0.5 + 0.5 * (PI * 0.25).cos();
         for (k, found) in found.iter().enumerate() {
             let wanted = at(k, 1.0, 0.3) + seventh * at(k, 7.0, -1.0);

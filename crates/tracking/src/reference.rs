@@ -25,12 +25,24 @@ pub enum Shape {
 }
 
 /// What a reference needs to be judged: the samples, and where the judged part begins.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Reference {
     /// Desired position, micrometres.
     pub samples_um: Vec<f64>,
     /// First sample of the judged part: whole periods to the end.
     pub judged_from: usize,
+    /// How it goes on, micrometres: a law that knows it ahead takes this in before the end. Beyond, it rests.
+    pub after_um: Vec<f64>,
+}
+
+impl Reference {
+    /// Its value at a sample, beyond the judged part as well.
+    pub(crate) fn at(&self, sample: usize) -> f64 {
+        let after = || self.after_um.get(sample.checked_sub(self.samples_um.len())?);
+        let here = self.samples_um.get(sample).or_else(after);
+        let last = || self.after_um.last().or(self.samples_um.last());
+        here.or_else(last).copied().unwrap_or(0.0)
+    }
 }
 
 /// Rise from the stage's rest to the trajectory's start, seconds: slow against every mode and lag here.
@@ -39,6 +51,8 @@ pub(crate) const RISE_S: f64 = 0.02;
 const SETTLING_S: f64 = 0.06;
 /// Least length of the judged part, seconds: 2000 samples at 50 kHz average the sensor's noise to 2 % of itself.
 const JUDGED_S: f64 = 0.04;
+/// Samples that a shape goes on for: more than any law knows ahead.
+const AFTER: usize = 64;
 
 impl Shape {
     /// Frequency that the shape repeats at, hertz.
@@ -51,7 +65,7 @@ impl Shape {
     }
 
     /// The value at a time, as a share of the range.
-    fn share(self, time_s: f64) -> f64 {
+    pub fn share(self, time_s: f64) -> f64 {
         match self {
             Self::Sine { frequency_hz } => 0.5 - 0.5 * (TAU * frequency_hz * time_s).cos(),
             Self::ComplexHarmonic { frequency_hz } => {
@@ -77,9 +91,13 @@ impl Shape {
         let settling = samples(3.0_f64.max((SETTLING_S * frequency_hz).ceil()));
         let judged = samples(2.0_f64.max((JUDGED_S * frequency_hz).ceil()));
         samples_um.extend((0..settling + judged).map(|n| at(n as f64 * sample_period_s)));
+        let after_um = (settling + judged..)
+            .take(AFTER)
+            .map(|n| at(n as f64 * sample_period_s));
         Reference {
             samples_um,
             judged_from: rise + settling,
+            after_um: after_um.collect(),
         }
     }
 }
@@ -123,6 +141,7 @@ pub fn noise(
     Ok(Reference {
         samples_um,
         judged_from: rise,
+        ..Reference::default()
     })
 }
 
@@ -139,6 +158,7 @@ mod tests {
             let Reference {
                 samples_um,
                 judged_from,
+                ..
             } = shape.reference([0.2, 2.4], 20e-6);
             let judged = &samples_um[judged_from..];
             let periods = judged.len() as f64 * 20e-6 * shape.frequency_hz();

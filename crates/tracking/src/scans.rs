@@ -68,7 +68,8 @@ impl Scan {
         }
     }
 
-    fn seconds(self) -> f64 {
+    /// Its length, seconds.
+    pub fn seconds(self) -> f64 {
         match self {
             Self::Raster => RASTER_LINES / LINES_HZ,
             Self::Spiral => SPIRAL_TURNS / LINES_HZ,
@@ -249,24 +250,52 @@ pub(crate) fn scan(
         });
         step(&mut stages, commands);
     }
-    let range_um = bench.range_um[1] - bench.range_um[0];
-    let (path, was) = (&path[from..], &was[from..]);
-    let rms = |errors: &mut dyn Iterator<Item = f64>| {
-        let (n, sum) = errors.fold((0.0, 0.0), |(n, sum), error| (n + 1.0, sum + error * error));
-        100.0 * (sum / f64::max(n, 1.0)).sqrt() / range_um
-    };
-    let of_axis = |axis: usize| rms(&mut path.iter().zip(was).map(|(r, y)| r[axis] - y[axis]));
-    let distances = distances_um(path, was, (NEAR_S / period_s).round() as usize);
-    Ok(ScanFigures {
-        name: name.to_owned(),
+    let run = Scanned {
+        name,
         loop_kind,
-        scan: scan.name(),
-        x_percent: of_axis(0),
-        y_percent: of_axis(1),
-        path_percent: rms(&mut distances.iter().copied()),
-        path_largest_nm: 1e3 * distances.iter().copied().fold(0.0, f64::max),
-        history: [path.to_vec(), was.to_vec()],
-    })
+        scan,
+        range_um: bench.range_um,
+        period_s,
+    };
+    Ok(run.figures(&path[from..], &was[from..]))
+}
+
+/// What a scan was run with.
+#[derive(Debug, Clone, Copy)]
+pub struct Scanned<'a> {
+    /// The controller of both axes.
+    pub name: &'a str,
+    /// `open` or `closed`.
+    pub loop_kind: &'static str,
+    /// The path.
+    pub scan: Scan,
+    /// Lowest and highest reference, micrometres.
+    pub range_um: [f64; 2],
+    /// Sample period, seconds.
+    pub period_s: f64,
+}
+
+impl Scanned<'_> {
+    /// The figures of both axes from where they should have been and were, micrometres.
+    pub fn figures(&self, path: &[[f64; 2]], was: &[[f64; 2]]) -> ScanFigures {
+        let range_um = self.range_um[1] - self.range_um[0];
+        let rms = |errors: &mut dyn Iterator<Item = f64>| {
+            let (n, sum) = errors.fold((0.0, 0.0), |(n, sum), error| (n + 1.0, sum + error * error));
+            100.0 * (sum / f64::max(n, 1.0)).sqrt() / range_um
+        };
+        let of_axis = |axis: usize| rms(&mut path.iter().zip(was).map(|(r, y)| r[axis] - y[axis]));
+        let distances = distances_um(path, was, (NEAR_S / self.period_s).round() as usize);
+        ScanFigures {
+            name: self.name.to_owned(),
+            loop_kind: self.loop_kind,
+            scan: self.scan.name(),
+            x_percent: of_axis(0),
+            y_percent: of_axis(1),
+            path_percent: rms(&mut distances.iter().copied()),
+            path_largest_nm: 1e3 * distances.iter().copied().fold(0.0, f64::max),
+            history: [path.to_vec(), was.to_vec()],
+        }
+    }
 }
 
 /// Distance of each position from the nearest of the path's straight pieces that are due within so many samples.

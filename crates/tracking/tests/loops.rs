@@ -58,6 +58,7 @@ fn refuse_references_that_are_not_finite() {
     let reference = Reference {
         samples_um: vec![0.0, f64::NAN],
         judged_from: 0,
+        ..Reference::default()
     };
     let stage = linear_stage();
     let law: Law<10> = law(&stage, None, Some(GAINS)).unwrap();

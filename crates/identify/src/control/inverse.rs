@@ -18,10 +18,16 @@ use std::f64::consts::{PI, TAU};
 
 /// Coefficients of the inverse: constant, powers of the input, three a play.
 const COLUMNS: usize = 1 + INPUT_DEGREE + 3 * PLAYS;
-/// Rows taken of each record, evenly spread: sixty unknowns and a hundred times as many rows of each record.
+/// Rows taken of each record, evenly spread: eighty unknowns and a hundred times as many rows of each record.
 const ROWS_A_RECORD: usize = 8_000;
-/// Ridge on the scaled columns.
+/// Ridge on the scaled columns, the least that is tried.
 const RIDGE: f64 = 1e-9;
+/// The least on a model's own answers, which have no noise to keep coefficients small.
+const LEAST_RIDGE_OF_A_MODEL: f64 = 1e-8;
+/// The largest.
+const LARGEST_RIDGE: f64 = 1e-2;
+/// Least slope of an inverse, as a share of its mean: a stack's slope after a turn is half its mean and more.
+const LEAST_SLOPE: f64 = 0.2;
 /// How much farther than the records the inverse's input may go, as a share of their range.
 const MARGIN: f64 = 0.05;
 
@@ -217,15 +223,6 @@ impl Problem {
         problem
     }
 
-    /// Solves for a lag: coefficients and the mean square of what is left, V^2.
-    fn solve_for_lag(&self, seen: &[Seen<'_>], latency_s: f64, lag_s: f64) -> (Vec<f64>, f64) {
-        let targets: Vec<Vec<f64>> = seen
-            .iter()
-            .map(|s| behind_lag(&s.record.voltage_v, s.record.period_s, latency_s, lag_s))
-            .collect();
-        self.solve(&targets, RIDGE)
-    }
-
     /// Solves for voltages: coefficients and the mean square of what is left, V^2.
     fn solve<S: AsRef<[f64]>>(&self, targets: &[S], ridge: f64) -> (Vec<f64>, f64) {
         let mut right = DVector::<f64>::zeros(COLUMNS);
@@ -259,7 +256,7 @@ impl Problem {
                 parameters: COLUMNS,
             });
         }
-        let cost = |lag_s: f64| self.solve_for_lag(seen, latency_s, lag_s).1;
+        let cost = |lag_s: f64| self.solve(&behind(seen, latency_s, lag_s), RIDGE).1;
         let (mut low, mut high) = (0.0, LONGEST_LAG_S);
         let golden = 0.5 * (5_f64.sqrt() - 1.0);
         let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
@@ -276,9 +273,32 @@ impl Problem {
             }
         }
         let lag_s = 0.5 * (low + high);
-        let (coefficients, squares) = self.solve_for_lag(seen, latency_s, lag_s);
-        Ok((part(self.scale, &coefficients), lag_s, squares.sqrt()))
+        let (inverse, left_v) = self.rising(&behind(seen, latency_s, lag_s), RIDGE);
+        Ok((inverse, lag_s, left_v))
     }
+
+    /// The inverse of the least ridge, from `least` on in decades, that rises everywhere, with the rms of what is left, volts. Where
+    /// none does, that of the largest, to be refused.
+    fn rising(&self, targets: &[impl AsRef<[f64]>], least: f64) -> (InversePart, f64) {
+        let (low_v, high_v) = crate::family::range(targets.iter().flat_map(|target| target.as_ref().iter().copied()));
+        let mean_slope = (high_v - low_v) / (self.scale.high_um - self.scale.low_um);
+        let mut ridge = least;
+        loop {
+            let (coefficients, squares) = self.solve(targets, ridge);
+            let inverse = part(self.scale, &coefficients);
+            if inverse.smallest_slope_v_per_um() > LEAST_SLOPE * mean_slope || ridge >= LARGEST_RIDGE {
+                return (inverse, squares.sqrt());
+            }
+            ridge *= 10.0;
+        }
+    }
+}
+
+/// The voltages behind latency and lag of each record.
+fn behind(seen: &[Seen<'_>], latency_s: f64, lag_s: f64) -> Vec<Vec<f64>> {
+    seen.iter()
+        .map(|s| behind_lag(&s.record.voltage_v, s.record.period_s, latency_s, lag_s))
+        .collect()
 }
 
 /// Longest lag that is looked for: 50 ohm into 8 uF.
@@ -363,11 +383,6 @@ pub(super) struct Around<'a> {
     pub gain_um_per_v: f64,
 }
 
-/// Ridges tried on a model's own answers, which have no noise to keep coefficients small: the least that leaves an inverse that rises.
-const RIDGES: [f64; 7] = [1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2];
-/// Least slope of such an inverse, as a share of its mean: a stack's slope after a turn is half its mean and more.
-const LEAST_SLOPE: f64 = 0.2;
-
 /// Positions from rest, and the voltages that they stand for.
 pub(super) struct Pairs {
     pub position_um: Vec<f64>,
@@ -382,21 +397,7 @@ pub(super) fn fit_pairs(series: &[Pairs]) -> (InversePart, f64) {
     let positions_um: Vec<&[f64]> = series.iter().map(|pairs| pairs.position_um.as_slice()).collect();
     let voltages_v: Vec<&[f64]> = series.iter().map(|pairs| pairs.voltage_v.as_slice()).collect();
     let factors: Vec<f64> = series.iter().map(|pairs| pairs.factor).collect();
-    let problem = Problem::new(&positions_um, &factors);
-    let (low_v, high_v) = crate::family::range(voltages_v.iter().copied().flatten().copied());
-    let mean_slope = (high_v - low_v) / (problem.scale.high_um - problem.scale.low_um);
-    let mut last = None;
-    for ridge in RIDGES {
-        let (coefficients, squares) = problem.solve(&voltages_v, ridge);
-        let part = part(problem.scale, &coefficients);
-        let rises = part.smallest_slope_v_per_um() > LEAST_SLOPE * mean_slope;
-        last = Some((part, squares.sqrt()));
-        if rises {
-            break;
-        }
-    }
-    // There is at least one ridge.
-    last.unwrap_or_else(|| (part(problem.scale, &[0.0; COLUMNS]), f64::INFINITY))
+    Problem::new(&positions_um, &factors).rising(&voltages_v, LEAST_RIDGE_OF_A_MODEL)
 }
 
 /// Fits inverse and lag to records; returns them with the rms of what is left, volts.

@@ -4,7 +4,6 @@
 use hysteron_identify::simplex::Vertex;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use rayon::prelude::*;
 
 /// Members for each variable.
 const MEMBERS: usize = 10;
@@ -16,13 +15,8 @@ const CROSSOVER: f64 = 0.7;
 /// The best member, moved by 0.5 to 1 of the difference of two others, is crossed with each member in turn.
 ///
 /// # Cost
-/// [`MEMBERS`] evaluations for each variable and generation, side by side on all cores.
-pub(super) fn minimum(
-    bounds: &[(f64, f64)],
-    generations: usize,
-    seed: u64,
-    f: impl Fn(&[f64]) -> f64 + Sync,
-) -> Vertex {
+/// [`MEMBERS`] evaluations for each variable and generation.
+pub(super) fn minimum(bounds: &[(f64, f64)], generations: usize, seed: u64, f: impl Fn(&[f64]) -> f64) -> Vertex {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let valued = |x: Vec<f64>| {
         let value = f(&x);
@@ -34,7 +28,7 @@ pub(super) fn minimum(
             bounds.iter().map(within).collect()
         })
         .collect();
-    let mut members: Vec<Vertex> = thrown.into_par_iter().map(valued).collect();
+    let mut members: Vec<Vertex> = thrown.into_iter().map(valued).collect();
     let best = |members: &[Vertex]| {
         let least = members.iter().min_by(|a, b| a.1.total_cmp(&b.1));
         least.map_or_else(|| (Vec::new(), f64::INFINITY), Clone::clone)
@@ -62,7 +56,7 @@ pub(super) fn minimum(
                 trial
             })
             .collect();
-        let tried: Vec<Vertex> = trials.into_par_iter().map(valued).collect();
+        let tried: Vec<Vertex> = trials.into_iter().map(valued).collect();
         for (member, trial) in members.iter_mut().zip(tried) {
             if trial.1 <= member.1 {
                 *member = trial;

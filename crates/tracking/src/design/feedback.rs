@@ -5,7 +5,8 @@ use super::preview::section;
 use hysteron_core::biquad::Biquad;
 use hysteron_core::law_numbers::FeedbackNumbers;
 use hysteron_identify::control::{ControlModel, LinearPart};
-use hysteron_identify::simplex;
+use hysteron_identify::simplex::{self, Vertex};
+use rayon::prelude::*;
 use realfft::num_complex::Complex64;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -24,11 +25,11 @@ const LARGEST_NOISE: f64 = 0.3;
 const LARGEST_EFFORT: f64 = 3.0;
 /// What the feedforward leaves is looked at from here, hertz: slower errors any integral takes away.
 const FROM_HZ: f64 = 1.0;
-/// Its power in an octave falls with the fourth root of the frequency (creep and drift at the slow end, hysteresis at
-/// the fast one) up to here, hertz, and with 1/f above.
+/// Its power in an octave falls with the frequency to the power of [`SLOW_END`] (creep and drift at the slow end, hysteresis at
+/// the fast one) up to here, hertz, and with its square above.
 const TO_HZ: f64 = 1000.0;
 /// Exponent of its power.
-const SLOW_END: f64 = 0.25;
+const SLOW_END: f64 = 0.6;
 
 /// The designed feedback.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -132,6 +133,11 @@ impl Structure {
         bounds
     }
 
+    /// How often it is searched: on a slow mode two kinds of loops are the best of their kind, and one search ends in either.
+    fn searches(self, mode_hz: f64, rate_hz: f64) -> u64 {
+        (self.bounds(mode_hz, rate_hz).len() as u64).min(MOST_SEARCHES)
+    }
+
     fn candidate(self, p: &[f64], rate_hz: f64) -> Option<Candidate> {
         let coefficients = |biquad: Biquad<f64>| {
             let (b, a) = biquad.coefficients();
@@ -209,13 +215,13 @@ impl Blocks {
 
 /// Cost of a loop that is not stable with every plant, above all that are; the faster, the more.
 const UNSTABLE: f64 = 1e6;
-/// Searches for each structure: on a slow mode two kinds of loops are the best of their kind, and one search ends in either.
-const TRIES: u64 = 3;
+/// Searches for each structure, if it has as many parameters.
+const MOST_SEARCHES: u64 = 6;
 /// Generations of a search.
 const GENERATIONS: usize = 200;
 /// What a rejection farther by a factor of e is worth, as a share of the disturbances: between loops that leave about the same, the
 /// one that rejects farther.
-const WORTH_OF_REJECTION: f64 = 0.05;
+const WORTH_OF_REJECTION: f64 = 0.06;
 
 /// 1 where the way from `from` to `to` crosses the negative real axis turning left, -1 turning right, 0 elsewhere.
 fn crossing(from: Complex64, to: Complex64) -> i32 {
@@ -412,7 +418,7 @@ impl Plants {
 /// `None` where no structure is: the sensitivity, over modes +-10 % and loop gain 0.6 to 1.3, must stay below `largest_sensitivity`.
 ///
 /// # Cost
-/// About 120 000 loops of some 600 frequencies and nine plants, a few seconds.
+/// About 150 000 loops of some 600 frequencies and nine plants, on all cores, some ten seconds.
 pub fn design(model: &ControlModel, largest_sensitivity: f64) -> Option<FeedbackDesign> {
     let rate_hz = 1.0 / model.sample_period_s;
     let plants = Plants::new(model);
@@ -421,19 +427,19 @@ pub fn design(model: &ControlModel, largest_sensitivity: f64) -> Option<Feedback
         .modes
         .first()
         .map_or(0.1 * rate_hz, |mode| mode.frequency_hz);
-    let (structure, (parameters, _)) = Structure::ALL
+    let searches: Vec<(Structure, u64)> = Structure::ALL
         .into_iter()
-        .filter_map(|structure| {
-            let cost = |p: &[f64]| plants.cost(structure.candidate(p, rate_hz), largest_sensitivity);
-            let bounds = structure.bounds(mode_hz, rate_hz);
-            let search = |seed| evolution::minimum(&bounds, GENERATIONS, seed, cost);
-            let tries = (1..=TRIES).map(search);
-            let (found, _) = tries.min_by(|a, b| a.1.total_cmp(&b.1))?;
-            let polish = |start: &[f64]| simplex::minimum(start, 0.1, 150, |_| false, cost);
-            // Once more from where it stopped: the simplex may have collapsed on the walls.
-            Some((structure, polish(&polish(&found).0)))
-        })
-        .min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+        .flat_map(|structure| (1..=structure.searches(mode_hz, rate_hz)).map(move |seed| (structure, seed)))
+        .collect();
+    let search = |(structure, seed): (Structure, u64)| {
+        let cost = |p: &[f64]| plants.cost(structure.candidate(p, rate_hz), largest_sensitivity);
+        let (found, _) = evolution::minimum(&structure.bounds(mode_hz, rate_hz), GENERATIONS, seed, cost);
+        let polish = |start: &[f64]| simplex::minimum(start, 0.1, 150, |_| false, cost);
+        // Once more from where it stopped: the simplex may have collapsed on the walls.
+        (structure, polish(&polish(&found).0))
+    };
+    let found: Vec<(Structure, Vertex)> = searches.into_par_iter().map(search).collect();
+    let (structure, (parameters, _)) = found.into_iter().min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
     let candidate = structure.candidate(&parameters, rate_hz)?;
     let controller = plants.controller(&candidate);
     let peak_sensitivity = plants.peak_sensitivity(&controller);

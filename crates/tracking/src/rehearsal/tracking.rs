@@ -89,6 +89,7 @@ impl Rehearsal {
                 Reference {
                     samples_um,
                     judged_from: from + samples(settling / hz),
+                    ..Reference::default()
                 }
             }
             Kind::Hold => {
@@ -97,6 +98,7 @@ impl Rehearsal {
                 Reference {
                     judged_from: samples(0.02 + self.settling_s()),
                     samples_um,
+                    ..Reference::default()
                 }
             }
         }

@@ -91,6 +91,10 @@ pub(crate) enum ShapeName {
     Triangle,
     /// A staircase of quarters
     Steps,
+    /// Twenty turns outwards and as many back, the cosine
+    Spiral,
+    /// The same with the sine, for the other axis
+    SpiralSine,
 }
 
 impl ShapeName {
@@ -100,6 +104,8 @@ impl ShapeName {
             Self::ComplexHarmonic => Shape::ComplexHarmonic,
             Self::Triangle => Shape::Triangle,
             Self::Steps => Shape::Steps,
+            Self::Spiral => Shape::Spiral,
+            Self::SpiralSine => Shape::SpiralSine,
         }
     }
 
@@ -109,6 +115,8 @@ impl ShapeName {
             Self::ComplexHarmonic => "complex harmonic",
             Self::Triangle => "triangle",
             Self::Steps => "steps",
+            Self::Spiral => "spiral",
+            Self::SpiralSine => "spiral's sine",
         }
     }
 }

@@ -1,12 +1,14 @@
 //! Images of controllers on the firmware in the emulator, and the references that they follow there.
 
+use crate::commands::control::on_board::{AFTER_MOVE_S, HOLD_S, peak_percent};
 use crate::commands::export;
 use crate::error::CliError;
 use hysteron_board::host::{complete, hello, parameters};
 use hysteron_board::two_axes::TwoAxisSession;
+use hysteron_board::upload::Upload;
 use hysteron_board::{
     BoardError, FALL_TICKS, Hello, Law, Machine, Mode, Parameters, Player, Request, Session, Setup, Shape, Summary,
-    image,
+    TABLE_POINTS, image,
 };
 use hysteron_plant::{Stage, StageConfig};
 use hysteron_table::{FORMAT, Table, TableError};
@@ -77,6 +79,20 @@ pub(super) struct Follow {
 pub(super) struct Running {
     image: Image,
     pub table: Table,
+}
+
+/// An image of both axes that runs, and the tables in it.
+pub(super) struct Axes {
+    pub session: TwoAxisSession,
+    pub tables: [Table; 2],
+}
+
+/// A table that no controller is made of.
+pub(super) fn refused(source: TableError) -> CliError {
+    CliError::Table {
+        path: PathBuf::from("controller.toml"),
+        source,
+    }
 }
 
 /// Of one axis, or of both.
@@ -154,6 +170,32 @@ impl Chip {
         Ok(Running { image, table })
     }
 
+    /// Exports a controller for both axes of a stage, each with the share of the other's motion that reaches it, builds their image and
+    /// starts it.
+    pub(super) fn start_axes(
+        &self,
+        name: &str,
+        controller: &Controller,
+        stage: &StageConfig,
+        shares: [f64; 2],
+    ) -> Result<Axes, CliError> {
+        let table = |share: f64| {
+            let mut options = options(stage);
+            options.push(format!("--cross={share}"));
+            export::law_table(controller, &options)
+        };
+        let tables = [table(shares[0])?, table(shares[1])?];
+        let (path_x, said_x) = self.write(&format!("{name}-x"), &tables[0])?;
+        let (path_y, said_y) = self.write(&format!("{name}-y"), &tables[1])?;
+        let image = self.folder.path().join(name);
+        image::build(&self.firmware, self.machine, (&path_x, Some(&path_y)), &image)?;
+        let session = TwoAxisSession::start(self.machine, &image, PATIENCE)?;
+        if *session.banks() != [vec![said_x], vec![said_y]] {
+            return Err(BoardError::OtherVersion.into());
+        }
+        Ok(Axes { session, tables })
+    }
+
     /// Writes a table: where to, and what an image says of it.
     fn write(&self, name: &str, table: &Table) -> Result<(PathBuf, Hello), CliError> {
         let path = self.folder.path().join(format!("{name}.toml"));
@@ -223,10 +265,6 @@ impl Running {
         player: &mut Player,
         beside_hz: f64,
     ) -> Result<(), CliError> {
-        let refused = |source| CliError::Table {
-            path: PathBuf::from("controller.toml"),
-            source,
-        };
         let law = law.map_err(refused)?;
         let setups = self.setups(setup, beside_hz)?;
         match &mut self.image {
@@ -237,6 +275,51 @@ impl Running {
             }
         }
         no_fault(player)
+    }
+
+    /// Along uploaded points at a stage at rest, so many ticks from the start on; worked out ahead.
+    pub(super) fn along(
+        &mut self,
+        request: &Request,
+        points: &Upload,
+        (stage, seed): (&StageConfig, u64),
+        ticks: u32,
+    ) -> Result<Player, CliError> {
+        let player = Player::new(Stage::new(stage, seed)?, Some(points.shares()), ticks);
+        let mut player = player.beside(self.other_stage()?);
+        let setup = self.setup(request, player.ticks_before() + ticks + FALL_TICKS)?;
+        self.run_ahead(&setup, complete(&self.table), &mut player, BESIDE_HZ)?;
+        Ok(player)
+    }
+
+    /// Largest error of a hold at the upper end of a range, percent of it; worked out ahead.
+    pub(super) fn hold(
+        &mut self,
+        stage: &StageConfig,
+        range_um: [f64; 2],
+        feedback: bool,
+        seed: u64,
+    ) -> Result<f64, CliError> {
+        let points = Upload::new(range_um, [u16::MAX; TABLE_POINTS]);
+        let request = Request {
+            shape: Shape::Table,
+            frequency_hz: 1.0,
+            range_um: Some(range_um),
+            seconds: 1.0,
+            feedforward: true,
+            feedback,
+        };
+        let ticks = (HOLD_S * RATE_HZ) as u32;
+        let player = self.along(&request, &points, (stage, seed), ticks + RISE_TICKS)?;
+        let from = player.begun().unwrap_or(0) + (AFTER_MOVE_S * RATE_HZ) as usize;
+        let judged = player.played.iter().skip(from);
+        let judged = judged
+            .filter(|tick| tick.frame.mode() == Mode::Running)
+            .take(ticks as usize);
+        let errors: Vec<f64> = judged
+            .map(|tick| f64::from(tick.frame.reference_um) - tick.true_um)
+            .collect();
+        Ok(peak_percent(&errors, RATE_HZ, range_um))
     }
 
     /// Tick by tick at the sample clock.

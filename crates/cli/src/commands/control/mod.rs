@@ -3,11 +3,14 @@
 mod campaign_on_board;
 mod chip;
 pub(crate) mod design;
+mod learning;
 mod on_board;
 mod page;
 mod programme;
 pub(crate) mod record;
 pub(crate) mod rehearse;
+mod scans_on_chip;
+mod small_signals;
 pub(crate) mod track;
 
 use crate::error::CliError;

@@ -5,7 +5,8 @@ use hysteron_report::figures::{Line, Lines, lines};
 use hysteron_report::{Block, Cell, Figure, Ink, Page, Picture, Section, Size, Table, significant};
 use hysteron_tracking::bench::{ControllerFigures, SHAPES, TrackReport};
 use hysteron_tracking::design::Controller;
-use hysteron_tracking::scans::{LINES_HZ, Scan};
+use hysteron_tracking::learning::{Iteration, LearnedReference};
+use hysteron_tracking::scans::{LINES_HZ, Scan, ScanFigures};
 
 const HALF: Size = Size {
     width: 524,
@@ -60,18 +61,28 @@ pub(super) fn page(report: &TrackReport, board: Option<&OnChip>, controller: &Co
             .with(Block::Gallery(pictures(report))),
     );
     if let Some(board) = board {
-        page = page.section(Section::new("The same as firmware").with(Block::Table(board_table(board))));
-    }
-    if !report.learned.is_empty() {
         page = page.section(
-            Section::new("References learned run by run")
-                .with(Block::Table(learned_table(report)))
-                .with(Block::Gallery(learned_picture(report).into_iter().collect())),
+            Section::new("The same as firmware")
+                .with(Block::Table(board_table(board)))
+                .with(Block::Table(scans_table(&board.scans, report.measured_shares))),
         );
+    }
+    let on_chip = board.map_or(&[][..], |board| &board.learned);
+    for (head, learned) in [
+        ("References learned run by run", &report.learned[..]),
+        ("References learned run by run on the chip", on_chip),
+    ] {
+        if !learned.is_empty() {
+            page = page.section(
+                Section::new(head)
+                    .with(Block::Table(learned_table(learned)))
+                    .with(Block::Gallery(learned_picture(learned).into_iter().collect())),
+            );
+        }
     }
     page.section(
         Section::new("Scans of both axes")
-            .with(Block::Table(scans_table(report)))
+            .with(Block::Table(scans_table(&report.scans, report.measured_shares)))
             .with(Block::Gallery(scan_pictures(report))),
     )
     .section(Section::new("What the controller undoes").with(Block::Table(chain(controller))))
@@ -135,9 +146,10 @@ fn table(report: &TrackReport) -> Table {
 fn board_table(board: &OnChip) -> Table {
     let mut columns = vec!["Controller", "Loop"];
     columns.extend(SHAPES.iter().map(|(key, _)| key.split('-').next().unwrap_or(key)));
+    columns.push("Creep");
     let caption = format!(
-        "Rms error of the same references, % of peak to peak, true position: the firmware in {}, an image for each loop; {} ticks by \
-         the sample clock, {} of them late or lost, the others worked out ahead and compared with the host's bit by bit",
+        "Rms error of the same references, % of peak to peak, true position, and the largest error of a hold of 10 s from 5 ms after the \
+         move: the firmware in {}, an image for each loop; {} ticks by the sample clock, {} of them late or lost, the others worked out ahead and compared with the host's bit by bit",
         board.machine, board.clocked_ticks, board.late_ticks
     );
     board
@@ -147,6 +159,7 @@ fn board_table(board: &OnChip) -> Table {
             let mut cells = vec![Cell::text(&controller.name), Cell::text(controller.loop_kind)];
             let values = SHAPES.iter().map(|(key, _)| controller.rms_percent.get(*key).copied());
             cells.extend(values.map(Cell::number));
+            cells.push(Cell::number(Some(controller.creep_peak_percent)));
             table.row(cells)
         })
 }
@@ -295,36 +308,32 @@ fn response(
     lines(&series, &axes, HALF)
 }
 
-fn learned_table(report: &TrackReport) -> Table {
+fn learned_table(learned: &[LearnedReference]) -> Table {
     let caption = "Sines by frequency in Hz; rms error of the true position before and with the correction that is kept, % of peak to peak, open loop; the \
                    correction is chosen by the measured error";
     let columns = ["Reference", "Before", "Learned", "Runs", "Kept", "Why no more"];
-    report
-        .learned
-        .iter()
-        .fold(Table::new(caption, &columns), |table, reference| {
-            let at = |number: usize| reference.iterations.get(number).map(|run| run.true_percent);
-            table.row(vec![
-                Cell::text(&reference.name),
-                Cell::number(at(0)),
-                Cell::number(at(reference.kept)),
-                Cell::text(reference.iterations.len().to_string()),
-                Cell::text(reference.kept.to_string()),
-                Cell::text(reference.stopped),
-            ])
-        })
+    learned.iter().fold(Table::new(caption, &columns), |table, reference| {
+        let at = |number: usize| reference.iterations.get(number).map(Iteration::percent);
+        table.row(vec![
+            Cell::text(&reference.name),
+            Cell::number(at(0)),
+            Cell::number(at(reference.kept)),
+            Cell::text(reference.iterations.len().to_string()),
+            Cell::text(reference.kept.to_string()),
+            Cell::text(reference.stopped),
+        ])
+    })
 }
 
-fn learned_picture(report: &TrackReport) -> Option<Figure> {
-    let series: Vec<Line> = report
-        .learned
+fn learned_picture(learned: &[LearnedReference]) -> Option<Figure> {
+    let series: Vec<Line> = learned
         .iter()
         .enumerate()
         .map(|(i, reference)| Line {
             name: reference.name.clone(),
             points: (0..)
                 .zip(&reference.iterations)
-                .map(|(k, run)| (f64::from(k), run.true_percent))
+                .map(|(k, run)| (f64::from(k), run.percent()))
                 .collect(),
             ink: Ink::Series(i),
         })
@@ -340,8 +349,8 @@ fn learned_picture(report: &TrackReport) -> Option<Figure> {
     Some(Figure::new(lines(&series, &axes, HALF)?, caption.to_owned()))
 }
 
-fn scans_table(report: &TrackReport) -> Table {
-    let [x, y] = report.measured_shares.map(|share| significant(100.0 * share));
+fn scans_table(scans: &[ScanFigures], measured_shares: [f64; 2]) -> Table {
+    let [x, y] = measured_shares.map(|share| significant(100.0 * share));
     let caption = format!(
         "Rms error of each axis at the same instant and of the distance from the path, % of the range; {LINES_HZ} lines a second; {x} and \
          {y} % of the other axis' motion reach each, as measured before the scans"
@@ -355,7 +364,7 @@ fn scans_table(report: &TrackReport) -> Table {
         "Path",
         "Path, largest, nm",
     ];
-    report.scans.iter().fold(Table::new(caption, &columns), |table, scan| {
+    scans.iter().fold(Table::new(caption, &columns), |table, scan| {
         table.row(vec![
             Cell::text(scan.scan),
             Cell::text(&scan.name),

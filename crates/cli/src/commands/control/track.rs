@@ -2,7 +2,8 @@
 
 use crate::commands::board::EmulatorName;
 use crate::commands::control::chip::{Chip, Follow};
-use crate::commands::control::{on_board, page, range_um, stage};
+use crate::commands::control::learning::{self, Plan};
+use crate::commands::control::{on_board, page, range_um, scans_on_chip, stage};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
@@ -11,10 +12,10 @@ use hysteron_board::Shape;
 use hysteron_plant::StageConfig;
 use hysteron_tracking::bench::{Bench, ControllerFigures, SHAPES, TrackReport, compare};
 use hysteron_tracking::design::Controller;
-use hysteron_tracking::learning::learn_references;
+use hysteron_tracking::learning::{LearnedReference, learn_references};
 use hysteron_tracking::reference;
 use hysteron_tracking::robustness::{RobustnessRow, robustness};
-use hysteron_tracking::scans::LINES_HZ;
+use hysteron_tracking::scans::{LINES_HZ, ScanFigures};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -36,7 +37,7 @@ pub(crate) struct TrackArgs {
     #[arg(
         long,
         value_name = "HOST:PORT",
-        conflicts_with_all = ["stage", "output", "robustness", "alone", "iterations", "emulator"]
+        conflicts_with_all = ["stage", "output", "robustness", "alone", "emulator"]
     )]
     pub board: Option<String>,
     /// Which of the board's tables runs, from 0 on
@@ -55,9 +56,13 @@ pub(crate) struct TrackArgs {
     /// Leave the paper's controllers out
     #[arg(long)]
     pub alone: bool,
-    /// Also learn references that repeat, run by run, with at most so many corrections: 1 to 50
+    /// Also learn references that repeat, run by run, with at most so many corrections: 1 to 50; on a board and with an emulator there,
+    /// in 256 points
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=50), conflicts_with = "robustness")]
     pub iterations: Option<u32>,
+    /// Folder for what was learned, 256 positions a reference, as `board run --trajectory` takes them
+    #[arg(long, value_name = "FOLDER", requires = "iterations")]
+    pub keep: Option<PathBuf>,
     /// Also run the controller as firmware in QEMU at the same stage: an image is built for each loop
     #[arg(long, value_enum, conflicts_with = "robustness")]
     pub emulator: Option<EmulatorName>,
@@ -92,6 +97,11 @@ pub(super) struct OnChip {
     pub clocked_ticks: u32,
     /// Of these the late and lost ones.
     pub late_ticks: u32,
+    /// References that it learned run by run.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub learned: Vec<LearnedReference>,
+    /// Scans of both axes.
+    pub scans: Vec<ScanFigures>,
 }
 
 #[derive(Serialize)]
@@ -101,6 +111,8 @@ pub(super) struct OnChipFigures {
     pub loop_kind: &'static str,
     /// As the controllers' of the report.
     pub rms_percent: BTreeMap<String, f64>,
+    /// Largest error from 5 ms after a move to the range's upper end to 10 s after it, averaged over a millisecond.
+    pub creep_peak_percent: f64,
 }
 
 #[derive(Serialize)]
@@ -115,7 +127,7 @@ pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
     let controller = Controller::read(&args.controller)?;
     let given_um = range_um(args.range.as_deref())?;
     match (&args.stage, &args.board) {
-        (_, Some(from)) => on_board::track(from, args.bank, given_um, &controller, args.json),
+        (_, Some(from)) => on_board::track(args, from, given_um, &controller),
         (Some(name), None) => on_stage(args, name, given_um, &controller),
         (None, None) => Err(CliError::Option("give --stage PRESET or --board HOST:PORT".to_owned())),
     }
@@ -151,8 +163,12 @@ fn on_stage(
     };
     let board = args
         .emulator
-        .map(|emulator| on_chip(args, emulator, &bench, controller))
+        .map(|emulator| on_chip(args, emulator, &bench, controller, report.measured_shares))
         .transpose()?;
+    if let Some(folder) = &args.keep {
+        let on_chip = board.as_ref().map(|board| &board.learned);
+        learning::keep(folder, on_chip.unwrap_or(&report.learned), bench.range_um)?;
+    }
     if let Some(path) = &args.output {
         output::write_file(path, &page::page(&report, board.as_ref(), controller, args))?;
     }
@@ -173,6 +189,7 @@ fn on_chip(
     emulator: EmulatorName,
     bench: &Bench<'_>,
     controller: &Controller,
+    measured_shares: [f64; 2],
 ) -> Result<OnChip, CliError> {
     let stage: &StageConfig = bench.stage;
     let chip = Chip::new(emulator.machine(), &args.firmware, None)?;
@@ -203,6 +220,8 @@ fn on_chip(
         controllers: Vec::new(),
         clocked_ticks: 0,
         late_ticks: 0,
+        learned: Vec::new(),
+        scans: Vec::new(),
     };
     let bar = progress::bar("on the chip");
     for (number, (loop_kind, controller)) in loops.into_iter().enumerate() {
@@ -217,7 +236,21 @@ fn on_chip(
             name: format!("complete on {}", chip.name()),
             loop_kind,
             rms_percent: reached.percent,
+            creep_peak_percent: running.hold(stage, bench.range_um, controller.feedback.is_some(), bench.seed)?,
         });
+        if let (Some(most), None) = (args.iterations, &controller.feedback) {
+            bar.set_message("learning on the chip");
+            let plan = Plan {
+                controller,
+                range_um: bench.range_um,
+                most: most as usize,
+            };
+            board.learned = plan.on_chip(&mut running, stage, bench.seed)?;
+        }
+        bar.set_message(format!("both axes on the chip, {loop_kind} loop"));
+        board
+            .scans
+            .extend(scans_on_chip::scans(&chip, controller, bench, measured_shares)?);
         progress::advance(&bar, (number + 1) as f64 / 2.0);
     }
     bar.finish_and_clear();
@@ -235,21 +268,31 @@ pub(super) fn of_the_board(shape: reference::Shape) -> Shape {
 
 fn board_text(board: &OnChip) -> String {
     let mut text = format!(
-        "\nON THE CHIP: the controller as firmware in {}, an image for each loop; the same references, true position, %\n\n{:<6}{}\n",
+        "\nON THE CHIP: the controller as firmware in {}, an image for each loop; the same references, true position, %; creep:\n\
+         largest error of a hold of 10 s, from 5 ms after the move\n\n{:<6}{} {:>7}\n",
         board.machine,
         "loop",
-        heads()
+        heads(),
+        "creep"
     );
     for controller in &board.controllers {
         // Writing to a String does not fail.
-        let _ = writeln!(text, "{:<6}{}", controller.loop_kind, cells(&controller.rms_percent));
+        let _ = writeln!(
+            text,
+            "{:<6}{} {:>7.3}",
+            controller.loop_kind,
+            cells(&controller.rms_percent),
+            controller.creep_peak_percent
+        );
     }
     let _ = writeln!(
         text,
         "{} ticks by the sample clock, {} of them late or lost; the others worked out ahead, every frame compared with the host's",
         board.clocked_ticks, board.late_ticks
     );
-    text
+    text.push_str(&learning::text(&board.learned, " on the chip"));
+    text.push_str("\nSCANS of both axes by one image: figures as of the scans above\n\n");
+    text + &scan_rows(&board.scans)
 }
 
 /// The first mode in words.
@@ -301,40 +344,7 @@ fn text(report: &TrackReport) -> String {
     for controller in &report.controllers {
         text.push_str(&line(controller, widest));
     }
-    text + &learned_text(report) + &scans_text(report)
-}
-
-/// The table of what was learned; nothing without any.
-fn learned_text(report: &TrackReport) -> String {
-    let Some(longest) = report.learned.iter().map(|reference| reference.iterations.len()).max() else {
-        return String::new();
-    };
-    let mut text = String::from(
-        "\nLEARNED run by run, complete feedforward, open loop: error of the true position after each correction, %; * is kept, by the\n\
-         measured error\n\n     ",
-    );
-    for reference in &report.learned {
-        // Writing to a String does not fail.
-        let _ = write!(text, " {:>10}", reference.name.split('-').next().unwrap_or_default());
-    }
-    text.push('\n');
-    for number in 0..longest {
-        let _ = write!(text, "{number:>5}");
-        for reference in &report.learned {
-            let _ = match reference.iterations.get(number) {
-                Some(run) => {
-                    let kept = if number == reference.kept { "*" } else { " " };
-                    write!(text, " {:>9.4}{kept}", run.true_percent)
-                }
-                None => write!(text, " {:>10}", ""),
-            };
-        }
-        text.push('\n');
-    }
-    for reference in &report.learned {
-        let _ = writeln!(text, "{}: {}", reference.name, reference.stopped);
-    }
-    text
+    text + &learning::text(&report.learned, "") + &scans_text(report)
 }
 
 /// The table of the scans.
@@ -346,14 +356,21 @@ fn scans_text(report: &TrackReport) -> String {
         100.0 * x,
         100.0 * y
     );
-    let widest = report.scans.iter().map(|scan| scan.name.len()).max().unwrap_or(0);
+    text.push_str(&scan_rows(&report.scans));
+    text
+}
+
+/// A line a scan.
+fn scan_rows(scans: &[ScanFigures]) -> String {
+    let mut text = String::new();
+    let widest = scans.iter().map(|scan| scan.name.len()).max().unwrap_or(0);
     // Writing to a String does not fail.
     let _ = writeln!(
         text,
         "{:<7} {:<widest$} {:<6} {:>8} {:>8} {:>8} {:>12}",
         "", "", "loop", "x, %", "y, %", "path, %", "largest, nm"
     );
-    for scan in &report.scans {
+    for scan in scans {
         let _ = writeln!(
             text,
             "{:<7} {:<widest$} {:<6} {:>8.3} {:>8.3} {:>8.3} {:>12.1}",

@@ -82,6 +82,8 @@ struct Rehearsed {
     rungs: Vec<Rung>,
     /// The last controller with the compensator of the hidden effect left out, open loop.
     without_compensator_percent: Option<BTreeMap<String, f64>>,
+    /// The same with the feedback that is designed without it, on the host; more than 100 % is a loop that swings.
+    without_compensator_closed_percent: Option<BTreeMap<String, f64>>,
     /// The first model's kind of controller, trained, on the same stage with nothing hidden in it.
     without_effect_percent: Option<BTreeMap<String, f64>>,
     /// Beside an emulator: the last controller, open loop, by the host's law in `f64`.
@@ -208,6 +210,7 @@ fn rehearsed(
         named: learned.model.effects.iter().any(|effect| effect.name == hidden),
         rungs: Vec::new(),
         without_compensator_percent: None,
+        without_compensator_closed_percent: None,
         without_effect_percent: floor(rehearsal, &learned.model)?,
         host_percent: None,
         clocked_ticks: 0,
@@ -270,6 +273,10 @@ fn rehearsed(
         without.inverse = trained.inverse;
         let controller = design(&without)?;
         rehearsed.without_compensator_percent = Some(ground.errors(rehearsal, &controller, "without")?.percent);
+        if rehearsed.emulator.is_none() {
+            let closed = controller.with_feedback();
+            rehearsed.without_compensator_closed_percent = Some(rehearsal.errors(&rehearsal.stage, &closed)?);
+        }
     }
     bar.finish_and_clear();
     let trained = Trained {

@@ -44,19 +44,16 @@ pub(super) fn text(rehearsed: &Rehearsed) -> String {
             refused,
         );
     }
-    let others: [(&str, &Option<BTreeMap<String, f64>>); 2] = [
-        (
-            "the same, this compensator left out",
-            &rehearsed.without_compensator_percent,
-        ),
-        (
-            "(trained, nothing hidden in the stage)",
-            &rehearsed.without_effect_percent,
-        ),
-    ];
-    for (name, errors) in others {
-        line(name, "open", None, errors.as_ref(), "the hysteresis has no inverse");
+    const WITHOUT: &str = "the same, this compensator left out";
+    const BARE: &str = "(trained, nothing hidden in the stage)";
+    let no_inverse = "the hysteresis has no inverse";
+    let without = rehearsed.without_compensator_percent.as_ref();
+    line(WITHOUT, "open", None, without, no_inverse);
+    if let Some(closed) = &rehearsed.without_compensator_closed_percent {
+        line(WITHOUT, "closed", None, Some(closed), "");
     }
+    let bare = rehearsed.without_effect_percent.as_ref();
+    line(BARE, "open", None, bare, no_inverse);
     if let Some(emulator) = rehearsed.emulator {
         if let Some(errors) = &rehearsed.host_percent {
             line("(trained, by the host in f64)", "open", None, Some(errors), "");

@@ -1,0 +1,242 @@
+//! References that repeat, learned run by run on a board: a real one, or the firmware in the emulator.
+
+use crate::commands::control::chip::{RATE_HZ, RISE_TICKS, Running};
+use crate::commands::control::on_board::{Judged, RAMP_S, Tick};
+use crate::error::CliError;
+use crate::output;
+use hysteron_board::capture::{Start, Wish, capture};
+use hysteron_board::upload::Upload;
+use hysteron_board::{Mode, Request, Shape, TABLE_POINTS};
+use hysteron_plant::StageConfig;
+use hysteron_tracking::bench::SHAPES;
+use hysteron_tracking::design::Controller;
+use hysteron_tracking::learning::{
+    Iteration, LEARNED, LearnedReference, Learning, Run, band_hz, corrected, learn, whole_period,
+};
+use hysteron_tracking::reference;
+use std::fmt::Write;
+use std::path::Path;
+
+/// What is learned, and how.
+#[derive(Clone, Copy)]
+pub(super) struct Plan<'a> {
+    pub controller: &'a Controller,
+    /// Lowest and highest reference, micrometres.
+    pub range_um: [f64; 2],
+    /// Corrections of each reference, at most.
+    pub most: usize,
+}
+
+impl Plan<'_> {
+    /// Every reference whose period is whole samples, by whatever runs one: name, shape, number of the run and points.
+    fn learned(
+        &self,
+        period_s: f64,
+        mut run: impl FnMut(&str, reference::Shape, usize, Upload) -> Result<Run, CliError>,
+    ) -> Result<Vec<LearnedReference>, CliError> {
+        let band_hz = band_hz(self.controller)?;
+        let mut all = Vec::new();
+        for (name, shape) in SHAPES.into_iter().filter(|(name, _)| LEARNED.contains(name)) {
+            let Some(samples) = whole_period(shape, period_s) else {
+                continue;
+            };
+            // What swings faster counts as the loop's own swinging.
+            let harmonics = f64::from(Shape::Table.highest_harmonic());
+            let learning = Learning {
+                samples,
+                period_s,
+                band_hz: band_hz.min(harmonics * shape.frequency_hz()),
+                most: self.most,
+            };
+            all.push(learn(name, learning, |number, correction_um| {
+                run(name, shape, number, self.points(shape, correction_um)?).map(Some)
+            })?);
+        }
+        Ok(all)
+    }
+
+    /// What the board's table gets.
+    fn points(&self, shape: reference::Shape, correction_um: &[f64]) -> Result<Upload, CliError> {
+        let points = corrected(shape, self.range_um, correction_um, TABLE_POINTS);
+        Ok(Upload::of_positions(&points)?)
+    }
+
+    /// A run from its ticks, in the phase in which their references are those of the points.
+    fn run(&self, shape: reference::Shape, period_s: f64, points: &Upload, ticks: &[Ran]) -> Run {
+        let [low_um, high_um] = self.range_um;
+        let late = late(points, shape.frequency_hz() * period_s, ticks);
+        let ticks: Vec<(usize, f64, Option<f64>)> = ticks
+            .iter()
+            .filter_map(|tick| Some((tick.number.checked_sub(late)?, tick.measured_um, tick.true_um)))
+            .collect();
+        let wanted = |k: usize| low_um + (high_um - low_um) * shape.share(k as f64 * period_s);
+        let percent = |squares: f64| 100.0 * (squares / ticks.len().max(1) as f64).sqrt() / (high_um - low_um);
+        let measured: f64 = ticks.iter().map(|&(k, y, _)| (wanted(k) - y).powi(2)).sum();
+        let of_true: Option<f64> = ticks.iter().map(|&(k, _, y)| Some((wanted(k) - y?).powi(2))).sum();
+        Run {
+            error_um: ticks.iter().map(|&(k, y, _)| (k, wanted(k) - y)).collect(),
+            iteration: Iteration {
+                measured_percent: percent(measured),
+                true_percent: of_true.map(percent),
+            },
+        }
+    }
+
+    /// By a real board, open loop; adds the ticks that did not come to `lost`.
+    pub(super) fn on_board(
+        &self,
+        (from, bank, rate_hz): (&str, u8, f64),
+        lost: &mut u64,
+        progress: &dyn Fn(&str, usize),
+    ) -> Result<Vec<LearnedReference>, CliError> {
+        self.learned(1.0 / rate_hz, |name, shape, number, points| {
+            progress(name, number);
+            let judged = Judged::of(shape);
+            let wish = Wish {
+                bank,
+                request: Request {
+                    seconds: RAMP_S + judged.length_s(),
+                    ..along(&points, shape)
+                },
+                upload: Some(points),
+            };
+            let captured = capture(from, wish.request.seconds, Start::Playing(&wish), &mut |_| ())?;
+            *lost += captured.counts.lost;
+            let ticks = judged.ticks(&captured, name)?;
+            let ran = |tick: &Tick| Ran {
+                number: tick.number,
+                reference_um: tick.reference_um,
+                measured_um: tick.measured_um,
+                true_um: None,
+            };
+            let ticks: Vec<Ran> = ticks.iter().map(ran).collect();
+            Ok(self.run(shape, 1.0 / rate_hz, &points, &ticks))
+        })
+    }
+
+    /// By an image without feedback in the emulator, at a simulated stage.
+    pub(super) fn on_chip(
+        &self,
+        running: &mut Running,
+        stage: &StageConfig,
+        seed: u64,
+    ) -> Result<Vec<LearnedReference>, CliError> {
+        self.learned(1.0 / RATE_HZ, |_, shape, number, points| {
+            let here = shape.reference(self.range_um, 1.0 / RATE_HZ);
+            let ticks = here.samples_um.len() as u32 + RISE_TICKS;
+            let request = along(&points, shape);
+            let player = running.along(&request, &points, (stage, seed.wrapping_add(number as u64)), ticks)?;
+            let begun = player.begun().unwrap_or(0);
+            let judged = player.played.iter().enumerate().skip(begun + here.judged_from);
+            let judged = judged.take(here.samples_um.len() - here.judged_from);
+            let judged = judged.filter(|(_, tick)| tick.frame.mode() == Mode::Running);
+            let ticks: Vec<Ran> = judged
+                .map(|(k, tick)| Ran {
+                    number: k - begun,
+                    reference_um: f64::from(tick.frame.reference_um),
+                    measured_um: tick.position_um,
+                    true_um: Some(tick.true_um),
+                })
+                .collect();
+            Ok(self.run(shape, 1.0 / RATE_HZ, &points, &ticks))
+        })
+    }
+}
+
+/// A tick of a run.
+struct Ran {
+    /// Since the loop ran.
+    number: usize,
+    reference_um: f64,
+    measured_um: f64,
+    true_um: Option<f64>,
+}
+
+/// Longest that a law may know its reference ahead, ticks, and some.
+const LONGEST_AHEAD: usize = 64;
+
+/// Ticks from where the loop ran to where the points began to be due: the law's own preview is among them.
+fn late(points: &Upload, turns_a_tick: f64, ticks: &[Ran]) -> usize {
+    let [low_um, high_um] = points.range_um;
+    let point = |i: usize| low_um + (high_um - low_um) * f64::from(points.shares()[i % TABLE_POINTS]) / 65_535.0;
+    let due = |k: usize| {
+        let place = (k as f64 * turns_a_tick).fract() * TABLE_POINTS as f64;
+        let i = place as usize;
+        point(i) + (point(i + 1) - point(i)) * place.fract()
+    };
+    let off = |late: usize| -> f64 {
+        let from_late_on = ticks.iter().filter(|tick| tick.number >= LONGEST_AHEAD);
+        from_late_on
+            .map(|tick| (tick.reference_um - due(tick.number - late)).powi(2))
+            .sum()
+    };
+    let each = (0..=LONGEST_AHEAD).map(|late| (late, off(late)));
+    each.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(late, _)| late)
+}
+
+/// Uploaded points as often as a shape repeats, open loop.
+fn along(points: &Upload, shape: reference::Shape) -> Request {
+    Request {
+        shape: Shape::Table,
+        frequency_hz: shape.frequency_hz(),
+        range_um: Some(points.range_um),
+        seconds: 1.0,
+        feedforward: true,
+        feedback: false,
+    }
+}
+
+/// Writes what was learned as the board takes it, one file a reference.
+pub(super) fn keep(folder: &Path, learned: &[LearnedReference], range_um: [f64; 2]) -> Result<(), CliError> {
+    for (name, shape) in SHAPES {
+        let Some(learned) = learned.iter().find(|learned| learned.name == name) else {
+            continue;
+        };
+        let mut text = String::from("position_um\n");
+        for um in corrected(shape, range_um, &learned.correction_um, TABLE_POINTS) {
+            // Writing to a String does not fail.
+            let _ = writeln!(text, "{um:.6}");
+        }
+        output::write_file(&folder.join(format!("{name}.csv")), &text)?;
+    }
+    Ok(())
+}
+
+/// The table of what was learned; nothing without any.
+pub(super) fn text(learned: &[LearnedReference], by: &str) -> String {
+    let Some(longest) = learned.iter().map(|reference| reference.iterations.len()).max() else {
+        return String::new();
+    };
+    let runs = || learned.iter().flat_map(|reference| &reference.iterations);
+    let position = if runs().all(|run| run.true_percent.is_some()) {
+        "true position"
+    } else {
+        "sensor's reading"
+    };
+    let mut text = format!(
+        "\nLEARNED run by run{by}, complete feedforward, open loop: error of the {position} after each correction, %; * is kept, by the\n\
+         measured error\n\n     "
+    );
+    for reference in learned {
+        // Writing to a String does not fail.
+        let _ = write!(text, " {:>10}", reference.name.split('-').next().unwrap_or_default());
+    }
+    text.push('\n');
+    for number in 0..longest {
+        let _ = write!(text, "{number:>5}");
+        for reference in learned {
+            let _ = match reference.iterations.get(number) {
+                Some(run) => {
+                    let kept = if number == reference.kept { "*" } else { " " };
+                    write!(text, " {:>9.4}{kept}", run.percent())
+                }
+                None => write!(text, " {:>10}", ""),
+            };
+        }
+        text.push('\n');
+    }
+    for reference in learned {
+        let _ = writeln!(text, "{}: {}", reference.name, reference.stopped);
+    }
+    text
+}
