@@ -13,7 +13,7 @@ use hysteron_board::upload::Upload;
 use hysteron_board::{Hello, Mode, Request, TABLE_POINTS, whole_range_um};
 use hysteron_tracking::bench::SHAPES;
 use hysteron_tracking::design::Controller;
-use hysteron_tracking::learning::LearnedReference;
+use hysteron_tracking::learning::{LEARNED, LearnedReference};
 use hysteron_tracking::reference::{Reference, Shape};
 use hysteron_tracking::response::Crossing;
 use serde::Serialize;
@@ -109,7 +109,9 @@ pub(super) fn track(
         let rate_hz = f64::from(table.sample_rate_hz);
         answer.learned = plan.on_board((from, args.bank, rate_hz), &mut answer.lost, &|name, number| {
             bar.set_message(format!("{name}, run {number}"));
-            progress::advance(&bar, number as f64 / f64::from(most + 1));
+            let before = LEARNED.iter().position(|learned| *learned == name).unwrap_or(0) as f64;
+            let share = (before + number as f64 / f64::from(most + 1)) / LEARNED.len() as f64;
+            progress::advance(&bar, share);
         })?;
         bar.finish_and_clear();
         if let Some(folder) = &args.keep {
