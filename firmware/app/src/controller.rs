@@ -57,13 +57,14 @@ impl<L: Law> Controller<L> {
         let feedback_weight = feedback_weight(frequency_hz, parameters.feedback_up_to_hz);
         let law = &mut parameters.law;
         law.set_parts(setup.feedforward, setup.feedback, feedback_weight);
-        let state = law.start(&Start {
+        let start = Start {
             measured_um: first_um,
             first_um,
             command_v: parameters.safe_v,
             feedback_weight,
             rise_um: parameters.rise_um,
-        });
+        };
+        let state = parameters.law.start(&start, &parameters.law);
         Self {
             state,
             ramp: parameters.ramp.start_at(parameters.safe_v),
@@ -232,7 +233,7 @@ impl<L: Law> Controller<L> {
         let setup = self.setup;
         match self.banks.get(usize::from(bank)) {
             Some(other) if allows(other.range_um, &setup) => {
-                put(&mut self.parameters, other);
+                adopt(&mut self.parameters, other);
                 self.bank_flags = u16::from(bank) << BANK_BIT;
                 self.set_up(&setup)
             }
@@ -258,13 +259,20 @@ impl<L: Law> Controller<L> {
     }
 
     fn start(&mut self, measured_um: f32) {
-        self.state = self.parameters.law.start(&Start {
+        let start = Start {
             measured_um,
             first_um: self.first_um,
             command_v: self.command_v,
             feedback_weight: self.feedback_weight,
             rise_um: self.parameters.rise_um,
-        });
+        };
+        let table = self.banks.get(usize::from(self.bank_flags >> BANK_BIT));
+        begin(
+            &mut self.state,
+            &self.parameters.law,
+            table.map(|table| &table.law),
+            &start,
+        );
         self.seen = MonitorState::default();
         let setup = &self.setup;
         self.trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
@@ -336,10 +344,38 @@ impl<L: Law> Controller<L> {
     }
 }
 
+/// As [`adopt`]: straight into its place.
+#[inline(never)]
+fn begin<L: Law>(place: &mut L::State, law: &L, table: Option<&L>, start: &Start) {
+    *place = law.start(start, table.unwrap_or(law));
+}
+
 /// A function of its own, whose arguments do not overlap: otherwise it is a `memmove`, 1.6 kB of the fastest memory.
 #[inline(never)]
-fn put<P: Copy>(place: &mut P, new: &P) {
-    *place = *new;
+fn adopt<L: Law>(place: &mut Parameters<L>, new: &Parameters<L>) {
+    // All of them by name: a field more is an error here.
+    let Parameters {
+        law,
+        ramp,
+        rise_um,
+        scales,
+        dac,
+        adc,
+        range_um,
+        sample_rate_hz,
+        feedback_up_to_hz,
+        safe_v,
+    } = new;
+    place.law.adopt(law);
+    place.ramp = *ramp;
+    place.rise_um = *rise_um;
+    place.scales = *scales;
+    place.dac = *dac;
+    place.adc = *adc;
+    place.range_um = *range_um;
+    place.sample_rate_hz = *sample_rate_hz;
+    place.feedback_up_to_hz = *feedback_up_to_hz;
+    place.safe_v = *safe_v;
 }
 
 /// Whether a table of this range can be asked for a reference. A NaN fails the comparisons.

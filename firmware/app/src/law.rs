@@ -57,8 +57,11 @@ pub trait Law: Copy + core::fmt::Debug + 'static {
     /// Other gains.
     fn set_gains(&mut self, gains: PiController<f32>);
 
-    /// The state that a run begins with, at the safe level.
-    fn start(&self, start: &Start) -> Self::State;
+    /// Takes over another table's numbers, but for what only [`Law::start`] needs: a tick has not the time to copy that as well.
+    fn adopt(&mut self, other: &Self);
+
+    /// The state that a run begins with, at the safe level; `table` is what was adopted last.
+    fn start(&self, start: &Start, table: &Self) -> Self::State;
 
     /// A tick on the way to the trajectory's first value, through the ramp's limiter; whether it is there.
     fn rise(&self, state: &mut Self::State, ramp: &Limiter<f32>, now: Now) -> (Step, bool);
@@ -117,7 +120,11 @@ where
     }
 
     /// The plays where the stage's are: at rest at the safe level after coming down to it, wherever the sensor sees that.
-    fn start(&self, start: &Start) -> Self::State {
+    fn adopt(&mut self, other: &Self) {
+        *self = *other;
+    }
+
+    fn start(&self, start: &Start, _: &Self) -> Self::State {
         let plays = self.inverse.at_rest(start.measured_um, start.first_um);
         let mut control = self.law.start(plays, start.command_v);
         control.set_feedback_weight(start.feedback_weight);
@@ -240,10 +247,16 @@ impl Law for Complete {
         self.law.tracking.feedback = self.law.tracking.feedback.map(with);
     }
 
+    /// The rest stays behind.
+    fn adopt(&mut self, other: &Self) {
+        self.law = other.law;
+        self.feedback = other.feedback;
+    }
+
     /// A stage that was cycled and rests at 0 V, the safe level of such a table.
-    fn start(&self, start: &Start) -> Preparing {
+    fn start(&self, start: &Start, table: &Self) -> Preparing {
         Preparing {
-            chain: self.rest,
+            chain: table.rest,
             first_um: start.first_um,
             rise_um: start.rise_um,
             coming_um: self.law.surroundings.rest,
