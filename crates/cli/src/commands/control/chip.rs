@@ -1,6 +1,6 @@
 //! Images of controllers on the firmware in the emulator, and the references that they follow there.
 
-use crate::commands::control::on_board::{AFTER_MOVE_S, HOLD_S, peak_percent};
+use crate::commands::control::on_board::{AFTER_MOVE_S, HOLD_S, along, held, peak_percent};
 use crate::commands::export;
 use crate::error::CliError;
 use hysteron_board::host::{complete, hello, parameters};
@@ -8,7 +8,7 @@ use hysteron_board::two_axes::TwoAxisSession;
 use hysteron_board::upload::Upload;
 use hysteron_board::{
     BoardError, FALL_TICKS, Hello, Law, Machine, Mode, Parameters, Player, Request, Session, Setup, Shape, Summary,
-    TABLE_POINTS, image,
+    image,
 };
 use hysteron_plant::{Stage, StageConfig};
 use hysteron_table::{FORMAT, Table, TableError};
@@ -144,9 +144,9 @@ impl Chip {
 
     /// Builds the image of a table and starts it; of two, where another axis couples into this one.
     pub(super) fn start(&self, name: &str, table: Table, stage: &StageConfig) -> Result<Running, CliError> {
-        let (path, said) = self.write(name, &table)?;
-        let image = self.folder.path().join(name);
         let Some(other) = other_axis(stage) else {
+            let (path, said) = self.write(name, &table)?;
+            let image = self.folder.path().join(name);
             image::build(&self.firmware, self.machine, (&path, None), &image)?;
             let session = Session::start(self.machine, &image, PATIENCE)?;
             if *session.hello() != said {
@@ -156,12 +156,7 @@ impl Chip {
             return Ok(Running { image, table });
         };
         let beside = straight_line(&other);
-        let (path_y, said_y) = self.write("other-axis", &beside)?;
-        image::build(&self.firmware, self.machine, (&path, Some(&path_y)), &image)?;
-        let session = TwoAxisSession::start(self.machine, &image, PATIENCE)?;
-        if *session.banks() != [vec![said], vec![said_y]] {
-            return Err(BoardError::OtherVersion.into());
-        }
+        let session = self.start_both(name, (name, &table), ("other-axis", &beside))?;
         let image = Image::Both {
             session,
             other: Box::new(other),
@@ -185,15 +180,22 @@ impl Chip {
             export::law_table(controller, &options)
         };
         let tables = [table(shares[0])?, table(shares[1])?];
-        let (path_x, said_x) = self.write(&format!("{name}-x"), &tables[0])?;
-        let (path_y, said_y) = self.write(&format!("{name}-y"), &tables[1])?;
+        let [x, y] = ["x", "y"].map(|axis| format!("{name}-{axis}"));
+        let session = self.start_both(name, (&x, &tables[0]), (&y, &tables[1]))?;
+        Ok(Axes { session, tables })
+    }
+
+    /// Builds the image of two axes from their tables, each by its file's name, and starts it.
+    fn start_both(&self, name: &str, x: (&str, &Table), y: (&str, &Table)) -> Result<TwoAxisSession, CliError> {
+        let (path_x, said_x) = self.write(x.0, x.1)?;
+        let (path_y, said_y) = self.write(y.0, y.1)?;
         let image = self.folder.path().join(name);
         image::build(&self.firmware, self.machine, (&path_x, Some(&path_y)), &image)?;
         let session = TwoAxisSession::start(self.machine, &image, PATIENCE)?;
         if *session.banks() != [vec![said_x], vec![said_y]] {
             return Err(BoardError::OtherVersion.into());
         }
-        Ok(Axes { session, tables })
+        Ok(session)
     }
 
     /// Writes a table: where to, and what an image says of it.
@@ -286,9 +288,21 @@ impl Running {
         ticks: u32,
     ) -> Result<Player, CliError> {
         let player = Player::new(Stage::new(stage, seed)?, Some(points.shares()), ticks);
+        self.play(request, complete(&self.table), (player, ticks), BESIDE_HZ)
+    }
+
+    /// Lets a player send what it has to and start a run of so many ticks, the other axis at `beside_hz` where there is one; worked out
+    /// ahead.
+    pub(super) fn play<L: Law>(
+        &mut self,
+        request: &Request,
+        law: Result<Parameters<L>, TableError>,
+        (player, ticks): (Player, u32),
+        beside_hz: f64,
+    ) -> Result<Player, CliError> {
         let mut player = player.beside(self.other_stage()?);
         let setup = self.setup(request, player.ticks_before() + ticks + FALL_TICKS)?;
-        self.run_ahead(&setup, complete(&self.table), &mut player, BESIDE_HZ)?;
+        self.run_ahead(&setup, law, &mut player, beside_hz)?;
         Ok(player)
     }
 
@@ -300,15 +314,8 @@ impl Running {
         feedback: bool,
         seed: u64,
     ) -> Result<f64, CliError> {
-        let points = Upload::new(range_um, [u16::MAX; TABLE_POINTS]);
-        let request = Request {
-            shape: Shape::Table,
-            frequency_hz: 1.0,
-            range_um: Some(range_um),
-            seconds: 1.0,
-            feedforward: true,
-            feedback,
-        };
+        let points = held(range_um);
+        let request = along(&points, 1.0, 1.0, feedback);
         let ticks = (HOLD_S * RATE_HZ) as u32;
         let player = self.along(&request, &points, (stage, seed), ticks + RISE_TICKS)?;
         let from = player.begun().unwrap_or(0) + (AFTER_MOVE_S * RATE_HZ) as usize;

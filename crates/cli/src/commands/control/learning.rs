@@ -1,12 +1,11 @@
 //! References that repeat, learned run by run on a board: a real one, or the firmware in the emulator.
 
 use crate::commands::control::chip::{RATE_HZ, RISE_TICKS, Running};
-use crate::commands::control::on_board::{Judged, RAMP_S, Tick};
+use crate::commands::control::on_board::{Judged, Looped, RAMP_S, Tick, along};
 use crate::error::CliError;
 use crate::output;
-use hysteron_board::capture::{Start, Wish, capture};
 use hysteron_board::upload::Upload;
-use hysteron_board::{Mode, Request, Shape, TABLE_POINTS};
+use hysteron_board::{Mode, Shape, TABLE_POINTS};
 use hysteron_plant::StageConfig;
 use hysteron_tracking::bench::SHAPES;
 use hysteron_tracking::design::Controller;
@@ -62,7 +61,7 @@ impl Plan<'_> {
     }
 
     /// A run from its ticks, in the phase in which their references are those of the points.
-    fn run(&self, shape: reference::Shape, period_s: f64, points: &Upload, ticks: &[Ran]) -> Run {
+    fn run(&self, shape: reference::Shape, period_s: f64, points: &Upload, ticks: &[Tick]) -> Run {
         let [low_um, high_um] = self.range_um;
         let late = late(points, shape.frequency_hz() * period_s, ticks);
         let ticks: Vec<(usize, f64, Option<f64>)> = ticks
@@ -82,34 +81,21 @@ impl Plan<'_> {
         }
     }
 
-    /// By a real board, open loop; adds the ticks that did not come to `lost`.
+    /// By a real board; adds the ticks that did not come to `lost`.
     pub(super) fn on_board(
         &self,
-        (from, bank, rate_hz): (&str, u8, f64),
+        open: &Looped<'_>,
+        rate_hz: f64,
         lost: &mut u64,
         progress: &dyn Fn(&str, usize),
     ) -> Result<Vec<LearnedReference>, CliError> {
         self.learned(1.0 / rate_hz, |name, shape, number, points| {
             progress(name, number);
             let judged = Judged::of(shape);
-            let wish = Wish {
-                bank,
-                request: Request {
-                    seconds: RAMP_S + judged.length_s(),
-                    ..along(&points, shape)
-                },
-                upload: Some(points),
-            };
-            let captured = capture(from, wish.request.seconds, Start::Playing(&wish), &mut |_| ())?;
+            let seconds = RAMP_S + judged.length_s();
+            let captured = open.along(points, shape.frequency_hz(), seconds, &|_| ())?;
             *lost += captured.counts.lost;
             let ticks = judged.ticks(&captured, name)?;
-            let ran = |tick: &Tick| Ran {
-                number: tick.number,
-                reference_um: tick.reference_um,
-                measured_um: tick.measured_um,
-                true_um: None,
-            };
-            let ticks: Vec<Ran> = ticks.iter().map(ran).collect();
             Ok(self.run(shape, 1.0 / rate_hz, &points, &ticks))
         })
     }
@@ -124,14 +110,14 @@ impl Plan<'_> {
         self.learned(1.0 / RATE_HZ, |_, shape, number, points| {
             let here = shape.reference(self.range_um, 1.0 / RATE_HZ);
             let ticks = here.samples_um.len() as u32 + RISE_TICKS;
-            let request = along(&points, shape);
+            let request = along(&points, shape.frequency_hz(), 1.0, false);
             let player = running.along(&request, &points, (stage, seed.wrapping_add(number as u64)), ticks)?;
             let begun = player.begun().unwrap_or(0);
             let judged = player.played.iter().enumerate().skip(begun + here.judged_from);
             let judged = judged.take(here.samples_um.len() - here.judged_from);
             let judged = judged.filter(|(_, tick)| tick.frame.mode() == Mode::Running);
-            let ticks: Vec<Ran> = judged
-                .map(|(k, tick)| Ran {
+            let ticks: Vec<Tick> = judged
+                .map(|(k, tick)| Tick {
                     number: k - begun,
                     reference_um: f64::from(tick.frame.reference_um),
                     measured_um: tick.position_um,
@@ -143,20 +129,11 @@ impl Plan<'_> {
     }
 }
 
-/// A tick of a run.
-struct Ran {
-    /// Since the loop ran.
-    number: usize,
-    reference_um: f64,
-    measured_um: f64,
-    true_um: Option<f64>,
-}
-
 /// Longest that a law may know its reference ahead, ticks, and some.
 const LONGEST_AHEAD: usize = 64;
 
 /// Ticks from where the loop ran to where the points began to be due: the law's own preview is among them.
-fn late(points: &Upload, turns_a_tick: f64, ticks: &[Ran]) -> usize {
+fn late(points: &Upload, turns_a_tick: f64, ticks: &[Tick]) -> usize {
     let [low_um, high_um] = points.range_um;
     let point = |i: usize| low_um + (high_um - low_um) * f64::from(points.shares()[i % TABLE_POINTS]) / 65_535.0;
     let due = |k: usize| {
@@ -172,18 +149,6 @@ fn late(points: &Upload, turns_a_tick: f64, ticks: &[Ran]) -> usize {
     };
     let each = (0..=LONGEST_AHEAD).map(|late| (late, off(late)));
     each.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(late, _)| late)
-}
-
-/// Uploaded points as often as a shape repeats, open loop.
-fn along(points: &Upload, shape: reference::Shape) -> Request {
-    Request {
-        shape: Shape::Table,
-        frequency_hz: shape.frequency_hz(),
-        range_um: Some(points.range_um),
-        seconds: 1.0,
-        feedforward: true,
-        feedback: false,
-    }
 }
 
 /// Writes what was learned as the board takes it, one file a reference.

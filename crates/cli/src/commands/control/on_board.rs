@@ -107,7 +107,12 @@ pub(super) fn track(
         };
         let bar = progress::bar("learning on the board");
         let rate_hz = f64::from(table.sample_rate_hz);
-        answer.learned = plan.on_board((from, args.bank, rate_hz), &mut answer.lost, &|name, number| {
+        let open = Looped {
+            from,
+            bank: args.bank,
+            feedback: false,
+        };
+        answer.learned = plan.on_board(&open, rate_hz, &mut answer.lost, &|name, number| {
             bar.set_message(format!("{name}, run {number}"));
             let before = LEARNED.iter().position(|learned| *learned == name).unwrap_or(0) as f64;
             let share = (before + number as f64 / f64::from(most + 1)) / LEARNED.len() as f64;
@@ -127,10 +132,28 @@ pub(super) fn track(
 }
 
 /// A board's bank, open loop or closed.
-struct Looped<'a> {
-    from: &'a str,
-    bank: u8,
-    feedback: bool,
+pub(super) struct Looped<'a> {
+    /// The server of the board's telemetry.
+    pub from: &'a str,
+    pub bank: u8,
+    pub feedback: bool,
+}
+
+/// Points as often a second as they are to be repeated, for so many seconds.
+pub(super) fn along(points: &Upload, frequency_hz: f64, seconds: f64, feedback: bool) -> Request {
+    Request {
+        shape: hysteron_board::Shape::Table,
+        frequency_hz,
+        range_um: Some(points.range_um),
+        seconds,
+        feedforward: true,
+        feedback,
+    }
+}
+
+/// Points that are all the upper end of a range.
+pub(super) fn held(range_um: [f64; 2]) -> Upload {
+    Upload::new(range_um, [u16::MAX; TABLE_POINTS])
 }
 
 impl Looped<'_> {
@@ -166,7 +189,7 @@ impl Looped<'_> {
         }
         let table = said.ok_or_else(|| CliError::Option("the board sent no samples".to_owned()))?;
         answer.table_sha256 = hex(&table.hash);
-        let small = Small::about((self.from, self.bank, self.feedback), &table, range_um);
+        let small = Small::about(self, &table, range_um);
         let done = |runs_done: usize, part: f64| (runs_done as f64 + part) / runs;
         let part = |part| progress("small multisine", done(SHAPES.len(), part));
         let response = small.response(&mut answer.lost, &part)?;
@@ -200,19 +223,24 @@ impl Looped<'_> {
         })?)
     }
 
+    /// Along uploaded points.
+    pub(super) fn along(
+        &self,
+        points: Upload,
+        frequency_hz: f64,
+        seconds: f64,
+        progress: &dyn Fn(f64),
+    ) -> Result<Capture, CliError> {
+        self.run(
+            along(&points, frequency_hz, seconds, self.feedback),
+            Some(points),
+            progress,
+        )
+    }
+
     /// Largest error of a hold, percent of the range.
     fn hold(&self, range_um: [f64; 2], lost: &mut u64, progress: &dyn Fn(f64)) -> Result<f64, CliError> {
-        // Every point is the upper end.
-        let upload = Upload::new(range_um, [u16::MAX; TABLE_POINTS]);
-        let request = Request {
-            shape: hysteron_board::Shape::Table,
-            frequency_hz: 1.0,
-            range_um: Some(range_um),
-            seconds: RAMP_S + HOLD_S,
-            feedforward: true,
-            feedback: self.feedback,
-        };
-        let captured = self.run(request, Some(upload), progress)?;
+        let captured = self.along(held(range_um), 1.0, RAMP_S + HOLD_S, progress)?;
         *lost += captured.counts.lost;
         let judged = Judged {
             from_s: AFTER_MOVE_S,
@@ -240,6 +268,8 @@ pub(super) struct Tick {
     pub number: usize,
     pub reference_um: f64,
     pub measured_um: f64,
+    /// A real board does not say.
+    pub true_um: Option<f64>,
 }
 
 /// Which part of a run is judged: from so many seconds after the loop ran, whole periods.
@@ -308,6 +338,7 @@ impl Judged {
                 number: (tick - began) as usize,
                 reference_um: f64::from(frame.reference_um),
                 measured_um,
+                true_um: None,
             })
             .collect();
         // Half of the judged part may be lost to a slow probe; less tells little of whole periods.

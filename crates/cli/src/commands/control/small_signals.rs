@@ -1,18 +1,15 @@
 //! Bandwidths and noise on a real board, by signals so small that hysteresis hardly shows.
 
-use crate::commands::control::on_board::no_fault;
+use crate::commands::control::on_board::{Looped, no_fault};
 use crate::commands::control::programme::{HARMONICS, TICKS_A_POINT, small_multisine};
 use crate::error::CliError;
-use hysteron_board::capture::{Start, Wish, capture};
 use hysteron_board::upload::Upload;
-use hysteron_board::{Hello, Mode, Request, TABLE_POINTS, whole_range_um};
+use hysteron_board::{Hello, Mode, TABLE_POINTS, whole_range_um};
 use hysteron_tracking::response::{Response, line_response};
 
 /// Small signals about the middle of what is followed.
 pub(super) struct Small<'a> {
-    from: &'a str,
-    bank: u8,
-    feedback: bool,
+    looped: &'a Looped<'a>,
     middle_um: f64,
     swing_um: f64,
     rate_hz: f64,
@@ -30,16 +27,10 @@ const PHASES: u64 = 1;
 const REST_S: f64 = 0.5;
 
 impl<'a> Small<'a> {
-    pub(super) fn about(
-        (from, bank, feedback): (&'a str, u8, bool),
-        table: &Hello,
-        range_um: Option<[f64; 2]>,
-    ) -> Self {
+    pub(super) fn about(looped: &'a Looped<'a>, table: &Hello, range_um: Option<[f64; 2]>) -> Self {
         let [low_um, high_um] = range_um.unwrap_or_else(|| whole_range_um(table));
         Self {
-            from,
-            bank,
-            feedback,
+            looped,
             middle_um: 0.5 * (low_um + high_um),
             swing_um: SMALL * (high_um - low_um),
             rate_hz: f64::from(table.sample_rate_hz),
@@ -83,21 +74,10 @@ impl<'a> Small<'a> {
         progress: &dyn Fn(f64),
     ) -> Result<Vec<[f64; 2]>, CliError> {
         let range_um = [self.middle_um - self.swing_um, self.middle_um + self.swing_um];
-        let wish = Wish {
-            bank: self.bank,
-            request: Request {
-                shape: hysteron_board::Shape::Table,
-                frequency_hz: self.rate_hz / f64::from(TICKS_A_POINT * TABLE_POINTS as u32),
-                range_um: Some(range_um),
-                seconds: STANDS_S + judged as f64 / self.rate_hz,
-                feedforward: true,
-                feedback: self.feedback,
-            },
-            upload: Some(Upload::new(range_um, points)),
-        };
-        let captured = capture(self.from, wish.request.seconds, Start::Playing(&wish), &mut |share| {
-            progress(share);
-        })?;
+        let frequency_hz = self.rate_hz / f64::from(TICKS_A_POINT * TABLE_POINTS as u32);
+        let seconds = STANDS_S + judged as f64 / self.rate_hz;
+        let points = Upload::new(range_um, points);
+        let captured = self.looped.along(points, frequency_hz, seconds, progress)?;
         no_fault(&captured, "small signals")?;
         *lost += captured.counts.lost;
         let Some(recording) = captured.pieces.last().map(|piece| &piece.recording) else {

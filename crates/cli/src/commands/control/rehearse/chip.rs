@@ -6,7 +6,7 @@ use crate::commands::control::programme::{Piece, programme, training_programme};
 use crate::error::CliError;
 use crate::progress;
 use hysteron_board::host::{complete, parameters};
-use hysteron_board::{FALL_TICKS, Law, Parameters, Player, Request, Shape};
+use hysteron_board::{Law, Parameters, Player, Request, Shape};
 use hysteron_data::{Dataset, Known, Record};
 use hysteron_plant::Stage;
 use hysteron_table::TableError;
@@ -132,8 +132,5 @@ fn play<L: Law>(
     };
     let ticks = ticks + RISE_TICKS;
     let player = Player::new(stage, piece.points.as_ref(), if moves { ticks } else { 0 });
-    let mut player = player.beside(running.other_stage()?);
-    let setup = running.setup(&request, player.ticks_before() + ticks + FALL_TICKS)?;
-    running.run_ahead(&setup, law, &mut player, beside_hz)?;
-    Ok(player)
+    running.play(&request, law, (player, ticks), beside_hz)
 }
