@@ -12,11 +12,16 @@ const COSINE_INTERVALS: usize = 1024;
 fn main() {
     let first = env::var("HYSTERON_TABLE").unwrap_or_else(|_| "../tables/paper-rate-mrpi.toml".to_owned());
     let second = env::var("HYSTERON_TABLE_Y").unwrap_or_else(|_| first.clone());
-    let (mut source, banks) = constants(&first);
-    let (source_y, banks_y) = constants(&second);
+    let (mut source, banks, rate_hz) = constants(&first);
+    let (source_y, banks_y, rate_y_hz) = constants(&second);
     if banks != banks_y {
         refuse(&format!(
             "HYSTERON_TABLE names {banks} tables and HYSTERON_TABLE_Y {banks_y}; both axes change their bank by one order"
+        ));
+    }
+    if rate_hz != rate_y_hz {
+        refuse(&format!(
+            "sample_rate_hz is {rate_hz} in HYSTERON_TABLE and {rate_y_hz} in HYSTERON_TABLE_Y; both axes have one sample clock"
         ));
     }
     write("table_y.rs", &source_y);
@@ -34,8 +39,8 @@ fn main() {
     println!("cargo::rerun-if-env-changed=HYSTERON_TABLE_Y");
 }
 
-/// Tables, checked, as Rust source, and how many they are.
-fn constants(paths: &str) -> (String, usize) {
+/// Tables, checked, as Rust source, how many they are, and their rate, hertz.
+fn constants(paths: &str) -> (String, usize, f64) {
     let paths: Vec<PathBuf> = env::split_paths(paths).collect();
     let texts: Vec<String> = paths.iter().map(|path| read(path)).collect();
     let read = paths.iter().zip(&texts).map(|(path, text)| {
@@ -50,7 +55,8 @@ fn constants(paths: &str) -> (String, usize) {
             .map_or_else(String::new, |path| path.display().to_string());
         refuse(&format!("{path}: {error}"))
     });
-    (source, tables.len())
+    let rate_hz = tables.first().map_or(f64::NAN, |(table, _)| table.sample_rate_hz);
+    (source, tables.len(), rate_hz)
 }
 
 fn read(path: &Path) -> String {

@@ -27,9 +27,6 @@ const BANKS: [&str; 2] = ["tracking-8k", "tracking-739"];
 /// Where the processor enters the emulator's images by itself while the loop runs; the second comes on top of the first.
 const EMULATED_ENTRIES: [&str; 2] = ["mps2::sample_clock", "NonMaskableInt"];
 
-/// The same of the image of both axes.
-const BOTH_ENTRIES: [&str; 1] = ["xy::sample_clock"];
-
 /// Smallest code of an image: an image that was linked without its linker script has two bytes of it.
 pub(crate) const SMALLEST_BYTES: u64 = 4096;
 
@@ -127,11 +124,11 @@ fn build_banks(folder: &Path) -> Result<(), String> {
 /// Builds the image of both axes.
 fn build_both(image: &Path, (board, core): (&str, &str)) -> Result<(), String> {
     let [x, y] = AXES.map(|(axis, _)| PathBuf::from(format!("firmware/tables/{axis}.toml")));
-    let built = build_with("xy", core, &[&x], &[&y])?;
+    let built = build_with("mps2", core, &[&x], &[&y])?;
     let copied = std::fs::copy(&built, image);
     copied.map_err(|error| format!("{}: {error}", image.display()))?;
     let name = format!("{board}, two axes");
-    crate::firmware_image::check(&name, image, &BOTH_ENTRIES, &crate::firmware_image::BOTH)
+    crate::firmware_image::check(&name, image, &EMULATED_ENTRIES, &crate::firmware_image::BOTH)
 }
 
 /// Whether an image with a reachable panic is refused by the linker, for that reason: it must be.
@@ -141,8 +138,7 @@ pub(crate) fn refuses_panics() -> Result<(), String> {
         .canonicalize()
         .map_err(|error| format!("{TABLE}: {error}"))?;
     let tried = std::process::Command::new("cargo")
-        .args(words("mps2", BOARDS[0].1))
-        .args(["--features", "panic-on-purpose"])
+        .args(words("mps2", BOARDS[0].1, &["panic-on-purpose"]))
         .env("HYSTERON_TABLE", table)
         .env("HYSTERON_CORE", BOARDS[0].1)
         .env_remove("RUSTFLAGS")
@@ -161,11 +157,11 @@ pub(crate) fn refuses_panics() -> Result<(), String> {
     }
 }
 
-/// The arguments of cargo that build a program of the firmware's workspace for a core.
-fn words(program: &str, core: &str) -> Vec<String> {
+/// The arguments of cargo that build a program of the firmware's workspace for a core, with its features beside the core's.
+fn words(program: &str, core: &str, features: &[&str]) -> Vec<String> {
     let package = match program {
         "blocks" => "bench",
-        "xy" | "guest" => "mps2",
+        "guest" => "mps2",
         other => other,
     };
     let flags = format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]");
@@ -174,6 +170,9 @@ fn words(program: &str, core: &str) -> Vec<String> {
     words.extend(["--config", &flags]);
     if core == "cortex-m7" {
         words.extend(["--features", "max-instruction"]);
+    }
+    for feature in features {
+        words.extend(["--features", feature]);
     }
     words.into_iter().map(str::to_owned).collect()
 }
@@ -184,7 +183,7 @@ pub(crate) fn build_image(program: &str, core: &str, table: &Path) -> Result<Pat
 }
 
 /// A table's full path, as the build script of the application takes it.
-fn full_path(table: &Path) -> Result<String, String> {
+pub(crate) fn full_path(table: &Path) -> Result<String, String> {
     let path = table.canonicalize().map_err(|error| {
         format!(
             "{}: {error}; give a table that `hysteron export` wrote",
@@ -209,7 +208,7 @@ fn build_with(program: &str, core: &str, tables: &[&Path], of_y: &[&Path]) -> Re
     let table = full_paths(tables)?;
     let of_y = full_paths(of_y)?;
     let of_y = Some(of_y.as_str()).filter(|paths| !paths.is_empty());
-    let words = words(program, core);
+    let words = words(program, core, if of_y.is_some() { &["two-axes"] } else { &[] });
     let arguments: Vec<&str> = words.iter().map(String::as_str).collect();
     // RUSTFLAGS would replace the flags above.
     run_in(

@@ -1,5 +1,6 @@
 //! Images of the real boards, and what can be known of them without one: sizes, and where the linker has put what.
 
+use crate::firmware::full_path;
 use crate::firmware_image::{EXCEPTION_FRAME_BYTES, Functions, parse, walk};
 use crate::{CHIP, run_in};
 use std::path::{Path, PathBuf};
@@ -23,10 +24,15 @@ struct Board {
     data: (&'static str, Range),
     /// What may not grow unseen, table by table, bytes: about a tenth above what is in use with rustc 1.95.
     most: [Most; TABLES.len()],
+    /// The same of an image of both axes, where there is one.
+    most_of_both: Option<Most>,
 }
 
 /// What an image is built with: an inverse with a PI controller, and a complete law.
 const TABLES: [&str; 2] = [crate::firmware::TABLE, "firmware/tables/tracking-8k.toml"];
+
+/// The tables of the axes of an image of both.
+const BOTH: [&str; 2] = ["firmware/tables/tracking-x.toml", "firmware/tables/tracking-y.toml"];
 
 struct Most {
     flash: u64,
@@ -58,6 +64,11 @@ const BOARDS: [Board; 2] = [
                 stack: 1_200,
             },
         ],
+        most_of_both: Some(Most {
+            flash: 90_000,
+            code: 46_000,
+            stack: 1_200,
+        }),
     },
     Board {
         name: "nucleo-g474re",
@@ -82,6 +93,7 @@ const BOARDS: [Board; 2] = [
                 stack: 1_200,
             },
         ],
+        most_of_both: None,
     },
 ];
 
@@ -99,14 +111,21 @@ pub(crate) fn boards() -> Result<(), String> {
     std::fs::create_dir_all(images).map_err(|error| format!("{}: {error}", images.display()))?;
     let mut rows = Vec::new();
     for board in &BOARDS {
+        let of_both = board.most_of_both.iter().map(|most| (BOTH[0], Some(BOTH[1]), most));
+        let of_one = TABLES.iter().zip(&board.most).rev();
         // The paper's table last: its image is the one that stays.
-        for (table, most) in TABLES.iter().zip(&board.most).rev() {
+        for (table, of_y, most) in of_both.chain(of_one.map(|(table, most)| (*table, None, most))) {
             let image = images.join(board.name);
-            let built = build(board, Path::new(table))?;
+            let built = build(board, table, of_y)?;
             std::fs::copy(built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
             let name = Path::new(table).file_stem().unwrap_or_default().to_string_lossy();
             let row = check(board, most, &Seen::of(&image)?);
             let row = row.map_err(|reason| format!("{} with {table}: {reason}", board.name))?;
+            let name = if of_y.is_some() {
+                format!("{name}, -y")
+            } else {
+                name.into()
+            };
             rows.push(format!("{name:<17}{row}"));
         }
     }
@@ -122,19 +141,22 @@ pub(crate) fn boards() -> Result<(), String> {
     Ok(())
 }
 
-fn build(board: &Board, table: &Path) -> Result<PathBuf, String> {
-    let table = table
-        .canonicalize()
-        .map_err(|error| format!("{}: {error}", table.display()))?;
+fn build(board: &Board, table: &str, of_y: Option<&str>) -> Result<PathBuf, String> {
+    let table = full_path(Path::new(table))?;
+    let of_y = of_y.map(|table| full_path(Path::new(table))).transpose()?;
     let flags = format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={}\"]", board.core);
     let mut arguments = vec!["build", "--release", "--locked", "--target-dir", "../target/nucleo"];
     arguments.extend(["--target", CHIP, "--features", board.feature, "--config", &flags]);
+    if of_y.is_some() {
+        arguments.extend(["--features", "two-axes"]);
+    }
     run_in(
         "firmware/nucleo",
         "cargo",
         &arguments,
         &[
-            ("HYSTERON_TABLE", Some(&table.display().to_string())),
+            ("HYSTERON_TABLE", Some(&table)),
+            ("HYSTERON_TABLE_Y", of_y.as_deref()),
             ("RUSTFLAGS", None),
             ("CARGO_TARGET_DIR", None),
         ],

@@ -174,6 +174,10 @@ fn instruction(line: &str, function: &mut Function) {
         "addw" | "adr" if operands.contains(", pc") || name == "adr" => {
             function.table = operands.split(',').next().map(str::to_owned);
         }
+        // A place in that table, perhaps in another register.
+        "add" if operands.ends_with("lsl #2") && operands.split(", ").nth(1) == function.table.as_deref() => {
+            function.table = operands.split(',').next().map(str::to_owned);
+        }
         "mov" if operands.strip_prefix("pc, ") == function.table.as_deref() => {}
         "mov" | "ldr" if operands.starts_with("pc,") => function.indirect.push(line.trim().to_owned()),
         "cbz" | "cbnz" => {
@@ -313,6 +317,10 @@ mod tests {
             "  1a:\taddw\tr6, pc, #8\n  1c:\tadd.w\tr6, r6, r5, lsl #2\n  1e:\tmov\tpc, r6",
         );
         assert!(walk(&parse(&table), "mps2::sample_clock").is_ok());
+        let elsewhere = table
+            .replace("add.w\tr6, r6, r5", "add.w\tr8, r6, r5")
+            .replace("pc, r6", "pc, r8");
+        assert!(walk(&parse(&elsewhere), "mps2::sample_clock").is_ok());
         assert!(
             walk(
                 &parse(&table.replace("mov\tpc, r6", "mov\tpc, r5")),

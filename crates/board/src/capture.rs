@@ -1,11 +1,11 @@
 //! Recording from a real board: whoever sends its telemetry is listened to and, where it can be, asked to run.
 
-use crate::telemetry::{Capture, Collector, MOST_UNEXPLAINED};
+use crate::telemetry::{Answer, Capture, Collector, MOST_UNEXPLAINED};
 use crate::upload::Upload;
 use crate::{BoardError, Request};
 use hysteron_firmware::telemetry::order_packet;
 use hysteron_firmware::tuning::Change;
-use hysteron_firmware::wire::{Hello, Order};
+use hysteron_firmware::wire::Order;
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{Read, Write};
@@ -28,8 +28,8 @@ pub enum Start<'a> {
     Nobody,
     /// The host.
     Host,
-    /// The host, once the board plays this.
-    Playing(&'a Wish),
+    /// The host, once the board plays this: a wish an axis, all of one bank. An axis without one stands still.
+    Playing(&'a [Option<Wish>]),
 }
 
 /// What a board is asked for before it starts, at its safe level.
@@ -43,21 +43,51 @@ pub struct Wish {
     pub upload: Option<Upload>,
 }
 
-impl Wish {
-    /// The changes that make it, with the tables that the board has.
-    fn changes(&self, tables: &[Hello]) -> Result<VecDeque<Change>, BoardError> {
-        let Some(table) = tables.get(usize::from(self.bank)) else {
+/// A change, and whom it is for: 0 all axes, or the number of one.
+type Addressed = (u8, Change);
+
+/// The changes that make the wishes of all axes, with the tables that the board has.
+fn changes(wishes: &[Option<Wish>], axes: &[Collector]) -> Result<VecDeque<Addressed>, BoardError> {
+    let Some((first, tables)) = wishes
+        .iter()
+        .flatten()
+        .next()
+        .zip(axes.first().and_then(Collector::tables))
+    else {
+        return Ok(VecDeque::new());
+    };
+    if wishes.len() > axes.len() {
+        return Err(BoardError::OneAxis);
+    }
+    let mut all = VecDeque::new();
+    if tables.len() > 1 {
+        all.push_back((0, Change::Bank(first.bank)));
+    }
+    for (number, axis) in (1..).zip(axes) {
+        let tables = axis.tables().unwrap_or_default();
+        let Some(table) = tables.get(usize::from(first.bank)) else {
             return Err(BoardError::NoBank {
-                bank: self.bank,
+                bank: first.bank,
                 banks: tables.len(),
             });
         };
-        let setup = self.request.setup(table)?;
-        let bank = (tables.len() > 1).then_some(Change::Bank(self.bank));
-        let points = self.upload.iter().flat_map(Upload::changes);
+        let wish = wishes.get(usize::from(number) - 1).and_then(Option::as_ref);
+        let still = Request {
+            range_um: None,
+            ..first.request
+        };
+        let setup = wish.map_or(&still, |wish| &wish.request).setup(table)?;
+        let points = wish.and_then(|wish| wish.upload.as_ref());
+        all.extend(
+            points
+                .into_iter()
+                .flat_map(Upload::changes)
+                .map(|points| (number, points)),
+        );
         let reference = Change::Trajectory {
             shape: setup.shape,
-            phase_step: setup.phase_step,
+            // A phase that does not go on is a reference that stands still.
+            phase_step: wish.map_or(0, |_| setup.phase_step),
             low_um: setup.low_um,
             high_um: setup.high_um,
         };
@@ -65,11 +95,44 @@ impl Wish {
             feedforward: setup.feedforward,
             feedback: setup.feedback,
         };
-        Ok(bank.into_iter().chain(points).chain([reference, parts]).collect())
+        all.extend([(number, reference), (number, parts)]);
     }
+    Ok(all)
 }
 
-/// Records for so many seconds of the board's time, or until the stream ends or is silent for [`PATIENCE`].
+/// The orders that make a change. A board of one axis is not told whose it is.
+fn orders((to, change): Addressed, axes: usize) -> impl Iterator<Item = Order> {
+    (axes > 1).then_some(Order::To(to)).into_iter().chain(change.orders())
+}
+
+/// What those said whom a change was for: nothing before the last has answered, and the first refusal if there is one.
+fn answer(axes: &mut [Collector], to: u8) -> Option<Answer> {
+    let asked = match usize::from(to) {
+        0 => axes,
+        number => axes.get_mut(number - 1..number)?,
+    };
+    let answers: Vec<Answer> = asked.iter().map(Collector::answer).collect::<Option<_>>()?;
+    asked.iter_mut().for_each(Collector::forget_answer);
+    let refused = answers.iter().find(|answer| !answer.accepted);
+    refused.or(answers.first()).copied()
+}
+
+/// As [`capture_axes`], of the first axis.
+///
+/// # Errors
+/// As [`capture_axes`].
+pub fn capture(
+    from: &str,
+    seconds: f64,
+    start: Start<'_>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Capture, BoardError> {
+    let mut axes = capture_axes(from, seconds, start, progress)?.into_iter();
+    axes.next().ok_or(BoardError::NoSamples { bytes: 0 })
+}
+
+/// Records for so many seconds of the board's time, or until the stream ends or is silent for [`PATIENCE`]: what each axis of the board
+/// did, the first one's first.
 ///
 /// `from` is a file or device that is there, or `HOST:PORT` of a server that sends the bytes of the board's telemetry. The host starts
 /// the loop when the board has described itself, which only a server can, and stops it at the end; what happens in between, the
@@ -79,22 +142,22 @@ impl Wish {
 /// # Errors
 /// A length that makes no sense, nothing at `from`, nobody there to be asked, a wish that the board's tables do not allow, that it
 /// refuses or does not answer, and as [`Collector::push`] and [`Collector::finish`].
-pub fn capture(
+pub fn capture_axes(
     from: &str,
     seconds: f64,
     start: Start<'_>,
     progress: &mut dyn FnMut(f64),
-) -> Result<Capture, BoardError> {
+) -> Result<Vec<Capture>, BoardError> {
     crate::within("seconds", seconds, 1e-3, 600.0)?;
     let (source, board) = open(from)?;
     let (mut run, asked) = match (start, board) {
         (Start::Nobody, _) => (Run::Recording, None),
         (_, None) => return Err(BoardError::NotAsked(from.to_owned())),
-        (Start::Host, board) => (Run::Waiting(None), board),
-        (Start::Playing(wish), board) => (Run::Waiting(Some(wish)), board),
+        (Start::Host, board) => (Run::Waiting(&[]), board),
+        (Start::Playing(wishes), board) => (Run::Waiting(wishes), board),
     };
-    let recorded = record(from, source, seconds, progress, &mut |collector| match &asked {
-        Some(board) => run.go_on(collector, &mut |order| {
+    let recorded = record(from, source, seconds, progress, &mut |axes| match &asked {
+        Some(board) => run.go_on(axes, &mut |order| {
             let mut board = board;
             board.write_all(&order_packet(order)).map_err(failed(from))
         }),
@@ -111,16 +174,16 @@ pub fn capture(
 }
 
 /// The change that waits for its answer.
-fn asked_for(left: &VecDeque<Change>) -> &'static str {
-    left.front().map_or("a change", Change::name)
+fn asked_for(left: &VecDeque<Addressed>) -> &'static str {
+    left.front().map_or("a change", |(_, change)| change.name())
 }
 
 /// What a board that is asked to run is at.
 enum Run<'a> {
     /// It has not described itself.
-    Waiting(Option<&'a Wish>),
+    Waiting(&'a [Option<Wish>]),
     /// It is being changed: what is left, the first asked for since so many ticks.
-    Changing(VecDeque<Change>, u64),
+    Changing(VecDeque<Addressed>, u64),
     /// It has been asked to start.
     Recording,
 }
@@ -129,20 +192,19 @@ impl Run<'_> {
     /// Asks for what comes next; whether the recording has begun.
     fn go_on(
         &mut self,
-        collector: &mut Collector,
+        axes: &mut [Collector],
         ask: &mut dyn FnMut(Order) -> Result<(), BoardError>,
     ) -> Result<bool, BoardError> {
+        let Some((ticks, rate_hz)) = axes.first().map(|first| (first.ticks(), first.rate_hz())) else {
+            return Ok(false);
+        };
         let left = match self {
             Self::Recording => return Ok(true),
-            Self::Waiting(wish) => {
-                let Some(tables) = collector.tables() else {
-                    return Ok(false);
-                };
-                wish.map_or_else(|| Ok(VecDeque::new()), |wish| wish.changes(&tables))?
-            }
+            Self::Waiting(_) if axes.iter().any(|axis| axis.tables().is_none()) => return Ok(false),
+            Self::Waiting(wishes) => changes(wishes, axes)?,
             Self::Changing(left, since) => {
                 let what = asked_for(left);
-                match collector.answer() {
+                match answer(axes, left.front().map_or(0, |(to, _)| *to)) {
                     Some(answer) if answer.accepted => drop(left.pop_front()),
                     Some(answer) => {
                         return Err(BoardError::Refused {
@@ -151,7 +213,7 @@ impl Run<'_> {
                         });
                     }
                     None => {
-                        let waited_s = (collector.ticks() - *since) as f64 / collector.rate_hz().unwrap_or(f64::NAN);
+                        let waited_s = (ticks - *since) as f64 / rate_hz.unwrap_or(f64::NAN);
                         return match waited_s > LONGEST_ANSWER_S {
                             true => Err(BoardError::NoAnswer { what }),
                             false => Ok(false),
@@ -162,12 +224,12 @@ impl Run<'_> {
             }
         };
         if let Some(change) = left.front() {
-            change.orders().try_for_each(&mut *ask)?;
-            *self = Self::Changing(left, collector.ticks());
+            orders(*change, axes.len()).try_for_each(&mut *ask)?;
+            *self = Self::Changing(left, ticks);
             return Ok(false);
         }
         if matches!(self, Self::Changing(..)) {
-            collector.begin();
+            axes.iter_mut().for_each(Collector::begin);
         }
         *self = Self::Recording;
         ask(Order::Start)?;
@@ -180,35 +242,44 @@ fn record(
     source: Box<dyn Read + Send>,
     seconds: f64,
     progress: &mut dyn FnMut(f64),
-    go_on: &mut dyn FnMut(&mut Collector) -> Result<bool, BoardError>,
-) -> Result<Capture, BoardError> {
+    go_on: &mut dyn FnMut(&mut [Collector]) -> Result<bool, BoardError>,
+) -> Result<Vec<Capture>, BoardError> {
     let chunks = chunks(source);
-    let mut collector = Collector::default();
+    let mut both = [0, 1].map(Collector::of_axis);
     loop {
+        let [first, _] = &both;
         match chunks.recv_timeout(PATIENCE) {
-            Ok(Ok(chunk)) => collector.push(&chunk)?,
-            Ok(Err(source)) if collector.ticks() == 0 => return Err(failed(from)(source)),
-            Err(RecvTimeoutError::Timeout) if collector.ticks() == 0 && collector.counts().foreign_bytes == 0 => {
+            Ok(Ok(chunk)) => both.iter_mut().try_for_each(|axis| axis.push(&chunk))?,
+            Ok(Err(source)) if first.ticks() == 0 => return Err(failed(from)(source)),
+            Err(RecvTimeoutError::Timeout) if first.ticks() == 0 && first.counts().foreign_bytes == 0 => {
                 return Err(BoardError::Silent { from: from.to_owned() });
             }
             // A stream that ends or breaks off leaves what has come.
             Ok(Err(_)) | Err(_) => break,
         }
-        let rate_hz = collector.rate_hz();
+        let rate_hz = both[0].rate_hz();
+        let axes = axes(&both);
         if let Some(rate_hz) = rate_hz
-            && go_on(&mut collector)?
+            && go_on(&mut both[..axes])?
         {
-            let share = collector.ticks() as f64 / (seconds * rate_hz);
+            let share = both[0].ticks() as f64 / (seconds * rate_hz);
             progress(share);
             if share >= 1.0 {
                 break;
             }
         }
-        if collector.foreign() || (rate_hz.is_none() && collector.ticks() > MOST_UNEXPLAINED) {
+        let [first, _] = &both;
+        if first.foreign() || (rate_hz.is_none() && first.ticks() > MOST_UNEXPLAINED) {
             break;
         }
     }
-    collector.finish()
+    let axes = axes(&both);
+    both.into_iter().take(axes).map(Collector::finish).collect()
+}
+
+/// How many axes the board says that it has; one before it has said so.
+fn axes(both: &[Collector; 2]) -> usize {
+    both[0].axes().unwrap_or(1).clamp(1, both.len())
 }
 
 fn failed(from: &str) -> impl Fn(std::io::Error) -> BoardError {

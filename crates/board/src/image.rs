@@ -29,20 +29,20 @@ pub fn build(
     }
     let table = tables.0.canonicalize()?;
     let beside = tables.1.map(Path::canonicalize).transpose()?;
-    let binary = if beside.is_some() { "xy" } else { "mps2" };
     let target = firmware.join("target");
     fs::create_dir_all(&target)?;
     let lock = File::create(target.join("image-of-a-table.lock"))?;
     lock.lock()?;
-    let (core, features): (&str, &[&str]) = match machine {
-        Machine::Mps2An386 => ("cortex-m4", &[]),
-        Machine::Mps2An500 => ("cortex-m7", &["--features", "max-instruction"]),
+    let (core, of_core) = match machine {
+        Machine::Mps2An386 => ("cortex-m4", None),
+        Machine::Mps2An500 => ("cortex-m7", Some("max-instruction")),
     };
+    let features: Vec<&str> = of_core.into_iter().chain(beside.as_ref().map(|_| "two-axes")).collect();
     let built = Command::new("cargo")
-        .args(["build", "--release", "--locked", "--package", "mps2", "--bin", binary])
+        .args(["build", "--release", "--locked", "--package", "mps2", "--bin", "mps2"])
         .args(["--target", CHIP, "--config"])
         .arg(format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]"))
-        .args(features)
+        .args(["--features", &features.join(",")])
         .env("HYSTERON_TABLE", &table)
         .env("HYSTERON_CORE", core)
         .env_remove("HYSTERON_TABLE_Y")
@@ -66,6 +66,6 @@ pub fn build(
             .collect();
         return Err(BoardError::Build(lines.join("\n")));
     }
-    fs::copy(target.join(CHIP).join("release").join(binary), image)?;
+    fs::copy(target.join(CHIP).join("release/mps2"), image)?;
     Ok(())
 }

@@ -160,6 +160,9 @@ pub enum BoardError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A second axis that there is not.
+    #[error("the board has one axis; for a second one flash an image of both to it (docs/boards/)")]
+    OneAxis,
     /// A source that takes no orders.
     #[error("{0}: a file takes no orders; give HOST:PORT of a server, or start the loop by the board's button")]
     NotAsked(String),

@@ -2,7 +2,8 @@
 
 use crate::{BoardError, Recording};
 use hysteron_core::codes::{AdcCode, Converter};
-use hysteron_firmware::telemetry::{ABOUT_BYTES, About, Found, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample, find};
+pub use hysteron_firmware::telemetry::About;
+use hysteron_firmware::telemetry::{ABOUT_BYTES, Found, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample, find};
 use hysteron_firmware::wire::{ACCEPTED, Hello, REFUSED};
 
 /// Bytes without a packet after which the stream is none of ours: four seconds of a board's.
@@ -29,6 +30,22 @@ pub struct Capture {
     pub pieces: Vec<Piece>,
     /// What was counted.
     pub counts: Counts,
+}
+
+impl Capture {
+    /// The voltages that were commanded in the ticks of these numbers, ascending; none where one of them is missing.
+    pub fn commands_v(&self, numbers: impl Iterator<Item = u32>) -> Option<Vec<f64>> {
+        let mut here = self.pieces.iter().flat_map(|piece| {
+            let numbers = piece.recording.frames.iter().map(|frame| frame.number);
+            numbers.zip(&piece.recording.voltage_v)
+        });
+        numbers
+            .map(|wanted| {
+                here.find(|(number, _)| *number == wanted)
+                    .map(|(_, &voltage_v)| voltage_v)
+            })
+            .collect()
+    }
 }
 
 /// Samples without a gap between them, of one table.
@@ -59,9 +76,11 @@ pub struct Counts {
     pub restarts: u64,
 }
 
-/// Puts packets together from pieces of a stream.
+/// Puts packets of one axis together from pieces of a stream.
 #[derive(Debug, Default)]
 pub struct Collector {
+    /// 0 the first axis, 1 the second.
+    axis: u8,
     /// Bytes whose packet has not ended.
     rest: Vec<u8>,
     /// Of each table, as they come.
@@ -81,6 +100,14 @@ pub(crate) struct Answer {
 }
 
 impl Collector {
+    /// Of the axis of this number, from 0 on; packets of another are passed over.
+    pub fn of_axis(axis: u8) -> Self {
+        Self {
+            axis,
+            ..Self::default()
+        }
+    }
+
     /// Takes more of the stream.
     ///
     /// # Errors
@@ -96,11 +123,15 @@ impl Collector {
         while at < bytes.len() {
             match find(&bytes[at..]) {
                 Found::Sample(sample) => {
-                    self.sample(sample)?;
+                    if sample.axis == self.axis {
+                        self.sample(sample)?;
+                    }
                     at += SAMPLE_BYTES;
                 }
                 Found::About(about) => {
-                    self.about(about)?;
+                    if about.axis == self.axis {
+                        self.about(about)?;
+                    }
                     at += ABOUT_BYTES;
                 }
                 Found::Incomplete if !ended => break,
@@ -213,9 +244,19 @@ impl Collector {
         (tables.len() >= tables.first()?.banks.into()).then_some(tables)
     }
 
-    /// The answer to a change, once.
-    pub(crate) fn answer(&mut self) -> Option<Answer> {
-        self.answer.take()
+    /// The answer to the last change that has one.
+    pub(crate) fn answer(&self) -> Option<Answer> {
+        self.answer
+    }
+
+    /// Forgets it.
+    pub(crate) fn forget_answer(&mut self) {
+        self.answer = None;
+    }
+
+    /// How many axes the board has, once it has described itself.
+    pub(crate) fn axes(&self) -> Option<usize> {
+        Some(usize::from(self.abouts.first()?.axes))
     }
 
     /// Begins the recording anew: what came before was no part of it.

@@ -3,7 +3,7 @@
 
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::ad5683r::{CLOCK_PHASE, CLOCK_POLARITY, MOST_HZ, WORD_BITS, word};
-use hysteron_firmware::chips::{ALL, G474, H743, TIM6_TRIGGER, WATCHDOG_US, watchdog};
+use hysteron_firmware::chips::{ALL, G474, H743, TIM6_TRIGGER, WATCHDOG_US, smp_place, watchdog};
 use hysteron_firmware::monitor::WATCHDOG_SAMPLES;
 use hysteron_firmware::{kept, table};
 
@@ -62,7 +62,11 @@ fn val_converter() {
     assert_eq!(TIM6_TRIGGER, 0b01101);
     assert_eq!((H743.smp, H743.sampling_half_cycles), (0b010, 17));
     assert_eq!((G474.smp, G474.sampling_half_cycles), (0b010, 25));
-    assert_eq!((H743.smp_place(), G474.smp_place()), ((1, 5), (0, 1)));
+    let places = [H743.adc_channel, G474.adc_channel].map(smp_place);
+    assert_eq!(places, [(1, 5), (0, 1)]);
+    // Channel 10, of ADC2: the first in the second register.
+    assert_eq!(H743.adc_channel_y.map(smp_place), Some((1, 0)));
+    assert_eq!(G474.adc_channel_y, None);
     // "ADC common control register": PRESC 0001 divides by 2, 0010 by 4.
     assert_eq!((H743.adc_presc(), G474.adc_presc()), (0b0001, 0b0010));
     assert_eq!((H743.adc_hz(), G474.adc_hz()), (16_000_000, 42_500_000));
@@ -134,7 +138,11 @@ fn val_output_across_a_reset() {
     // 20 ms, 1000 samples, for the amplifier's range, as `hysteron export` sets it; the built-in tables' DAC spans twice that.
     let share = (table::OUTPUT_MAX_V - table::OUTPUT_MIN_V) / (table::DAC_TOP_V - table::DAC_MIN_V);
     assert!((0.49..0.51).contains(&share), "{share}");
-    assert_eq!(kept::ramp_codes(), 32);
+    let range_v = table::DAC_TOP_V - table::DAC_MIN_V;
+    assert_eq!(
+        kept::ramp_codes(table::RAMP_V_PER_S, table::SAMPLE_RATE_HZ, range_v),
+        32
+    );
     for (from, to, most, steps) in [
         (65_535, 0, 65, 1009),
         (0, 65_535, 65, 1009),

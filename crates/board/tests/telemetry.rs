@@ -22,6 +22,7 @@ fn sample(number: u32) -> Sample {
             flags: flags(false, Mode::Running, None),
         },
         adc: !(number as u16),
+        axis: 0,
     }
 }
 

@@ -8,13 +8,13 @@ mod common;
 
 use common::image;
 use hysteron_board::host::{complete, hello};
-use hysteron_board::two_axes::{TwoAxisRig, TwoAxisSession, drive_both_here};
+use hysteron_board::two_axes::{TwoAxisBench, TwoAxisRig, TwoAxisSession, drive_both_here};
 use hysteron_board::{Machine, Recording, Request, Shape};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::law::Complete;
-use hysteron_firmware::monitor::Fault;
+use hysteron_firmware::monitor::{Fault, WATCHDOG_SAMPLES};
 use hysteron_firmware::two_axes::TwoAxes;
-use hysteron_firmware::wire::{Input, Mode, Order, Setup};
+use hysteron_firmware::wire::{Frame, Input, Mode, Order, Setup};
 use hysteron_plant::preset;
 use hysteron_table::Table;
 use std::time::Duration;
@@ -188,4 +188,55 @@ fn val_a_fault_of_one_axis_is_one_of_both() {
     );
     let again = axes.step(broken(Order::Start), false);
     assert!(again.iter().all(|frame| frame.mode() == Mode::Off), "a latched fault");
+}
+
+/// The stage, and an interrupt that does not come back from a tick.
+struct Hanging {
+    rig: TwoAxisRig,
+    at: u32,
+}
+
+impl TwoAxisBench for Hanging {
+    fn inputs(&mut self, number: u32) -> [Input; 2] {
+        let [x, y] = self.rig.inputs(number);
+        let order = if number == self.at { Order::Hang } else { x.order };
+        [Input { order, ..x }, y]
+    }
+
+    fn outputs(&mut self, frames: &[Frame; 2]) {
+        self.rig.outputs(frames);
+    }
+}
+
+/// The watchdog takes both axes over: each falls within its slew, with the fault latched.
+#[test]
+fn val_the_watchdog_takes_both_over() {
+    let Some(image) = image("tables/tracking-xy") else {
+        return;
+    };
+    let setups = setups([(Shape::Sine, 100.0), (Shape::Sine, 31.0)], true, 0.1);
+    let mut bench = Hanging {
+        rig: rig(0.1),
+        at: 3000,
+    };
+    let mut session = TwoAxisSession::start(Machine::Mps2An386, &image, Duration::from_secs(120)).unwrap();
+    session.run(&setups, &mut bench).unwrap();
+    for (axis, table) in bench.rig.recordings.iter().zip(tables()) {
+        assert!(axis.frames[3000].fault().is_none());
+        // The hung tick has sent its frames; the next are the watchdog's.
+        assert_eq!(
+            axis.frames[3001].fault(),
+            Some(Fault::Watchdog),
+            "{WATCHDOG_SAMPLES} samples later"
+        );
+        let most_v = table.slew_v_per_s / table.sample_rate_hz;
+        for pair in axis.voltage_v[3000..].windows(2) {
+            assert!(
+                (pair[1] - pair[0]).abs() <= 1.001 * most_v + 0.004,
+                "{pair:?}, {most_v}"
+            );
+        }
+        let last = axis.frames.last().unwrap();
+        assert_eq!((last.mode(), last.fault()), (Mode::Off, Some(Fault::Watchdog)));
+    }
 }

@@ -664,13 +664,10 @@ fn val_slow_records_along_references_make_a_better_inverse() {
     );
 }
 
-/// Seven references, open loop and closed, each a run of its own; the board falls to its safe level in between.
-#[test]
-fn val_a_controller_tracks_on_a_board() {
-    let mut board = SmallBoard::at(Box::new(Stage::new(&preset::paper_rate(), 5).unwrap()));
+/// Serves one connection after another, the loop at rest in between; nobody waits for the last stop.
+fn serving(mut board: SmallBoard) -> String {
     let from = board.address();
     std::thread::spawn(move || {
-        // Nobody waits for the last stop.
         loop {
             board.serve(u32::MAX);
             board.tick(Order::Stop);
@@ -679,6 +676,69 @@ fn val_a_controller_tracks_on_a_board() {
             }
         }
     });
+    from
+}
+
+/// A board of both axes: what it is asked for with one axis it does with the first, while the second stands still, and scans with both.
+#[test]
+fn val_scans_by_a_board_of_both_axes() {
+    let stage = |seed| Box::new(Stage::new(&preset::paper_rate(), seed).unwrap());
+    let from = serving(SmallBoard::at_both([stage(5), stage(6)]));
+    let folder = tempfile::tempdir().unwrap();
+    let [model_file, controller, place] =
+        ["model.toml", "controller.toml", "recorded"].map(|name| folder.path().join(name));
+    let (model_file, controller) = (model_file.to_str().unwrap(), controller.to_str().unwrap());
+    std::fs::write(model_file, model(RISING, "resonance", &mode(800.0, 0.02))).unwrap();
+    hysteron(&["design", model_file, "--open", "-o", controller]);
+    let (low, high) = (table::INPUT_MAX_UM * 0.3, table::INPUT_MAX_UM * 0.7);
+    let range = format!("{low},{high}");
+    let args = ["track", controller, "--board", &from, "--range", &range];
+    let answer: serde_json::Value = serde_json::from_str(&hysteron(&[&args[..], &["--json"]].concat())).unwrap();
+    // A line of the raster is the triangle that one axis was asked for; the other axis goes up once meanwhile, by the same table.
+    let triangle = answer["controllers"][0]["rms_percent"]["triangle-100"]
+        .as_f64()
+        .unwrap();
+    for (number, scan) in ["raster", "spiral"].into_iter().enumerate() {
+        let figures = &answer["scans"][number];
+        assert_eq!(
+            (figures["scan"].as_str(), figures["loop"].as_str()),
+            (Some(scan), Some("open"))
+        );
+        for axis in ["x_percent", "y_percent", "path_percent"] {
+            let percent = figures[axis].as_f64().unwrap();
+            assert!(
+                (0.5..1.5).contains(&(percent / triangle)),
+                "{scan} {axis}: {percent}, {triangle}"
+            );
+        }
+    }
+    let lines = answer["scans"][0]["x_percent"].as_f64().unwrap();
+    assert!((lines / triangle - 1.0).abs() < 0.02, "{lines} {triangle}");
+    // The second axis alone, the first standing still: its command is in the records.
+    let place = place.to_str().unwrap();
+    let record = [
+        "board", "record", "--from", &from, "--run", "--axis", "y", "--shape", "triangle",
+    ];
+    hysteron(&[&record[..], &["--hz", "50", "--seconds", "0.2", "-o", place]].concat());
+    let record = &read_dataset(place.as_ref()).unwrap().records[0];
+    let moved = |values: &[f64]| {
+        // After the rise.
+        let values = &values[values.len() / 2..];
+        values.iter().fold(f64::NEG_INFINITY, |most, v| most.max(*v))
+            - values.iter().fold(f64::INFINITY, |least, v| least.min(*v))
+    };
+    let beside = moved(record.voltage2_v.as_ref().unwrap());
+    assert!(
+        moved(&record.voltage_v) > 20.0 && beside < 0.1,
+        "{} {beside}",
+        moved(&record.voltage_v)
+    );
+}
+
+/// Seven references, open loop and closed, each a run of its own; the board falls to its safe level in between.
+#[test]
+fn val_a_controller_tracks_on_a_board() {
+    let from = serving(SmallBoard::at(Box::new(Stage::new(&preset::paper_rate(), 5).unwrap())));
     let folder = tempfile::tempdir().unwrap();
     let [model_file, controller] = ["model.toml", "controller.toml"].map(|name| folder.path().join(name));
     let (model_file, controller) = (model_file.to_str().unwrap(), controller.to_str().unwrap());

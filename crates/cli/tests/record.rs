@@ -32,7 +32,12 @@ fn packets(numbers: impl IntoIterator<Item = u32>, fault: Option<Fault>) -> Vec<
             dac: code,
             flags: flags(false, Mode::Running, fault),
         };
-        Sample { frame, adc: code + 7 }.to_packet()
+        Sample {
+            frame,
+            adc: code + 7,
+            axis: 0,
+        }
+        .to_packet()
     };
     numbers.into_iter().flat_map(packet).collect()
 }
@@ -95,7 +100,7 @@ fn val_a_recording_without_loss() {
         dataset.description
     );
     let known_s = dataset.known.delay_s.unwrap();
-    assert!((known_s - BOARDS[0].known_delay_s()).abs() < 1e-12, "{known_s}");
+    assert!((known_s - BOARDS[0].known_delay_s(0)).abs() < 1e-12, "{known_s}");
     let v = |code: f64| f64::from(table::DAC_MIN_V) + f64::from(table::DAC_TOP_V - table::DAC_MIN_V) * code / 65_535.0;
     assert!((record_1.voltage_v[0] - v(30_005.0)).abs() < 1e-4);
     // Refused before anything is asked of anybody.

@@ -26,8 +26,10 @@ pub struct Chip {
     pub adc_prescaler: u32,
     /// Divides it once more inside of the chip.
     pub adc_fixed_divider: u32,
-    /// The sensor's channel.
+    /// The sensor's channel of ADC1.
     pub adc_channel: u8,
+    /// The second axis' sensor's channel of ADC2, which samples with ADC1; none where two laws are too many for the processor.
+    pub adc_channel_y: Option<u8>,
     /// Half cycles of the ADC's clock in which it samples.
     pub sampling_half_cycles: u32,
     /// Half cycles from the end of sampling to the code.
@@ -57,6 +59,8 @@ pub const H743: Chip = Chip {
     adc_fixed_divider: 2,
     // PA3, on the connector A0, is ADC12_INP15 (DS12110, pin table).
     adc_channel: 15,
+    // PC0, on the connector A1, is ADC123_INP10 (DS12110, pin table).
+    adc_channel_y: Some(10),
     sampling_half_cycles: 17,
     // N / 2 + 1/2 for 16 bits (DS12110, ADC characteristics).
     conversion_half_cycles: 17,
@@ -80,6 +84,8 @@ pub const G474: Chip = Chip {
     adc_fixed_divider: 1,
     // PA0, on the connector A0, is ADC12_IN1 (DS12288, pin table).
     adc_channel: 1,
+    // Both laws take up to 1700 instructions, at two cycles each 3400 of the 3400 that a period has.
+    adc_channel_y: None,
     sampling_half_cycles: 25,
     // 12 bits (DS12288, ADC characteristics).
     conversion_half_cycles: 25,
@@ -166,11 +172,6 @@ impl Chip {
         }
     }
 
-    /// Where SMP of the sensor's channel is: the register, and the place in it (RM0433 and RM0440, ADC_SMPR1 and ADC_SMPR2).
-    pub const fn smp_place(&self) -> (usize, usize) {
-        ((self.adc_channel / 10) as usize, (self.adc_channel % 10) as usize)
-    }
-
     /// Shift that makes an ADC code one of 16 bits.
     pub const fn to_16_bits(&self) -> u32 {
         16 - self.adc_bits
@@ -193,6 +194,11 @@ impl Chip {
     pub const fn spi_field(&self) -> u8 {
         self.spi_divider.trailing_zeros() as u8 - 1
     }
+}
+
+/// Where SMP of a channel is: the register, and the place in it (RM0433 and RM0440, ADC_SMPR1 and ADC_SMPR2).
+pub const fn smp_place(channel: u8) -> (usize, usize) {
+    ((channel / 10) as usize, (channel % 10) as usize)
 }
 
 /// PR and RL of the independent watchdog: `t = 4 2^PR (RL + 1) / LSI` (RM0433 and RM0440, "IWDG").

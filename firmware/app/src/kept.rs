@@ -1,7 +1,5 @@
 //! The output across a reset: the DAC holds its code, and memory the word that says which, so that the way down begins there.
 
-use crate::table;
-
 /// A code and its complement, in memory that a reset leaves alone.
 #[inline(always)]
 pub const fn pack(code: u16) -> u32 {
@@ -26,8 +24,8 @@ pub const fn toward(from: u16, to: u16, most: u16) -> u16 {
     }
 }
 
-/// Codes that the table's ramp goes a sample.
-pub fn ramp_codes() -> u16 {
-    let v_per_code = (table::DAC_TOP_V - table::DAC_MIN_V) / 65_535.0;
-    (table::RAMP_V_PER_S / table::SAMPLE_RATE_HZ / v_per_code) as u16
+/// Codes that a ramp goes a sample, where the converter has so many volts between its lowest and its highest code.
+pub fn ramp_codes(ramp_v_per_s: f32, sample_rate_hz: f32, range_v: f32) -> u16 {
+    let v_per_code = range_v / 65_535.0;
+    (ramp_v_per_s / sample_rate_hz / v_per_code) as u16
 }

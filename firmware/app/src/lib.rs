@@ -6,6 +6,7 @@
 #![warn(missing_docs)]
 
 pub mod ad5683r;
+pub mod axes;
 pub mod chips;
 pub mod controller;
 pub mod kept;
@@ -21,25 +22,24 @@ pub mod tuning;
 pub mod two_axes;
 pub mod wire;
 
-use controller::Controller;
+use axes::Axes;
 use hysteron_core::codes::DacCode;
-use law::Law;
 use wire::{Frame, Input};
 
-/// What the application needs of a board.
-pub trait Board {
-    /// The position's code of this tick, and an order of the host's if there is one.
-    fn read(&mut self) -> Input;
+/// What the application needs of a board with the converters of `N` axes.
+pub trait Board<const N: usize> {
+    /// The positions' codes of this tick, and with the first an order of the host's if there is one.
+    fn read(&mut self) -> [Input; N];
     /// Whether the tick before ended after the edge of this one.
     fn late(&self) -> bool;
-    /// Sets the output, and hands the tick's frame to the host.
-    fn write(&mut self, code: DacCode, frame: &Frame);
+    /// Sets the outputs, and hands the tick's frames to the host.
+    fn write(&mut self, codes: [DacCode; N], frames: &[Frame; N]);
 }
 
 /// The body of the converter's interrupt: convert, one call of the core, convert.
 #[inline(always)]
-pub fn tick<B: Board, L: Law>(board: &mut B, controller: &mut Controller<L>) {
-    let input = board.read();
-    let frame = controller.step(input, board.late());
-    board.write(DacCode(frame.dac), &frame);
+pub fn tick<const N: usize, B: Board<N>, A: Axes<N>>(board: &mut B, axes: &mut A) {
+    let inputs = board.read();
+    let frames = axes.step(inputs, board.late());
+    board.write(frames.map(|frame| DacCode(frame.dac)), &frames);
 }

@@ -3,15 +3,17 @@
 //! A packet is [`MARK`], its kind, its contents, and a checksum of kind and contents. One that does not fit where it goes is left out
 //! as a whole: the numbers of the frames say how many are missing. What a host asks of a board comes the same way, back.
 
-use crate::table;
 use crate::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello, Input, Order};
+use crate::{table, table_y};
 
 /// First byte of a packet.
 pub const MARK: u8 = 0xa5;
-/// Kind of an [`About`].
+/// Kind of an [`About`] of the first axis, and of the second.
 const ABOUT: u8 = b'A';
-/// Kind of a [`Sample`].
+const ABOUT_Y: u8 = b'B';
+/// Kind of a [`Sample`] of the first axis, and of the second.
 const SAMPLE: u8 = b'S';
+const SAMPLE_Y: u8 = b'T';
 /// Kind of an [`Order`].
 const ORDER: u8 = b'O';
 /// Around the contents: mark, kind, checksum.
@@ -23,9 +25,11 @@ const RANGE_BYTES: usize = 16;
 /// Place of the converters' ranges in an [`About`]'s packet, and of the name behind them.
 const RANGES: usize = 2 + HELLO_BYTES;
 const NAME: usize = RANGES + RANGE_BYTES;
+/// Place of the number of axes behind that.
+const AXES: usize = NAME + NAME_BYTES;
 /// Length of an [`About`]'s packet.
-pub const ABOUT_BYTES: usize = AROUND + HELLO_BYTES + RANGE_BYTES + NAME_BYTES;
-/// Length of a [`Sample`]'s packet: 1.1 MB a second at 50 kHz.
+pub const ABOUT_BYTES: usize = AROUND + HELLO_BYTES + RANGE_BYTES + NAME_BYTES + 1;
+/// Length of a [`Sample`]'s packet: 1.1 MB a second and axis at 50 kHz.
 pub const SAMPLE_BYTES: usize = AROUND + FRAME_BYTES + 2;
 /// Length of an [`Order`]'s packet.
 pub const ORDER_BYTES: usize = AROUND + 2;
@@ -39,6 +43,8 @@ pub struct Sample {
     pub frame: Frame,
     /// The sensor's code.
     pub adc: u16,
+    /// 0 the first axis, 1 the second.
+    pub axis: u8,
 }
 
 /// Which board with which table sends, and what its codes mean; one for each table in the image.
@@ -52,6 +58,10 @@ pub struct About {
     pub dac_v: [f32; 2],
     /// The board, filled up with zeros.
     pub name: [u8; NAME_BYTES],
+    /// The axis that the table is of: 0 the first, 1 the second.
+    pub axis: u8,
+    /// How many the board has.
+    pub axes: u8,
 }
 
 /// What is at the beginning of some bytes.
@@ -70,15 +80,13 @@ pub enum Found {
 }
 
 impl About {
-    /// Of each table that is compiled in.
+    /// Of each table that is compiled in, of a board with one axis.
     pub fn all(board: &str) -> [Self; table::BANKS] {
-        table::hellos().map(|hello| Self {
-            hello,
-            ..Self::of(board)
-        })
+        let first = Self::of(board);
+        table::hellos().map(|hello| first.with(hello))
     }
 
-    /// Of the first table that is compiled in; the converters of the others are the same.
+    /// Of the first of them; the converters of the others are the same.
     pub fn of(board: &str) -> Self {
         let mut name = [0; NAME_BYTES];
         name.iter_mut()
@@ -89,7 +97,36 @@ impl About {
             adc_um: [table::ADC_MIN_UM, table::ADC_TOP_UM],
             dac_v: [table::DAC_MIN_V, table::DAC_TOP_V],
             name,
+            axis: 0,
+            axes: 1,
         }
+    }
+
+    /// The same of another table.
+    #[must_use]
+    pub fn with(self, hello: Hello) -> Self {
+        Self { hello, ..self }
+    }
+
+    /// Of each table that is compiled in, of a board with both axes: those of the first axis, then those of the second.
+    pub fn of_both(board: &str) -> [Self; table::BANKS + table_y::BANKS] {
+        let first = Self {
+            axes: 2,
+            ..Self::of(board)
+        };
+        let of_y = Self {
+            adc_um: [table_y::ADC_MIN_UM, table_y::ADC_TOP_UM],
+            dac_v: [table_y::DAC_MIN_V, table_y::DAC_TOP_V],
+            axis: 1,
+            ..first
+        };
+        let mut all = [first; table::BANKS + table_y::BANKS];
+        let x = table::hellos().map(|hello| first.with(hello));
+        let y = table_y::hellos().map(|hello| of_y.with(hello));
+        all.iter_mut()
+            .zip(x.into_iter().chain(y))
+            .for_each(|(place, about)| *place = about);
+        all
     }
 
     /// The board's name; empty where it is no text.
@@ -102,13 +139,14 @@ impl About {
     /// Its packet.
     pub fn to_packet(&self) -> [u8; ABOUT_BYTES] {
         let mut packet = [0; ABOUT_BYTES];
-        packet[1] = ABOUT;
+        packet[1] = if self.axis == 0 { ABOUT } else { ABOUT_Y };
         packet[2..RANGES].copy_from_slice(&self.hello.to_bytes());
         let numbers = [self.adc_um[0], self.adc_um[1], self.dac_v[0], self.dac_v[1]];
         for (place, number) in packet[RANGES..NAME].chunks_exact_mut(4).zip(numbers) {
             place.copy_from_slice(&number.to_le_bytes());
         }
-        packet[NAME..NAME + NAME_BYTES].copy_from_slice(&self.name);
+        packet[NAME..AXES].copy_from_slice(&self.name);
+        packet[AXES] = self.axes;
         close(packet)
     }
 
@@ -119,6 +157,8 @@ impl About {
             adc_um: [number(0), number(1)],
             dac_v: [number(2), number(3)],
             name: core::array::from_fn(|i| packet[NAME + i]),
+            axis: u8::from(packet[1] == ABOUT_Y),
+            axes: packet[AXES],
         })
     }
 }
@@ -127,7 +167,7 @@ impl Sample {
     /// Its packet.
     pub fn to_packet(&self) -> [u8; SAMPLE_BYTES] {
         let mut packet = [0; SAMPLE_BYTES];
-        packet[1] = SAMPLE;
+        packet[1] = if self.axis == 0 { SAMPLE } else { SAMPLE_Y };
         packet[2..18].copy_from_slice(&self.frame.to_bytes());
         packet[18..20].copy_from_slice(&self.adc.to_le_bytes());
         close(packet)
@@ -137,6 +177,7 @@ impl Sample {
         Self {
             frame: Frame::from_bytes(&core::array::from_fn(|i| packet[2 + i])),
             adc: u16::from_le_bytes([packet[18], packet[19]]),
+            axis: u8::from(packet[1] == SAMPLE_Y),
         }
     }
 }
@@ -145,12 +186,12 @@ impl Sample {
 pub fn find(bytes: &[u8]) -> Found {
     match (bytes.first(), bytes.get(1)) {
         (None, _) | (Some(&MARK), None) => Found::Incomplete,
-        (Some(&MARK), Some(&SAMPLE)) => match bytes.first_chunk() {
+        (Some(&MARK), Some(&(SAMPLE | SAMPLE_Y))) => match bytes.first_chunk() {
             None => Found::Incomplete,
             Some(packet) if whole(packet) => Found::Sample(Sample::from_packet(packet)),
             Some(_) => Found::Nothing,
         },
-        (Some(&MARK), Some(&ABOUT)) => match bytes.first_chunk() {
+        (Some(&MARK), Some(&(ABOUT | ABOUT_Y))) => match bytes.first_chunk() {
             None => Found::Incomplete,
             Some(packet) if whole(packet) => About::from_packet(packet).map_or(Found::Nothing, Found::About),
             Some(_) => Found::Nothing,

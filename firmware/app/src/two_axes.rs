@@ -2,11 +2,13 @@
 
 use crate::controller::Controller;
 use crate::law::Law;
-use crate::wire::{Frame, Input};
+use crate::monitor::Fault;
+use crate::wire::{Frame, Input, Order};
 
 /// The controllers of both axes.
 ///
-/// They start, stop and fall together: an order of the first input is for both, and a fault of one axis is a fault of the other. What
+/// They start, stop and fall together: an order of the first input is for both, but for changes, which [`Order::To`] may address to one;
+/// and a fault of one axis is a fault of the other. What
 /// one axis will do is known as early as its own law takes it in, and is taken off the other's target where its table has a
 /// `cross_um_per_um`. Where it has a `coupling` instead, identified from the other axis' voltage, that is the last command: late by the
 /// law's preview, `w t` of what couples at an angular frequency `w` (3 % at 17 Hz and 16 samples).
@@ -14,12 +16,14 @@ use crate::wire::{Frame, Input};
 pub struct TwoAxes<X: Law, Y: Law> {
     x: Controller<X>,
     y: Controller<Y>,
+    /// Whom changes are for: 0 both, or the number of an axis.
+    to: u8,
 }
 
 impl<X: Law, Y: Law> TwoAxes<X, Y> {
     /// Both at their safe levels.
     pub fn new(x: Controller<X>, y: Controller<Y>) -> Self {
-        Self { x, y }
+        Self { x, y, to: 0 }
     }
 
     /// One tick of both. Total, as [`Controller::step`].
@@ -31,8 +35,21 @@ impl<X: Law, Y: Law> TwoAxes<X, Y> {
         let (x_v, y_v) = (self.x.command_v(), self.y.command_v());
         self.x.set_beside(y_um, y_v);
         self.y.set_beside(x_um, x_v);
+        let order = of_x.order;
+        if let Order::To(axis) = order {
+            self.to = axis;
+        }
+        let change = matches!(order, Order::Byte(_) | Order::Apply(_));
+        let order_of = |axis| {
+            let mine = !change || self.to == 0 || self.to == axis;
+            if mine { order } else { Order::None }
+        };
+        let of_x = Input {
+            order: order_of(1),
+            ..of_x
+        };
         let of_y = Input {
-            order: of_x.order,
+            order: order_of(2),
             ..of_y
         };
         let frames = [self.x.step(of_x, late), self.y.step(of_y, late)];
@@ -42,5 +59,11 @@ impl<X: Law, Y: Law> TwoAxes<X, Y> {
             _ => {}
         }
         frames
+    }
+
+    /// As [`Controller::trip`], of both.
+    pub fn trip(&mut self, fault: Fault) {
+        self.x.trip(fault);
+        self.y.trip(fault);
     }
 }

@@ -4,7 +4,7 @@ use crate::monitor::Fault;
 use crate::trajectory::Shape;
 
 /// First bytes of a hello; another version has others.
-pub const MAGIC: [u8; 8] = *b"HYSTERN5";
+pub const MAGIC: [u8; 8] = *b"HYSTERN6";
 /// Bit of [`Frame::flags`]: the limiter changed the command.
 pub const LIMITED: u16 = 1;
 /// Bit of [`Frame::flags`]: the change that came with this tick is in force.
@@ -84,6 +84,8 @@ pub enum Order {
     Byte(u8),
     /// The change of this number is complete: put it in force, and say so in this tick's frame.
     Apply(u8),
+    /// Where there are two axes, the changes from here on are for the first (1), for the second (2), or again for both (0).
+    To(u8),
     /// For tests of the counters: hold this tick up while so many edges of the sample clock come.
     Stall(u8),
     /// For tests of the watchdog: never come back from this tick.
@@ -234,6 +236,7 @@ impl Input {
             Order::Hang => (5, 0),
             Order::Byte(byte) => (6, byte),
             Order::Apply(kind) => (7, kind),
+            Order::To(axis) => (8, axis),
         };
         let [low, high] = self.adc.to_le_bytes();
         [low, high, order, value]
@@ -251,6 +254,7 @@ impl Input {
             5 => Order::Hang,
             6 => Order::Byte(value),
             7 => Order::Apply(value),
+            8 => Order::To(value),
             _ => Order::None,
         };
         Self {
@@ -393,6 +397,7 @@ mod tests {
             Order::Hang,
             Order::Byte(0xfe),
             Order::Apply(1),
+            Order::To(2),
         ];
         for order in orders {
             let input = Input { adc: 0xabcd, order };

@@ -1,5 +1,5 @@
 //! The control application on QEMU's `mps2-an386` (Cortex-M4F) and `mps2-an500` (M7), which have the same memory map and timers: CMSDK
-//! timer 0 as sample clock, the converters by semihosting FIFOs.
+//! timer 0 as sample clock, the converters by semihosting FIFOs. One axis; both with the feature `two-axes`.
 #![no_std]
 #![no_main]
 
@@ -8,11 +8,15 @@ use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, Ordering};
 use cortex_m_rt::{entry, exception};
 use hysteron_core::codes::DacCode;
-use hysteron_firmware::controller::Controller;
+use hysteron_firmware::axes::Axes;
+#[cfg(not(feature = "two-axes"))]
+use hysteron_firmware::axes::one as image;
+#[cfg(feature = "two-axes")]
+use hysteron_firmware::axes::two as image;
 use hysteron_firmware::monitor::{Fault, WATCHDOG_SAMPLES};
-use hysteron_firmware::parameters::Parameters;
 use hysteron_firmware::wire::{FRAME_BYTES, Frame, INPUT_BYTES, Input, Order, SETUP_BYTES, Setup, Summary};
-use hysteron_firmware::{Board, table, tick};
+use hysteron_firmware::{Board, tick};
+use image::{AXES, Banks, Control};
 use mps2::semihosting::{self, File};
 use mps2::timing::{Entry, Timing};
 use mps2::{timer, watchdog};
@@ -28,15 +32,15 @@ struct Emulated {
     written_at: u32,
 }
 
-impl Board for Emulated {
+impl Board<AXES> for Emulated {
     #[inline(always)]
-    fn read(&mut self) -> Input {
-        let mut bytes = [0; INPUT_BYTES];
-        self.from_host.read(&mut bytes);
-        let input = Input::from_bytes(bytes);
-        self.order = input.order;
+    fn read(&mut self) -> [Input; AXES] {
+        let mut bytes = [[0; INPUT_BYTES]; AXES];
+        self.from_host.read(bytes.as_flattened_mut());
+        let inputs = bytes.map(Input::from_bytes);
+        self.order = inputs[0].order;
         self.read_at = timer::elapsed();
-        input
+        inputs
     }
 
     #[inline(always)]
@@ -45,17 +49,18 @@ impl Board for Emulated {
     }
 
     #[inline(always)]
-    fn write(&mut self, _: DacCode, frame: &Frame) {
+    fn write(&mut self, _: [DacCode; AXES], frames: &[Frame; AXES]) {
         self.written_at = timer::elapsed();
-        self.to_host.write(&frame.to_bytes());
+        self.to_host
+            .write(frames.each_ref().map(Frame::to_bytes).as_flattened());
     }
 }
 
 /// What the interrupt owns once the timer runs.
 struct Loop {
     board: Emulated,
-    controller: Controller<table::Law>,
-    setup: Setup,
+    axes: Control,
+    ticks: u32,
     timing: Timing,
 }
 
@@ -66,7 +71,6 @@ unsafe impl<T> Sync for Shared<T> {}
 static LOOP: Shared<Loop> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 
 /// The tables, as compiled in: made before the first run, which takes longer than a tick may, and read after that.
-type Banks = [Parameters<table::Law>; table::BANKS];
 static BANKS: Shared<Banks> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 static DONE: AtomicBool = AtomicBool::new(false);
 
@@ -74,32 +78,35 @@ static DONE: AtomicBool = AtomicBool::new(false);
 fn main() -> ! {
     let to_host = File::open(c"from-board", semihosting::WRITE);
     let mut from_host = File::open(c"to-board", semihosting::READ);
-    let Ok(banks) = table::banks() else {
+    let Ok(banks) = image::banks() else {
         semihosting::exit(false);
     };
     // SAFETY: nobody has it yet, and it is not written again.
     let banks: &'static Banks = unsafe { (*BANKS.0.get()).write(banks) };
-    for hello in table::hellos() {
+    for hello in image::hellos() {
         to_host.write(&hello.to_bytes());
     }
     loop {
-        let mut setup = [0; SETUP_BYTES];
-        from_host.read(&mut setup);
-        let setup = Setup::from_bytes(&setup);
-        if setup.ticks == 0 {
+        let mut setups = [[0; SETUP_BYTES]; AXES];
+        from_host.read(setups.as_flattened_mut());
+        // The first one's ticks and clock are those of both.
+        let setups = setups.each_ref().map(Setup::from_bytes);
+        let Setup { ticks, clocked, .. } = setups[0];
+        if ticks == 0 {
             semihosting::exit(true);
         }
-        let summary = if setup.clocked {
-            run(banks, &setup, &mut from_host, &to_host)
+        let axes = image::control(banks, &setups);
+        let summary = if clocked {
+            run(axes, ticks, &mut from_host, &to_host)
         } else {
-            run_unclocked(banks, &setup, &mut from_host, &to_host)
+            run_unclocked(axes, ticks, &mut from_host, &to_host)
         };
         to_host.write(&summary.to_bytes());
     }
 }
 
 /// One run, from the safe level to the safe level.
-fn run(banks: &'static Banks, setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
+fn run(axes: Control, ticks: u32, from_host: &mut File, to_host: &File) -> Summary {
     let board = Emulated {
         from_host: from_host.again(),
         to_host: to_host.again(),
@@ -110,8 +117,8 @@ fn run(banks: &'static Banks, setup: &Setup, from_host: &mut File, to_host: &Fil
     };
     let control = Loop {
         board,
-        controller: Controller::new(banks[0], setup).with_banks(banks),
-        setup: *setup,
+        axes,
+        ticks,
         timing: Timing::default(),
     };
     // SAFETY: the timer does not run.
@@ -131,24 +138,23 @@ fn run(banks: &'static Banks, setup: &Setup, from_host: &mut File, to_host: &Fil
 const BATCH: usize = 64;
 
 /// One run without the sample clock: the same ticks, as fast as they come. A tick that is held up makes the next one late.
-fn run_unclocked(banks: &'static Banks, setup: &Setup, from_host: &mut File, to_host: &File) -> Summary {
-    let mut controller = Controller::new(banks[0], setup).with_banks(banks);
+fn run_unclocked(mut axes: Control, ticks: u32, from_host: &mut File, to_host: &File) -> Summary {
     let mut late = false;
-    let mut left = setup.ticks as usize;
-    let mut inputs = [[0; INPUT_BYTES]; BATCH];
-    let mut frames = [[0; FRAME_BYTES]; BATCH];
+    let mut left = ticks as usize;
+    let mut inputs = [[[0; INPUT_BYTES]; AXES]; BATCH];
+    let mut frames = [[[0; FRAME_BYTES]; AXES]; BATCH];
     while left > 0 {
         let now = left.min(BATCH);
-        if let Some(bytes) = inputs.as_flattened_mut().get_mut(..now * INPUT_BYTES) {
-            from_host.read(bytes);
+        if let Some(inputs) = inputs.get_mut(..now) {
+            from_host.read(inputs.as_flattened_mut().as_flattened_mut());
         }
-        for (bytes, answer) in inputs.iter().zip(&mut frames).take(now) {
-            let input = Input::from_bytes(*bytes);
-            *answer = controller.step(input, late).to_bytes();
-            late = matches!(input.order, Order::Stall(edges) if edges > 0);
+        for (bytes, answers) in inputs.iter().zip(&mut frames).take(now) {
+            let inputs = bytes.map(Input::from_bytes);
+            *answers = Axes::step(&mut axes, inputs, late).map(|frame| frame.to_bytes());
+            late = matches!(inputs[0].order, Order::Stall(edges) if edges > 0);
         }
-        if let Some(bytes) = frames.as_flattened().get(..now * FRAME_BYTES) {
-            to_host.write(bytes);
+        if let Some(frames) = frames.get(..now) {
+            to_host.write(frames.as_flattened().as_flattened());
         }
         left -= now;
     }
@@ -163,7 +169,7 @@ extern "C" fn sample_clock() {
     let entry = Entry::now();
     // SAFETY: written before the timer was started; main does not touch it before DONE.
     let control = unsafe { (*LOOP.0.get()).assume_init_mut() };
-    tick(&mut control.board, &mut control.controller);
+    tick(&mut control.board, &mut control.axes);
     let cost = control.board.written_at.wrapping_sub(control.board.read_at);
     control.timing.tick(entry, cost);
     #[cfg(feature = "panic-on-purpose")]
@@ -177,7 +183,7 @@ extern "C" fn sample_clock() {
     }
     control.board.late = control.timing.late();
     watchdog::feed();
-    if control.timing.done() >= control.setup.ticks {
+    if control.timing.done() >= control.ticks {
         timer::stop();
         watchdog::stop();
         DONE.store(true, Ordering::Release);
@@ -193,13 +199,13 @@ unsafe fn NonMaskableInt() {
     watchdog::stop();
     // SAFETY: written before the watchdog was started; the interrupt that this one has taken it from does not go on.
     let control = unsafe { (*LOOP.0.get()).assume_init_mut() };
-    control.controller.trip(Fault::Watchdog);
+    Axes::trip(&mut control.axes, Fault::Watchdog);
     let mut done = control.timing.done();
     loop {
         let before = timer::count();
-        tick(&mut control.board, &mut control.controller);
+        tick(&mut control.board, &mut control.axes);
         done += 1;
-        if done >= control.setup.ticks {
+        if done >= control.ticks {
             control.board.to_host.write(&control.timing.summary().to_bytes());
             semihosting::exit(true);
         }

@@ -19,6 +19,8 @@ pub fn start(counts: u32) {
     unsafe {
         write_volatile(LOCK, KEY);
         write_volatile(LOAD, counts);
+        // It counts while it is stopped, too: what came of that is no bite.
+        write_volatile(CLEAR, 1);
         write_volatile(CONTROL, INTERRUPT_ENABLE);
     }
 }

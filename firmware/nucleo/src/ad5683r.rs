@@ -5,28 +5,31 @@ use embedded_hal::spi::SpiBus;
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::ad5683r::word;
 
-/// The converter: bus mode 1, at most [`hysteron_firmware::ad5683r::MOST_HZ`].
-pub struct Ad5683r<B, P> {
+/// The converters of `N` axes on one bus: mode 1, at most [`hysteron_firmware::ad5683r::MOST_HZ`].
+pub struct Ad5683r<B, P, const N: usize> {
     bus: B,
-    sync: P,
+    syncs: [P; N],
 }
 
-impl<B: SpiBus, P: OutputPin> Ad5683r<B, P> {
-    /// Takes bus and SYNC, which is low while a word is written.
-    pub fn new(bus: B, sync: P) -> Self {
-        Self { bus, sync }
+impl<B: SpiBus, P: OutputPin, const N: usize> Ad5683r<B, P, N> {
+    /// Takes the bus and each converter's SYNC, which is low while a word is written to it.
+    pub fn new(bus: B, syncs: [P; N]) -> Self {
+        Self { bus, syncs }
     }
 
-    /// Sets the output.
+    /// Sets the outputs, one after the other.
     ///
     /// # Errors
     /// What the bus says.
     #[inline(always)]
-    pub fn set(&mut self, code: DacCode) -> Result<(), B::Error> {
-        // Pins of these chips do not fail.
-        let _ = self.sync.set_low();
-        let written = self.bus.write(&word(code)).and_then(|()| self.bus.flush());
-        let _ = self.sync.set_high();
-        written
+    pub fn set(&mut self, codes: [DacCode; N]) -> Result<(), B::Error> {
+        for (sync, code) in self.syncs.iter_mut().zip(codes) {
+            // Pins of these chips do not fail.
+            let _ = sync.set_low();
+            let written = self.bus.write(&word(code)).and_then(|()| self.bus.flush());
+            let _ = sync.set_high();
+            written?;
+        }
+        Ok(())
     }
 }

@@ -1,21 +1,21 @@
 //! Clocks and pins of the two boards, from the figures of [`hysteron_firmware::chips`].
 
+use crate::Dac;
 use crate::ad5683r::Ad5683r;
-use embassy_stm32::adc::{Adc, AdcChannel};
+use embassy_stm32::adc::{Adc, AdcChannel, AnyAdcChannel};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::Interrupt;
-use embassy_stm32::mode::Blocking;
-use embassy_stm32::spi::{self, Spi, mode::Master};
+use embassy_stm32::spi::{self, Spi};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::Timer;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Config, Peri, pac, peripherals};
 use hysteron_firmware::ad5683r::{CLOCK_PHASE, CLOCK_POLARITY};
-use hysteron_firmware::chips::{Chip, WATCHDOG_US};
+use hysteron_firmware::chips::{Chip, WATCHDOG_US, smp_place};
 
 /// What main gets.
 pub struct Parts {
-    pub dac: Ad5683r<Spi<'static, Blocking, Master>, Output<'static>>,
+    pub dac: Dac,
     pub fault: Output<'static>,
     pub button: Input<'static>,
     pub timer: Timer<'static, peripherals::TIM6>,
@@ -125,18 +125,24 @@ mod chip {
         let p = embassy_stm32::init(config());
         // Set up and calibrated by embassy; what it leaves to software conversions is set in `converter`.
         core::mem::forget(Adc::new(p.ADC1));
-        let _pin = analog(p.PA3);
-        let registers = pac::ADC1;
-        registers
-            .pcsel()
-            .modify(|w| w.set_pcsel(CHIP.adc_channel.into(), Pcsel::PRESELECTED));
-        let (register, place) = CHIP.smp_place();
-        registers.smpr(register).modify(|w| {
-            w.set_smp(place, pac::adc::vals::SampleTime::from_bits(CHIP.smp));
-        });
+        let _pin: AnyAdcChannel<'_, peripherals::ADC1> = p.PA3.degrade_adc();
+        sample(pac::ADC1, CHIP.adc_channel);
+        #[cfg(feature = "two-axes")]
+        {
+            core::mem::forget(Adc::new(p.ADC2));
+            let _pin: AnyAdcChannel<'_, peripherals::ADC2> = p.PC0.degrade_adc();
+            sample(pac::ADC2, const { CHIP.adc_channel_y.expect("a second channel") });
+        }
         let bus = Spi::new_blocking_txonly(p.SPI1, p.PA5, p.PB5, bus_config());
         let parts = Parts {
-            dac: Ad5683r::new(bus, Output::new(p.PD14, Level::High, Speed::VeryHigh)),
+            dac: Ad5683r::new(
+                bus,
+                [
+                    Output::new(p.PD14, Level::High, Speed::VeryHigh),
+                    #[cfg(feature = "two-axes")]
+                    Output::new(p.PD15, Level::High, Speed::VeryHigh),
+                ],
+            ),
             fault: Output::new(p.PB14, Level::Low, Speed::Low),
             button: Input::new(p.PC13, Pull::Down),
             timer: Timer::new(p.TIM6),
@@ -149,8 +155,13 @@ mod chip {
         check(&p.RCC, &parts.timer).map(|()| parts)
     }
 
-    fn analog(pin: Peri<'static, peripherals::PA3>) -> impl AdcChannel<peripherals::ADC1> {
-        pin.degrade_adc()
+    /// The channel's input and sampling time.
+    fn sample(adc: pac::adc::Adc, channel: u8) {
+        adc.pcsel().modify(|w| w.set_pcsel(channel.into(), Pcsel::PRESELECTED));
+        let (register, place) = smp_place(channel);
+        adc.smpr(register).modify(|w| {
+            w.set_smp(place, pac::adc::vals::SampleTime::from_bits(CHIP.smp));
+        });
     }
 
     pub fn adc_presc() -> u8 {
@@ -161,6 +172,9 @@ mod chip {
         pac::SPI1.cfg1().read().mbr().to_bits()
     }
 }
+
+#[cfg(all(feature = "g474re", feature = "two-axes"))]
+compile_error!("nucleo-g474re has no time for both axes' laws; nucleo-h743zi has");
 
 #[cfg(feature = "g474re")]
 mod chip {
@@ -203,8 +217,8 @@ mod chip {
         pac::RCC.csr().modify(|w| w.set_rmvf(true));
         let p = embassy_stm32::init(config());
         core::mem::forget(Adc::new(p.ADC1, Default::default()));
-        let _pin = analog(p.PA0);
-        let (register, place) = CHIP.smp_place();
+        let _pin: AnyAdcChannel<'_, peripherals::ADC1> = p.PA0.degrade_adc();
+        let (register, place) = smp_place(CHIP.adc_channel);
         let time = pac::adc::vals::SampleTime::from_bits(CHIP.smp);
         if register == 0 {
             pac::ADC1.smpr().modify(|w| w.set_smp(place, time));
@@ -213,7 +227,7 @@ mod chip {
         }
         let bus = Spi::new_blocking_txonly(p.SPI1, p.PA5, p.PA7, bus_config());
         let parts = Parts {
-            dac: Ad5683r::new(bus, Output::new(p.PB6, Level::High, Speed::VeryHigh)),
+            dac: Ad5683r::new(bus, [Output::new(p.PB6, Level::High, Speed::VeryHigh)]),
             fault: Output::new(p.PC7, Level::Low, Speed::Low),
             button: Input::new(p.PC13, Pull::Down),
             timer: Timer::new(p.TIM6),
@@ -224,10 +238,6 @@ mod chip {
             },
         };
         check(&p.RCC, &parts.timer).map(|()| parts)
-    }
-
-    fn analog(pin: Peri<'static, peripherals::PA0>) -> impl AdcChannel<peripherals::ADC1> {
-        pin.degrade_adc()
     }
 
     pub fn adc_presc() -> u8 {

@@ -1,25 +1,28 @@
-//! ADC1 on the trigger of TIM6: the registers beyond what embassy sets, which starts conversions by software only.
+//! ADC1 on the trigger of TIM6, and ADC2 with it where there are two axes: the registers beyond what embassy sets, which starts
+//! conversions by software only.
 
 use crate::board::CHIP;
+use crate::image::AXES;
+use embassy_stm32::pac::adc::Adc;
 use embassy_stm32::pac::adc::vals::{Exten, Ovrmod};
 use embassy_stm32::pac::timer::vals::Mms;
 use embassy_stm32::pac::{ADC1, TIM6};
+#[cfg(feature = "two-axes")]
+use embassy_stm32::pac::{ADC2, ADC12_COMMON, adccommon::vals::Dual};
 use embassy_stm32::peripherals;
 use embassy_stm32::timer::low_level::Timer;
 use hysteron_firmware::chips::TIM6_TRIGGER;
 
 /// One channel on each trigger, an interrupt at the end of its conversion, and the timer that triggers, by its PSC and ARR.
 pub fn start(timer: &Timer<'static, peripherals::TIM6>, (prescaler, reload): (u16, u16)) {
-    // One conversion (L = 0) of the sensor's channel.
-    ADC1.sqr1().modify(|w| {
-        w.set_l(0);
-        w.set_sq(0, CHIP.adc_channel);
-    });
+    #[cfg(feature = "two-axes")]
+    couple();
+    one_conversion(ADC1, CHIP.adc_channel);
+    #[cfg(feature = "two-axes")]
+    one_conversion(ADC2, const { CHIP.adc_channel_y.expect("a second channel") });
     ADC1.cfgr().modify(|w| {
         w.set_exten(Exten::RISING_EDGE);
         w.set_extsel(TIM6_TRIGGER);
-        // A conversion that nobody read is overwritten: the newest counts.
-        w.set_ovrmod(Ovrmod::OVERWRITE);
     });
     ADC1.ier().modify(|w| w.set_eocie(true));
     TIM6.psc().write_value(prescaler);
@@ -33,10 +36,42 @@ pub fn start(timer: &Timer<'static, peripherals::TIM6>, (prescaler, reload): (u1
     timer.start();
 }
 
-/// The code of the last conversion, 16 bits; reading it clears the interrupt.
+/// One (L = 0) of a sensor's channel a trigger.
+fn one_conversion(adc: Adc, channel: u8) {
+    adc.sqr1().modify(|w| {
+        w.set_l(0);
+        w.set_sq(0, channel);
+    });
+    // A conversion that nobody read is overwritten: the newest counts.
+    adc.cfgr().modify(|w| w.set_ovrmod(Ovrmod::OVERWRITE));
+}
+
+/// ADC2 samples when ADC1 does, whose trigger is both's ("Dual ADC modes", RM0433: regular simultaneous). DUAL is written while both are
+/// disabled; a calibration stays.
+#[cfg(feature = "two-axes")]
+fn couple() {
+    for adc in [ADC1, ADC2] {
+        adc.cr().modify(|w| w.set_addis(true));
+        while adc.cr().read().aden() {}
+    }
+    ADC12_COMMON.ccr().modify(|w| w.set_dual(Dual::DUAL_R));
+    for adc in [ADC1, ADC2] {
+        adc.isr().write(|w| w.set_adrdy(true));
+        adc.cr().modify(|w| w.set_aden(true));
+        while !adc.isr().read().adrdy() {}
+    }
+}
+
+/// The converters of the axes, the one that interrupts first. Both take as long.
+#[cfg(not(feature = "two-axes"))]
+const CONVERTERS: [Adc; AXES] = [ADC1];
+#[cfg(feature = "two-axes")]
+const CONVERTERS: [Adc; AXES] = [ADC1, ADC2];
+
+/// The codes of the last conversions, 16 bits; reading the first clears the interrupt.
 #[inline(always)]
-pub fn code() -> u16 {
-    (ADC1.dr().read().0 as u16) << CHIP.to_16_bits()
+pub fn codes() -> [u16; AXES] {
+    CONVERTERS.map(|adc| (adc.dr().read().0 as u16) << CHIP.to_16_bits())
 }
 
 /// Whether another conversion has ended since [`code`].

@@ -2,7 +2,7 @@
 //!
 //! TIM6 triggers the ADC 50 000 times a second; the loop runs in the interrupt of the end of conversion, in the memory that is fastest
 //! for it, and writes a 16-bit DAC by SPI. The user's button starts and stops it; RTT carries the log (channel 0) and every tick
-//! (channel 1), and orders of the host (channel 1, back). `docs/boards/` says how to wire and check it. It builds; it has not run on a board.
+//! (channel 1), and orders of the host (channel 1, back). One axis; both with the feature `two-axes`. `docs/boards/` says how to wire and check it. It builds; it has not run on a board.
 #![no_std]
 #![no_main]
 
@@ -26,52 +26,66 @@ use embassy_stm32::mode::Blocking;
 use embassy_stm32::pac::iwdg::vals::Key;
 use embassy_stm32::spi::{Spi, mode::Master};
 use hysteron_core::codes::DacCode;
-use hysteron_firmware::controller::Controller;
+use hysteron_firmware::axes::Axes;
+#[cfg(not(feature = "two-axes"))]
+use hysteron_firmware::axes::one as image;
+#[cfg(feature = "two-axes")]
+use hysteron_firmware::axes::two as image;
 use hysteron_firmware::monitor::Fault;
-use hysteron_firmware::parameters::Parameters;
-use hysteron_firmware::telemetry::{About, Orders, SAMPLES_AN_ABOUT, Sample};
+use hysteron_firmware::telemetry::{Orders, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample};
 use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::wire::{Frame, Input, Order, Setup};
 use hysteron_firmware::{Board, kept, table, tick};
+use image::{AXES, Banks, Control};
 use rtt_target::{ChannelMode, UpChannel, rtt_init};
-use samples::Samples;
+use samples::{Samples, Tick};
 
 /// Reference of the button's runs: a sine of 10 Hz inside the table's range.
 const REFERENCE_HZ: f32 = 10.0;
-/// Share of the table's range left free at either end, as `hysteron board run` does.
+/// Share of a table's range left free at either end, as `hysteron board run` does.
 const INSET: f32 = 0.02;
 
 /// Between the interrupt and main.
 static SAMPLES: Samples = Samples::new();
 
-/// The code that the DAC holds, see [`kept`]; a reset leaves it alone.
+/// The code that each DAC holds, see [`kept`]; a reset leaves it alone.
 // SAFETY: cortex-m-rt's section for what it does not set to zero; any value is one.
 #[unsafe(link_section = ".uninit.KEPT")]
-static KEPT: Shared<AtomicU32> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
+static KEPT: Shared<[AtomicU32; AXES]> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 
-fn kept_word() -> &'static AtomicU32 {
+fn kept_words() -> &'static [AtomicU32; AXES] {
     // SAFETY: every word is an AtomicU32; what power-on leaves in it does not unpack, or main does not ask for it.
     unsafe { (*KEPT.0.get()).assume_init_ref() }
 }
 
-type Dac = Ad5683r<Spi<'static, Blocking, Master>, Output<'static>>;
+type Dac = Ad5683r<Spi<'static, Blocking, Master>, Output<'static>, AXES>;
+
+/// Sets the outputs, and keeps their codes.
+#[inline(always)]
+fn set(dac: &mut Dac, codes: [DacCode; AXES]) {
+    // The bus has no way to fail that the driver could see; the next tick writes again.
+    let _ = dac.set(codes);
+    for (word, code) in kept_words().iter().zip(codes) {
+        word.store(kept::pack(code.0), Ordering::Relaxed);
+    }
+}
 
 /// Converters, and what leaves the interrupt.
 struct Converters {
     dac: Dac,
     fault: Output<'static>,
-    /// The sensor's code of this tick.
-    adc: u16,
+    /// The sensors' codes of this tick.
+    adc: [u16; AXES],
     late: bool,
 }
 
-impl Board for Converters {
+impl Board<AXES> for Converters {
     #[inline(always)]
-    fn read(&mut self) -> Input {
+    fn read(&mut self) -> [Input; AXES] {
         let [number, value] = ORDER.swap(NOTHING, Ordering::Relaxed).to_be_bytes();
         let order = Input::from_bytes([0, 0, number, value]).order;
-        self.adc = converter::code();
-        Input { adc: self.adc, order }
+        self.adc = converter::codes();
+        self.adc.map(|adc| Input { adc, order })
     }
 
     #[inline(always)]
@@ -80,26 +94,31 @@ impl Board for Converters {
     }
 
     #[inline(always)]
-    fn write(&mut self, code: DacCode, frame: &Frame) {
-        // The bus has no way to fail that the driver could see; the next tick writes again.
-        let _ = self.dac.set(code);
-        kept_word().store(kept::pack(code.0), Ordering::Relaxed);
-        if frame.fault().is_some() {
+    fn write(&mut self, codes: [DacCode; AXES], frames: &[Frame; AXES]) {
+        set(&mut self.dac, codes);
+        // A fault of one axis is one of both.
+        if frames[0].fault().is_some() {
             self.fault.set_high();
         } else {
             self.fault.set_low();
         }
-        SAMPLES.push(Sample {
-            frame: *frame,
-            adc: self.adc,
-        });
+        let mut axis = 0;
+        SAMPLES.push(frames.map(|frame| {
+            let sample = Sample {
+                frame,
+                adc: self.adc[axis],
+                axis: axis as u8,
+            };
+            axis += 1;
+            sample
+        }));
     }
 }
 
 /// What the interrupt owns once the timer runs.
 struct Loop {
     converters: Converters,
-    controller: Controller<table::Law>,
+    axes: Control,
 }
 
 /// Written by `main` before the timer starts, the interrupt's alone after that.
@@ -108,7 +127,7 @@ struct Shared<T>(UnsafeCell<MaybeUninit<T>>);
 unsafe impl<T> Sync for Shared<T> {}
 static LOOP: Shared<Loop> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 /// The tables, as compiled in; read alone once the timer runs.
-static BANKS: Shared<[Parameters<table::Law>; table::BANKS]> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
+static BANKS: Shared<Banks> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 static RUNNING: AtomicBool = AtomicBool::new(false);
 
 /// What main asks of the controller: the order's number and value, as on the wire. One a tick.
@@ -153,33 +172,32 @@ fn main() -> ! {
     core.DWT.enable_cycle_counter();
     #[cfg(feature = "h743zi")]
     cache_instructions(&mut core);
-    let Ok(banks) = table::banks() else {
+    let Ok(banks) = image::banks() else {
         defmt::panic!("a table is refused");
     };
     // SAFETY: the timer does not run yet, and it is not written again.
-    let banks: &'static [_; table::BANKS] = unsafe { (*BANKS.0.get()).write(banks) };
-    let parameters = banks[0];
+    let banks: &'static Banks = unsafe { (*BANKS.0.get()).write(banks) };
     let Some(clock) = CHIP.sample_clock(table::SAMPLE_RATE_HZ) else {
         defmt::panic!("TIM6 cannot make {=f32} Hz", table::SAMPLE_RATE_HZ);
     };
-    settle(&mut board, parameters.dac.code(parameters.safe_v));
-    let mut controller = Controller::new(parameters, &setup()).with_banks(banks);
+    settle(&mut board, image::ways_to_safe(banks));
+    let mut axes = image::control(banks, &image::RANGES_UM.map(setup));
     if board.reset.watchdog {
-        controller.trip(Fault::Watchdog);
+        Axes::trip(&mut axes, Fault::Watchdog);
     }
     let control = Loop {
         converters: Converters {
             dac: board.dac,
             fault: board.fault,
-            adc: 0,
+            adc: [0; AXES],
             late: false,
         },
-        controller,
+        axes,
     };
     // SAFETY: the timer does not run yet.
     unsafe { (*LOOP.0.get()).write(control) };
     RUNNING.store(true, Ordering::Release);
-    for hello in table::hellos() {
+    for hello in image::hellos() {
         defmt::info!("bank {=u8}: table {=[u8]:02x}", hello.bank, hello.hash);
     }
     board.watchdog.unleash();
@@ -190,9 +208,9 @@ fn main() -> ! {
     let mut button = Button::default();
     let (mut from_host, mut orders) = (channels.down.1, Orders::default());
     loop {
-        while let Some(sample) = SAMPLES.pop() {
-            telemetry.send(&sample);
-            log.see(&sample.frame);
+        while let Some(tick) = SAMPLES.pop() {
+            telemetry.send(&tick);
+            log.see(&tick[0].frame);
         }
         // The next one when a tick has taken the one before.
         let mut byte = [0];
@@ -220,38 +238,38 @@ fn cache_instructions(core: &mut cortex_m::Peripherals) {
     cortex_m::asm::isb();
 }
 
-/// What the button's runs do.
-fn setup() -> Setup {
-    let inset_um = INSET * (table::INPUT_MAX_UM - table::INPUT_MIN_UM);
+/// What the button's runs do in a table's range.
+fn setup([min_um, max_um]: [f32; 2]) -> Setup {
+    let inset_um = INSET * (max_um - min_um);
     Setup {
         ticks: u32::MAX,
         shape: Shape::Sine,
         phase_step: (REFERENCE_HZ / table::SAMPLE_RATE_HZ * 4_294_967_296.0) as u32,
-        low_um: table::INPUT_MIN_UM + inset_um,
-        high_um: table::INPUT_MAX_UM - inset_um,
+        low_um: min_um + inset_um,
+        high_um: max_um - inset_um,
         feedforward: true,
         feedback: true,
         clocked: true,
     }
 }
 
-/// Brings the output to its safe level from where a reset has left it, as slowly as the table's ramp; at once after power was off.
-fn settle(board: &mut Parts, safe: DacCode) {
-    let found = kept::unpack(kept_word().load(Ordering::Relaxed)).filter(|_| !board.reset.power);
-    let mut code = found.unwrap_or(safe.0);
-    let (most, sample_cycles) = (
-        kept::ramp_codes(),
-        (CHIP.processor_hz() as f32 / table::SAMPLE_RATE_HZ) as u32,
-    );
+/// Brings the outputs to their safe levels from where a reset has left them, as slowly as the tables' ramps; at once after power was off.
+fn settle(board: &mut Parts, ways: [(DacCode, u16); AXES]) {
+    let (safe, mut codes) = (ways.map(|(safe, _)| safe), ways.map(|(safe, _)| safe));
+    for (code, word) in codes.iter_mut().zip(kept_words()) {
+        let found = kept::unpack(word.load(Ordering::Relaxed)).filter(|_| !board.reset.power);
+        code.0 = found.unwrap_or(code.0);
+    }
+    let sample_cycles = (CHIP.processor_hz() as f32 / table::SAMPLE_RATE_HZ) as u32;
     loop {
         let begun = DWT::cycle_count();
-        // As in the interrupt.
-        let _ = board.dac.set(DacCode(code));
-        kept_word().store(kept::pack(code), Ordering::Relaxed);
-        if code == safe.0 {
+        set(&mut board.dac, codes);
+        if codes == safe {
             return;
         }
-        code = kept::toward(code, safe.0, most);
+        for (code, (safe, most)) in codes.iter_mut().zip(ways) {
+            code.0 = kept::toward(code.0, safe.0, most);
+        }
         while DWT::cycle_count().wrapping_sub(begun) < sample_cycles {}
     }
 }
@@ -259,7 +277,7 @@ fn settle(board: &mut Parts, safe: DacCode) {
 /// Every tick, to channel 1.
 struct Telemetry {
     channel: UpChannel,
-    abouts: [About; table::BANKS],
+    abouts: image::Abouts,
     sent: u32,
     /// Nothing is sent until the buffer is empty: what gets through is in one piece of 58 ms, not in shreds.
     waiting: bool,
@@ -269,13 +287,13 @@ impl Telemetry {
     fn new(channel: UpChannel) -> Self {
         Self {
             channel,
-            abouts: About::all(CHIP.board),
+            abouts: image::abouts(CHIP.board),
             sent: 0,
             waiting: false,
         }
     }
 
-    fn send(&mut self, sample: &Sample) {
+    fn send(&mut self, tick: &Tick) {
         if self.waiting && !self.channel.is_empty() {
             return;
         }
@@ -285,13 +303,15 @@ impl Telemetry {
                 self.write(&about.to_packet());
             }
         }
-        self.write(&sample.to_packet());
+        // All axes or none: a gap is one of both.
+        let packets: [[u8; SAMPLE_BYTES]; AXES] = tick.map(|sample| sample.to_packet());
+        self.write(packets.as_flattened());
         self.sent = self.sent.wrapping_add(1);
     }
 
-    /// A packet as a whole, or none of it and no other until there is room.
-    fn write(&mut self, packet: &[u8]) {
-        self.waiting |= self.channel.write(packet) < packet.len();
+    /// Packets as a whole, or nothing of them and no other until there is room.
+    fn write(&mut self, packets: &[u8]) {
+        self.waiting |= self.channel.write(packets) < packets.len();
     }
 }
 
@@ -376,12 +396,12 @@ fn ADC1_2() {
 fn sample() {
     let entered = DWT::cycle_count();
     if !RUNNING.load(Ordering::Acquire) {
-        converter::code();
+        converter::codes();
         return;
     }
     // SAFETY: written before RUNNING was set; main does not touch it after that.
     let control = unsafe { (*LOOP.0.get()).assume_init_mut() };
-    tick(&mut control.converters, &mut control.controller);
+    tick(&mut control.converters, &mut control.axes);
     control.converters.late = converter::pending();
     if control.converters.late {
         OVERRUNS.fetch_add(1, Ordering::Relaxed);

@@ -4,9 +4,10 @@
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::small_stage::SmallStage;
 use hysteron_firmware::table;
-use hysteron_firmware::telemetry::{About, Orders, SAMPLE_BYTES, Sample};
+use hysteron_firmware::telemetry::{About, Orders, Sample};
 use hysteron_firmware::trajectory::Shape;
-use hysteron_firmware::wire::{Input, Mode, Order, Setup};
+use hysteron_firmware::two_axes::TwoAxes;
+use hysteron_firmware::wire::{Frame, Input, Mode, Order, Setup};
 use hysteron_plant::Stage;
 use std::io::{Read, Write};
 use std::net::TcpListener;
@@ -39,11 +40,18 @@ impl Wired for Stage {
     }
 }
 
+/// One axis or both, with the same table.
+enum Axes {
+    One(Box<Controller<table::Law>>),
+    Two(Box<TwoAxes<table::Law, table::Law>>),
+}
+
 /// The firmware's own application at a stage behind a connection.
 pub(crate) struct SmallBoard {
     server: TcpListener,
-    controller: Controller<table::Law>,
-    stage: Box<dyn Wired>,
+    axes: Axes,
+    /// One an axis.
+    stages: Vec<Box<dyn Wired>>,
     /// What it was asked for.
     pub(crate) asked: Vec<Order>,
     /// The reference it ran.
@@ -58,21 +66,20 @@ impl SmallBoard {
 
     /// At its safe level.
     pub(crate) fn at(stage: Box<dyn Wired>) -> Self {
-        let parameters = table::parameters().unwrap();
-        let asleep = Setup {
-            ticks: 0,
-            shape: Shape::Sine,
-            phase_step: 1 << 20,
-            low_um: table::INPUT_MIN_UM,
-            high_um: table::INPUT_MAX_UM,
-            feedforward: true,
-            feedback: true,
-            clocked: true,
-        };
+        Self::of(Axes::One(Box::new(controller())), vec![stage])
+    }
+
+    /// Of both axes, at their safe levels.
+    pub(crate) fn at_both(stages: [Box<dyn Wired>; 2]) -> Self {
+        let axes = TwoAxes::new(controller(), controller());
+        Self::of(Axes::Two(Box::new(axes)), stages.into())
+    }
+
+    fn of(axes: Axes, stages: Vec<Box<dyn Wired>>) -> Self {
         Self {
             server: TcpListener::bind("127.0.0.1:0").unwrap(),
-            stage,
-            controller: Controller::new(parameters, &asleep),
+            axes,
+            stages,
             asked: Vec::new(),
             played: Vec::new(),
         }
@@ -84,14 +91,25 @@ impl SmallBoard {
     }
 
     /// One tick, and what it sends.
-    pub(crate) fn tick(&mut self, order: Order) -> [u8; SAMPLE_BYTES] {
-        let adc = self.stage.adc();
-        let frame = self.controller.step(Input { adc, order }, false);
-        self.stage.dac(frame.dac);
-        if frame.mode() == Mode::Running {
-            self.played.push(frame.reference_um);
+    pub(crate) fn tick(&mut self, order: Order) -> Vec<u8> {
+        let codes: Vec<u16> = self.stages.iter_mut().map(|stage| stage.adc()).collect();
+        let input = |axis: usize| Input {
+            adc: codes[axis],
+            order,
+        };
+        let frames: Vec<Frame> = match &mut self.axes {
+            Axes::One(controller) => vec![controller.step(input(0), false)],
+            Axes::Two(axes) => axes.step([input(0), input(1)], false).to_vec(),
+        };
+        if frames[0].mode() == Mode::Running {
+            self.played.push(frames[0].reference_um);
         }
-        Sample { frame, adc }.to_packet()
+        let mut packets = Vec::new();
+        for (axis, ((stage, frame), adc)) in (0..).zip(self.stages.iter_mut().zip(frames).zip(codes)) {
+            stage.dac(frame.dac);
+            packets.extend(Sample { frame, adc, axis }.to_packet());
+        }
+        packets
     }
 
     /// One connection: it ticks while it is told something, and `ticks` times once it has been started; then it waits for the stop.
@@ -102,7 +120,11 @@ impl SmallBoard {
     /// As [`Self::serve`], with so many ticks at its safe level before it is told anything.
     pub(crate) fn serve_after(&mut self, at_rest: u32, ticks: u32) {
         let (mut connection, _) = self.server.accept().unwrap();
-        for about in About::all("nucleo-h743zi") {
+        let abouts = match &self.axes {
+            Axes::One(_) => About::all("nucleo-h743zi").to_vec(),
+            Axes::Two(_) => About::of_both("nucleo-h743zi").to_vec(),
+        };
+        for about in abouts {
             connection.write_all(&about.to_packet()).unwrap();
         }
         for _ in 0..at_rest {
@@ -135,4 +157,19 @@ impl SmallBoard {
             }
         }
     }
+}
+
+/// At its safe level.
+fn controller() -> Controller<table::Law> {
+    let asleep = Setup {
+        ticks: 0,
+        shape: Shape::Sine,
+        phase_step: 1 << 20,
+        low_um: table::INPUT_MIN_UM,
+        high_um: table::INPUT_MAX_UM,
+        feedforward: true,
+        feedback: true,
+        clocked: true,
+    };
+    Controller::new(table::parameters().unwrap(), &asleep)
 }

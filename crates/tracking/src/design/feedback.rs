@@ -22,7 +22,7 @@ const GAIN_FACTORS: [f64; 3] = [0.6, 1.0, 1.3];
 const LARGEST_NOISE: f64 = 0.3;
 /// Rms that a nanometre of white sensor noise may make of the command, nanometres at the stage's mean gain: more would
 /// shake the hysteresis out of the state that the feedforward counts on.
-const LARGEST_EFFORT: f64 = 3.0;
+const LARGEST_EFFORT: f64 = 3.5;
 /// What the feedforward leaves is looked at from here, hertz: slower errors any integral takes away.
 const FROM_HZ: f64 = 1.0;
 /// Its power in an octave falls with the fourth root of the frequency (creep and drift at the slow end, hysteresis at
@@ -222,6 +222,8 @@ const GENERATIONS: usize = 200;
 /// What a rejection farther by a factor of e is worth, as a share of the disturbances: between loops that leave about the same, the
 /// one that rejects farther.
 const WORTH_OF_REJECTION: f64 = 0.05;
+/// Up to this share of the first mode: a loop that rejects farther pays with what it rejects where creep and hysteresis are.
+const FAR_ENOUGH: f64 = 0.5;
 
 /// 1 where the way from `from` to `to` crosses the negative real axis turning left, -1 turning right, 0 elsewhere.
 fn crossing(from: Complex64, to: Complex64) -> i32 {
@@ -247,6 +249,8 @@ struct Plants {
     noise: Vec<f64>,
     /// Plant without gain, for each factor on the modes, the nominal one second.
     responses: Vec<Vec<Complex64>>,
+    /// First mode; a tenth of the sample rate where the stage is rigid.
+    mode_hz: f64,
     period_s: f64,
 }
 
@@ -301,6 +305,11 @@ impl Plants {
             disturbance,
             noise,
             responses,
+            mode_hz: model
+                .linear
+                .modes
+                .first()
+                .map_or(0.1 / period_s, |mode| mode.frequency_hz),
             period_s,
         }
     }
@@ -405,8 +414,9 @@ impl Plants {
             .map(|(s, w)| s.norm_sqr() * w)
             .sum();
         let all: f64 = self.disturbance.iter().sum();
+        let rejection_hz = self.rejection_hz(&sensitivity).min(FAR_ENOUGH * self.mode_hz);
         let wall = |value: f64, limit: f64| 100.0 * (value / limit - 1.0).max(0.0);
-        left / all - WORTH_OF_REJECTION * self.rejection_hz(&sensitivity).ln()
+        left / all - WORTH_OF_REJECTION * rejection_hz.ln()
             + wall(peak, largest_sensitivity)
             + wall(self.noise(&sensitivity), LARGEST_NOISE)
             + wall(self.effort(&controller, &sensitivity), LARGEST_EFFORT)
@@ -422,11 +432,7 @@ impl Plants {
 pub fn design(model: &ControlModel, largest_sensitivity: f64) -> Option<FeedbackDesign> {
     let rate_hz = 1.0 / model.sample_period_s;
     let plants = Plants::new(model);
-    let mode_hz = model
-        .linear
-        .modes
-        .first()
-        .map_or(0.1 * rate_hz, |mode| mode.frequency_hz);
+    let mode_hz = plants.mode_hz;
     let searches: Vec<(Structure, u64)> = Structure::ALL
         .into_iter()
         .flat_map(|structure| (1..=structure.searches(mode_hz, rate_hz)).map(move |seed| (structure, seed)))

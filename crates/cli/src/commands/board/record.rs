@@ -5,11 +5,12 @@ use crate::commands::board::{Piece, fault_line, hex, known_delay_line, record, w
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
-use clap::Args;
+use clap::{Args, ValueEnum};
+use hysteron_board::BoardError;
 use hysteron_board::budget;
-use hysteron_board::capture::{Start, capture};
+use hysteron_board::capture::{Start, capture_axes};
 use hysteron_board::telemetry::Capture;
-use hysteron_data::{Dataset, Known};
+use hysteron_data::{Dataset, Known, Record};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -32,6 +33,9 @@ pub(crate) struct RecordArgs {
     pub run: bool,
     #[command(flatten)]
     pub wanted: Wanted,
+    /// Which axis of a board with both; the other's command goes into the records as well, and it stands still
+    #[arg(long, default_value = "x")]
+    pub axis: Axis,
     /// Folder of the new dataset
     #[arg(short, long, value_name = "FOLDER")]
     pub output: PathBuf,
@@ -41,6 +45,13 @@ pub(crate) struct RecordArgs {
     /// Print the answer as JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// The axes of a board.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Axis {
+    X,
+    Y,
 }
 
 /// What was recorded.
@@ -80,19 +91,31 @@ pub(crate) fn run(args: &RecordArgs) -> Result<Done, CliError> {
         }
     };
     let bar = progress::bar("recording");
+    let axis = usize::from(args.axis == Axis::Y);
+    let mut wishes = [None; 2];
+    wishes[axis] = wish;
     let start = match &wish {
-        Some(wish) => Start::Playing(wish),
+        Some(_) => Start::Playing(&wishes[..=axis]),
         None if args.run => Start::Host,
         None => Start::Nobody,
     };
-    let captured = capture(&args.from, args.seconds, start, &mut |share| {
+    let captured = capture_axes(&args.from, args.seconds, start, &mut |share| {
         progress::advance(&bar, share);
     });
     bar.finish_and_clear();
-    let captured = captured?;
+    let mut captured = captured?;
+    if axis >= captured.len() {
+        return Err(BoardError::OneAxis.into());
+    }
+    let captured_axis = captured.swap_remove(axis);
+    let (captured, beside) = (captured_axis, captured.pop());
     let answer = answer(&captured);
     let fault = fault_line(captured.pieces.iter().map(|piece| &piece.recording));
-    write(&dataset(captured, &answer), &args.output, args.overwrite)?;
+    write(
+        &dataset(captured, beside.as_ref(), &answer),
+        &args.output,
+        args.overwrite,
+    )?;
     if args.json {
         output::print_json(&answer)?;
     } else {
@@ -118,12 +141,13 @@ fn answer(captured: &Capture) -> Answer {
         unheard: counts.unheard,
         foreign_bytes: counts.foreign_bytes,
         restarts: counts.restarts,
-        known_delay_s: budget::of(about.board()).map(|budget| budget.known_delay_s()),
+        known_delay_s: budget::known_delay_s(about),
         fault: frames.find_map(|frame| frame.fault()).map(|fault| fault as u8),
     }
 }
 
-fn dataset(captured: Capture, answer: &Answer) -> Dataset {
+/// A record a piece; with the command of the axis beside it where that came with every sample.
+fn dataset(captured: Capture, beside: Option<&Capture>, answer: &Answer) -> Dataset {
     let period_s = 1.0 / f64::from(captured.about.hello.sample_rate_hz);
     let several = answer.tables_sha256.len() > 1;
     let pieces = captured.pieces.into_iter().enumerate().map(|(i, piece)| {
@@ -131,7 +155,9 @@ fn dataset(captured: Capture, answer: &Answer) -> Dataset {
         let [low, high] = references.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], um| {
             [low.min(um), high.max(um)]
         });
-        record(Piece {
+        let numbers = piece.recording.frames.iter().map(|frame| frame.number);
+        let voltage2_v = beside.and_then(|beside| beside.commands_v(numbers));
+        let record = record(Piece {
             file: format!("run-{:03}.csv", i + 1),
             excitation: format!(
                 "reference of the board, {low} to {high} um{}",
@@ -143,7 +169,8 @@ fn dataset(captured: Capture, answer: &Answer) -> Dataset {
             start_s: piece.start_tick as f64 * period_s,
             period_s,
             recording: piece.recording,
-        })
+        });
+        Record { voltage2_v, ..record }
     });
     Dataset {
         name: format!("{}-recording", name(&answer.board)),

@@ -80,7 +80,7 @@ fn about(captured: &Capture) -> Dataset {
     Dataset {
         name: format!("campaign-{board}"),
         known: Known {
-            delay_s: budget::of(board).map(|budget| budget.known_delay_s()),
+            delay_s: budget::known_delay_s(&captured.about),
             voltage_min_v: Some(min_v),
             voltage_max_v: Some(max_v),
             ..Known::default()
@@ -122,7 +122,7 @@ fn without_a_gap(
     let mut lost = 0;
     for _ in 0..TIMES {
         let (start, seconds) = if piece.moves() {
-            (Start::Playing(&wish), wish.request.seconds)
+            (Start::Playing(&[Some(wish)]), wish.request.seconds)
         } else {
             (Start::Nobody, piece.kept_s)
         };

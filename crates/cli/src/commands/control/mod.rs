@@ -9,7 +9,7 @@ mod page;
 mod programme;
 pub(crate) mod record;
 pub(crate) mod rehearse;
-mod scans_on_chip;
+mod scans;
 mod small_signals;
 pub(crate) mod track;
 

@@ -2,20 +2,22 @@
 
 use crate::commands::board::hex;
 use crate::commands::control::learning::{self, Plan};
+use crate::commands::control::scans;
 use crate::commands::control::small_signals::Small;
-use crate::commands::control::track::{TrackArgs, cells, first_mode, heads, hertz, of_the_board};
+use crate::commands::control::track::{TrackArgs, cells, first_mode, heads, hertz, of_the_board, scan_rows};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
-use hysteron_board::capture::{Start, Wish, capture};
-use hysteron_board::telemetry::Capture;
+use hysteron_board::capture::{Start, Wish, capture_axes};
+use hysteron_board::telemetry::{About, Capture};
 use hysteron_board::upload::Upload;
-use hysteron_board::{Hello, Mode, Request, TABLE_POINTS, whole_range_um};
+use hysteron_board::{BoardError, Mode, Request, TABLE_POINTS, whole_range_um};
 use hysteron_tracking::bench::SHAPES;
 use hysteron_tracking::design::Controller;
 use hysteron_tracking::learning::{LEARNED, LearnedReference};
 use hysteron_tracking::reference::{Reference, Shape};
 use hysteron_tracking::response::Crossing;
+use hysteron_tracking::scans::{LINES_HZ, ScanFigures};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -44,6 +46,9 @@ struct Answer {
     controllers: Vec<Figures>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     learned: Vec<LearnedReference>,
+    /// Of a board with both axes.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    scans: Vec<ScanFigures>,
     /// Ticks whose samples did not come.
     lost: u64,
 }
@@ -61,7 +66,8 @@ struct Figures {
     noise_nm: Option<f64>,
 }
 
-/// Runs open and closed loop on every reference, one recording each; then learns, where that is asked for.
+/// Runs open and closed loop on every reference, one recording each, and on scans where the board has both axes; then learns, where that
+/// is asked for.
 pub(super) fn track(
     args: &TrackArgs,
     from: &str,
@@ -80,6 +86,7 @@ pub(super) fn track(
         position: "measured",
         controllers: Vec::new(),
         learned: Vec::new(),
+        scans: Vec::new(),
         lost: 0,
     };
     let bar = progress::bar("on the board");
@@ -94,9 +101,14 @@ pub(super) fn track(
             bar.set_message(format!("{what}, {loop_kind} loop"));
             progress::advance(&bar, (l as f64 + share) / loops.len() as f64);
         };
-        let (figures, table) = looped.figures(range_um, loop_kind, &mut answer, &progress)?;
+        let (figures, about) = looped.figures(range_um, loop_kind, &mut answer, &progress)?;
         answer.controllers.push(figures);
-        board = Some(table);
+        if about.axes > 1 {
+            let range_um = range_um.unwrap_or_else(|| whole_range_um(&about.hello));
+            let scans = scans::on_board(&looped, range_um, loop_kind, &mut answer.lost, &progress)?;
+            answer.scans.extend(scans);
+        }
+        board = Some(about.hello);
     }
     bar.finish_and_clear();
     if let (Some(most), Some(table)) = (args.iterations, &board) {
@@ -157,14 +169,14 @@ pub(super) fn held(range_um: [f64; 2]) -> Upload {
 }
 
 impl Looped<'_> {
-    /// All figures of a loop, and the table that ran.
+    /// All figures of a loop, and the board with the table that ran.
     fn figures(
         &self,
         range_um: Option<[f64; 2]>,
         loop_kind: &'static str,
         answer: &mut Answer,
         progress: &dyn Fn(&str, f64),
-    ) -> Result<(Figures, Hello), CliError> {
+    ) -> Result<(Figures, About), CliError> {
         // The references, the small multisine, the rest, and the hold, which takes as long as all of them.
         let runs = 2.0 * (SHAPES.len() + 2) as f64;
         let mut rms_percent = BTreeMap::new();
@@ -185,9 +197,11 @@ impl Looped<'_> {
             answer.stroke_um = answer.stroke_um.max(stroke_um);
             answer.lost += captured.counts.lost;
             answer.stage = captured.about.board().to_owned();
-            said = captured.pieces.last().map(|piece| piece.table).or(said);
+            let about = captured.about;
+            said = captured.pieces.last().map(|piece| about.with(piece.table)).or(said);
         }
-        let table = said.ok_or_else(|| CliError::Option("the board sent no samples".to_owned()))?;
+        let about = said.ok_or(BoardError::NoSamples { bytes: 0 })?;
+        let table = about.hello;
         answer.table_sha256 = hex(&table.hash);
         let small = Small::about(self, &table, range_um);
         let done = |runs_done: usize, part: f64| (runs_done as f64 + part) / runs;
@@ -208,19 +222,35 @@ impl Looped<'_> {
             minus3db_hz: frequency_hz(response.minus_3_db()),
             noise_nm,
         };
-        Ok((figures, table))
+        Ok((figures, about))
     }
 
     fn run(&self, request: Request, upload: Option<Upload>, progress: &dyn Fn(f64)) -> Result<Capture, CliError> {
-        let seconds = request.seconds;
-        let wish = Wish {
-            bank: self.bank,
-            request,
-            upload,
+        let mut axes = self.axes(&[(request, upload)], progress)?.into_iter();
+        Ok(axes.next().ok_or(BoardError::NoSamples { bytes: 0 })?)
+    }
+
+    /// A reference an axis, for as long as the first one's; an axis without one stands still.
+    pub(super) fn axes(
+        &self,
+        references: &[(Request, Option<Upload>)],
+        progress: &dyn Fn(f64),
+    ) -> Result<Vec<Capture>, CliError> {
+        let seconds = references.first().map_or(0.0, |(request, _)| request.seconds);
+        let wish = |&(request, upload): &(Request, Option<Upload>)| {
+            Some(Wish {
+                bank: self.bank,
+                request,
+                upload,
+            })
         };
-        Ok(capture(self.from, seconds, Start::Playing(&wish), &mut |part| {
-            progress(part)
-        })?)
+        let wishes: Vec<Option<Wish>> = references.iter().map(wish).collect();
+        Ok(capture_axes(
+            self.from,
+            seconds,
+            Start::Playing(&wishes),
+            &mut |part| progress(part),
+        )?)
     }
 
     /// Along uploaded points.
@@ -341,15 +371,19 @@ impl Judged {
                 true_um: None,
             })
             .collect();
-        // Half of the judged part may be lost to a slow probe; less tells little of whole periods.
-        let (count, wanted) = (judged.len() as u64, end - first);
-        if 2 * count < wanted {
-            return Err(CliError::Option(format!(
-                "{name}: of the {wanted} ticks that are judged {count} came; a faster probe, or a shorter polling interval, loses fewer"
-            )));
-        }
+        enough(judged.len() as u64, end - first, name)?;
         Ok(judged)
     }
+}
+
+/// Refuses a run of which less than half came: half may be lost to a slow probe, less tells little of whole periods.
+pub(super) fn enough(count: u64, wanted: u64, name: &str) -> Result<(), CliError> {
+    if 2 * count < wanted {
+        return Err(CliError::Option(format!(
+            "{name}: of the {wanted} ticks that are judged {count} came; a faster probe, or a shorter polling interval, loses fewer"
+        )));
+    }
+    Ok(())
 }
 
 /// Refuses a recording in which the board stopped.
@@ -396,6 +430,13 @@ fn text(answer: &Answer) -> String {
             hertz(controller.minus3db_hz),
             controller.noise_nm.unwrap_or(f64::NAN)
         );
+    }
+    if !answer.scans.is_empty() {
+        text += &format!(
+            "\nSCANS of both axes at {LINES_HZ} lines a second, by the sensors of both: error of each axis at the same instant, distance from\n\
+             the path (late along it is none)\n\n"
+        );
+        text.push_str(&scan_rows(&answer.scans));
     }
     text.push_str(&learning::text(&answer.learned, " on the board"));
     let _ = writeln!(text, "\n{} ticks lost", answer.lost);

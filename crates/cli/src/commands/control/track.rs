@@ -3,7 +3,7 @@
 use crate::commands::board::EmulatorName;
 use crate::commands::control::chip::{Chip, Follow};
 use crate::commands::control::learning::{self, Plan};
-use crate::commands::control::{on_board, page, range_um, scans_on_chip, stage};
+use crate::commands::control::{on_board, page, range_um, scans, stage};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
@@ -250,7 +250,7 @@ fn on_chip(
         bar.set_message(format!("both axes on the chip, {loop_kind} loop"));
         board
             .scans
-            .extend(scans_on_chip::scans(&chip, controller, bench, measured_shares)?);
+            .extend(scans::on_chip(&chip, controller, bench, measured_shares)?);
         progress::advance(&bar, (number + 1) as f64 / 2.0);
     }
     bar.finish_and_clear();
@@ -361,7 +361,7 @@ fn scans_text(report: &TrackReport) -> String {
 }
 
 /// A line a scan.
-fn scan_rows(scans: &[ScanFigures]) -> String {
+pub(super) fn scan_rows(scans: &[ScanFigures]) -> String {
     let mut text = String::new();
     let widest = scans.iter().map(|scan| scan.name.len()).max().unwrap_or(0);
     // Writing to a String does not fail.
