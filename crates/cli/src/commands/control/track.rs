@@ -33,7 +33,8 @@ pub(crate) struct TrackArgs {
     /// The simulated stage: paper-rate, paper-delay, 8k, 2.5k or 739
     #[arg(long, value_name = "PRESET", required_unless_present = "board")]
     pub stage: Option<String>,
-    /// A real board with the controller's table instead: HOST:PORT of a server of its RTT channel 1; measured position
+    /// A real board with the controller's table instead: HOST:PORT of a server of its RTT channel 1; measured position; scans as well
+    /// where it has both axes
     #[arg(
         long,
         value_name = "HOST:PORT",
