@@ -13,8 +13,10 @@ use hysteron_board::{Machine, Recording, Request, Shape};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::law::Complete;
 use hysteron_firmware::monitor::{Fault, WATCHDOG_SAMPLES};
+use hysteron_firmware::parameters::Parameters;
+use hysteron_firmware::tuning::Change;
 use hysteron_firmware::two_axes::TwoAxes;
-use hysteron_firmware::wire::{Frame, Input, Mode, Order, Setup};
+use hysteron_firmware::wire::{ACCEPTED, Frame, Input, Mode, Order, REFUSED, Setup};
 use hysteron_plant::preset;
 use hysteron_table::Table;
 use std::time::Duration;
@@ -238,5 +240,50 @@ fn val_the_watchdog_takes_both_over() {
         }
         let last = axis.frames.last().unwrap();
         assert_eq!((last.mode(), last.fault()), (Mode::Off, Some(Fault::Watchdog)));
+    }
+}
+
+/// Changes go to the axis that they are for: a bank to both, a reference to one, which the other's frames say nothing of.
+#[test]
+fn val_changes_reach_the_axis_they_are_for() {
+    let tables = tables();
+    let setups = setups([(Shape::Sine, 100.0), (Shape::Sine, 31.0)], true, 0.1);
+    let banks = || -> &'static [Parameters<Complete>] {
+        let both = tables.each_ref().map(|table| complete(table).unwrap());
+        Box::leak(Box::new(both))
+    };
+    let [x, y] = setups.map(|setup| {
+        let banks = banks();
+        Controller::new(banks[0], &setup).with_banks(banks)
+    });
+    let mut axes = TwoAxes::new(x, y);
+    let mut obey = |to: u8, change: Change| {
+        let orders = std::iter::once(Order::To(to)).chain(change.orders());
+        let frames = orders.map(|order| axes.step([Input { adc: 30_000, order }; 2], false));
+        frames.last().unwrap()
+    };
+    let answers = |frames: &[Frame; 2]| frames.map(|frame| frame.flags & (ACCEPTED | REFUSED));
+    let frames = obey(0, Change::Bank(1));
+    assert_eq!(answers(&frames), [ACCEPTED; 2]);
+    assert_eq!(frames.map(|frame| frame.bank()), [1; 2]);
+    let reference = |low_um: f32| Change::Trajectory {
+        shape: Shape::Triangle,
+        phase_step: 1 << 20,
+        low_um,
+        high_um: 12.0,
+    };
+    // At rest a frame has the reference's first value.
+    for (to, low_um, wanted, answered) in [
+        (2, 4.0, [3.0, 4.0], [0, ACCEPTED]),
+        (1, 5.0, [5.0, 4.0], [ACCEPTED, 0]),
+        (2, -50.0, [5.0, 4.0], [0, REFUSED]),
+        (0, 6.0, [6.0, 6.0], [ACCEPTED; 2]),
+    ] {
+        let frames = obey(to, reference(low_um));
+        assert_eq!(answers(&frames), answered, "{to} {low_um}");
+        let references = frames.map(|frame| frame.reference_um);
+        for (um, wanted) in references.into_iter().zip(wanted) {
+            assert!((um - wanted).abs() < 1e-4_f32, "{to} {low_um}: {references:?}");
+        }
     }
 }

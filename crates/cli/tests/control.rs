@@ -720,7 +720,15 @@ fn val_scans_by_a_board_of_both_axes() {
         "board", "record", "--from", &from, "--run", "--axis", "y", "--shape", "triangle",
     ];
     hysteron(&[&record[..], &["--hz", "50", "--seconds", "0.2", "-o", place]].concat());
-    let record = &read_dataset(place.as_ref()).unwrap().records[0];
+    let dataset = read_dataset(place.as_ref()).unwrap();
+    assert!(
+        dataset.description.contains("the second axis"),
+        "{}",
+        dataset.description
+    );
+    // Its word on the bus is the second.
+    assert!((dataset.known.delay_s.unwrap() - 25.4e-6).abs() < 1e-7);
+    let record = &dataset.records[0];
     let moved = |values: &[f64]| {
         // After the rise.
         let values = &values[values.len() / 2..];

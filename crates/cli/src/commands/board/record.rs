@@ -33,7 +33,7 @@ pub(crate) struct RecordArgs {
     pub run: bool,
     #[command(flatten)]
     pub wanted: Wanted,
-    /// Which axis of a board with both; the other's command goes into the records as well, and it stands still
+    /// Which axis of a board with both; the other's command goes into the records as well. It stands still while a reference is played
     #[arg(long, default_value = "x")]
     pub axis: Axis,
     /// Folder of the new dataset
@@ -107,15 +107,11 @@ pub(crate) fn run(args: &RecordArgs) -> Result<Done, CliError> {
     if axis >= captured.len() {
         return Err(BoardError::OneAxis.into());
     }
-    let captured_axis = captured.swap_remove(axis);
-    let (captured, beside) = (captured_axis, captured.pop());
-    let answer = answer(&captured);
-    let fault = fault_line(captured.pieces.iter().map(|piece| &piece.recording));
-    write(
-        &dataset(captured, beside.as_ref(), &answer),
-        &args.output,
-        args.overwrite,
-    )?;
+    let recorded = captured.swap_remove(axis);
+    let answer = answer(&recorded);
+    let fault = fault_line(recorded.pieces.iter().map(|piece| &piece.recording));
+    let dataset = dataset(recorded, captured.first(), &answer);
+    write(&dataset, &args.output, args.overwrite)?;
     if args.json {
         output::print_json(&answer)?;
     } else {
@@ -175,8 +171,13 @@ fn dataset(captured: Capture, beside: Option<&Capture>, answer: &Answer) -> Data
     Dataset {
         name: format!("{}-recording", name(&answer.board)),
         description: format!(
-            "recorded from {}: {} samples, {} lost, {}",
+            "recorded from {}{}: {} samples, {} lost, {}",
             name(&answer.board),
+            match (beside, captured.about.axis) {
+                (None, _) => "",
+                (Some(_), 0) => ", the first axis",
+                (Some(_), _) => ", the second axis",
+            },
             answer.samples,
             answer.lost,
             tables(answer)

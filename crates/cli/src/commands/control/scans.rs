@@ -102,10 +102,9 @@ pub(super) fn on_board(
         let [of_x, of_y] = captured.as_slice() else {
             return Err(BoardError::OneAxis.into());
         };
-        for axis in [of_x, of_y] {
-            no_fault(axis, name)?;
-            *lost += axis.counts.lost;
-        }
+        no_fault(of_x, name)?;
+        no_fault(of_y, name)?;
+        *lost += of_x.counts.lost.max(of_y.counts.lost);
         let rate_hz = f64::from(of_x.about.hello.sample_rate_hz);
         let wanted = (scan.seconds() * rate_hz).round() as usize;
         // Both axes of a tick, by its number.
