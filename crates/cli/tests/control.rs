@@ -12,7 +12,7 @@ use hysteron_core::law_numbers::LawNumbers;
 use hysteron_data::read_dataset;
 use hysteron_firmware::table;
 use hysteron_firmware::wire::Order;
-use hysteron_plant::{Stage, preset};
+use hysteron_plant::{CrossCoupling, Stage, StageConfig, preset};
 use hysteron_table::Table;
 use hysteron_tracking::complete::commands;
 use hysteron_tracking::design::Controller;
@@ -512,18 +512,9 @@ fn hysteron(args: &[&str]) -> String {
 /// behind it, a delay and a filter. Then it plays slow references.
 #[test]
 fn val_a_campaign_by_a_board_shows_what_is_hidden() {
-    let mut board = SmallBoard::at(Box::new(Stage::new(&preset::paper_delay(), 5).unwrap()));
-    let from = board.address();
-    std::thread::spawn(move || {
-        // Each campaign records 1.5 s of rest first; the programme has 15 pieces, the slow one 7.
-        for run in 0.. {
-            board.serve_after(if run == 0 || run == 15 { 80_000 } else { 0 }, u32::MAX);
-            board.tick(Order::Stop);
-            for _ in 0..2000 {
-                board.tick(Order::None);
-            }
-        }
-    });
+    let board = SmallBoard::at(Box::new(Stage::new(&preset::paper_delay(), 5).unwrap()));
+    // Each campaign records 1.5 s of rest first; the programme has 15 pieces, the slow one 7.
+    let from = serving(board, |run| if run == 0 || run == 15 { 80_000 } else { 0 });
     let folder = tempfile::tempdir().unwrap();
     let [records, slow, model_file] = ["records", "slow", "model.toml"].map(|name| folder.path().join(name));
     let campaign = ["campaign", "--board", &from, "--rest-s", "0", "-o"];
@@ -577,6 +568,60 @@ fn val_a_campaign_by_a_board_shows_what_is_hidden() {
         &["campaign", "--board", "localhost:1", "-o", slow, "--overwrite"],
         &["HOST:PORT"],
     );
+}
+
+/// A board of both axes lets the second go up and down beside the first, at a rate of its own: what of it reaches the first is in the records.
+#[test]
+fn val_a_campaign_by_a_board_of_both_axes_shows_what_couples() {
+    let plain = preset::paper_rate();
+    let ratio = 0.08;
+    let coupled = StageConfig {
+        cross_coupling: Some(CrossCoupling {
+            ratio,
+            lag_s: plain.amplifier.lag_s,
+            hysteresis: plain.hysteresis.clone(),
+            mode: None,
+        }),
+        ..plain.clone()
+    };
+    let stage = |config: &StageConfig, seed| Box::new(Stage::new(config, seed).unwrap());
+    let board = SmallBoard::at_both([stage(&coupled, 5), stage(&plain, 6)]);
+    let from = serving(board, |run| if run == 0 { 80_000 } else { 0 });
+    let folder = tempfile::tempdir().unwrap();
+    let records = folder.path().join("records");
+    let records = records.to_str().unwrap();
+    let slow = ["campaign", "--board", &from, "--rest-s", "0", "--training"];
+    hysteron(&[&slow[..], &["-o", records]].concat());
+    let dataset = read_dataset(records.as_ref()).unwrap();
+    for record in &dataset.records {
+        let beside_v = record.voltage2_v.as_ref().unwrap();
+        assert_eq!(beside_v.len(), record.len());
+        let most_v = beside_v.iter().fold(0.0_f64, |most, v| most.max(*v));
+        let moves = record.file != "rest.csv";
+        assert_eq!(most_v > 20.0, moves, "{}: {most_v} V", record.file);
+    }
+    // Five periods of the first, so many of the second as are the strongest in its command; the rise before them is cut off.
+    let record = dataset
+        .records
+        .iter()
+        .find(|record| record.file == "sine-007hz.csv")
+        .unwrap();
+    let length = (5.0 / 7.0 / record.period_s).round() as usize;
+    let line = |values: &[f64], cycles: f64| {
+        let values = &values[values.len() - length..];
+        let turn = |k: usize| std::f64::consts::TAU * cycles * k as f64 / length as f64;
+        let sum = |part: fn(f64) -> f64| values.iter().enumerate().map(|(k, v)| v * part(turn(k))).sum::<f64>();
+        sum(f64::cos).hypot(sum(f64::sin))
+    };
+    let beside_v = record.voltage2_v.as_ref().unwrap();
+    let cycles = [7.0, 11.0, 13.0, 17.0, 19.0];
+    let cycles = cycles
+        .into_iter()
+        .max_by(|a, b| line(beside_v, *a).total_cmp(&line(beside_v, *b)))
+        .unwrap();
+    let gain = line(&record.position_um, 5.0) / line(&record.voltage_v, 5.0);
+    let reached = line(&record.position_um, cycles) / line(beside_v, cycles) / gain;
+    assert!((reached / ratio - 1.0).abs() < 0.15, "{cycles}: {reached}");
 }
 
 /// Plays of a stage that is not the model's: thresholds and weights of its own.
@@ -664,14 +709,14 @@ fn val_slow_records_along_references_make_a_better_inverse() {
     );
 }
 
-/// Serves one connection after another, the loop at rest in between; nobody waits for the last stop.
-fn serving(mut board: SmallBoard) -> String {
+/// Serves one connection after another, each after so many ticks at rest, and at rest in between; nobody waits for the last stop.
+fn serving(mut board: SmallBoard, at_rest: fn(usize) -> u32) -> String {
     let from = board.address();
     std::thread::spawn(move || {
-        loop {
-            board.serve(u32::MAX);
+        for run in 0.. {
+            board.serve_after(at_rest(run), u32::MAX);
             board.tick(Order::Stop);
-            for _ in 0..1200 {
+            for _ in 0..2000 {
                 board.tick(Order::None);
             }
         }
@@ -683,7 +728,7 @@ fn serving(mut board: SmallBoard) -> String {
 #[test]
 fn val_scans_by_a_board_of_both_axes() {
     let stage = |seed| Box::new(Stage::new(&preset::paper_rate(), seed).unwrap());
-    let from = serving(SmallBoard::at_both([stage(5), stage(6)]));
+    let from = serving(SmallBoard::at_both([stage(5), stage(6)]), |_| 0);
     let folder = tempfile::tempdir().unwrap();
     let [model_file, controller, place] =
         ["model.toml", "controller.toml", "recorded"].map(|name| folder.path().join(name));
@@ -746,7 +791,8 @@ fn val_scans_by_a_board_of_both_axes() {
 /// Seven references, open loop and closed, each a run of its own; the board falls to its safe level in between.
 #[test]
 fn val_a_controller_tracks_on_a_board() {
-    let from = serving(SmallBoard::at(Box::new(Stage::new(&preset::paper_rate(), 5).unwrap())));
+    let board = SmallBoard::at(Box::new(Stage::new(&preset::paper_rate(), 5).unwrap()));
+    let from = serving(board, |_| 0);
     let folder = tempfile::tempdir().unwrap();
     let [model_file, controller] = ["model.toml", "controller.toml"].map(|name| folder.path().join(name));
     let (model_file, controller) = (model_file.to_str().unwrap(), controller.to_str().unwrap());

@@ -42,15 +42,18 @@ fn packets(numbers: impl IntoIterator<Item = u32>, fault: Option<Fault>) -> Vec<
     numbers.into_iter().flat_map(packet).collect()
 }
 
-/// Runs the command at a server that sends a stream and closes.
+/// Runs the command at a server that sends a stream and closes; one that is asked to run hears everything first.
 fn record(stream: &[u8], folder: &Path, more: &[&str]) -> Output {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let from = server.local_addr().unwrap().to_string();
-    let stream = stream.to_vec();
+    let (stream, asked) = (stream.to_vec(), more.contains(&"--run"));
     let sender = std::thread::spawn(move || {
         let (mut connection, _) = server.accept().unwrap();
         // Pieces that end anywhere. Whoever has enough closes before the end.
         let _ = stream.chunks(1009).try_for_each(|chunk| connection.write_all(chunk));
+        if asked {
+            let _ = std::io::copy(&mut connection, &mut std::io::sink());
+        }
     });
     let folder = folder.display().to_string();
     let args = [&["board", "record", "--from", &from, "-o", &folder], more].concat();

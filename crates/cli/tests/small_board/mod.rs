@@ -16,8 +16,8 @@ use std::net::TcpListener;
 pub(crate) trait Wired: Send {
     /// The sensor's code.
     fn adc(&mut self) -> u16;
-    /// Takes the code of a tick.
-    fn dac(&mut self, code: u16);
+    /// Takes the code of a tick, and of the other axis where there is one.
+    fn dac(&mut self, code: u16, beside: Option<u16>);
 }
 
 impl Wired for SmallStage {
@@ -25,7 +25,7 @@ impl Wired for SmallStage {
         self.input(1, u32::MAX).adc
     }
 
-    fn dac(&mut self, code: u16) {
+    fn dac(&mut self, code: u16, _: Option<u16>) {
         self.output(code);
     }
 }
@@ -35,8 +35,12 @@ impl Wired for Stage {
         u16::try_from(self.sample().position_code).unwrap()
     }
 
-    fn dac(&mut self, code: u16) {
-        self.step(self.v_from_code(u32::from(code)));
+    fn dac(&mut self, code: u16, beside: Option<u16>) {
+        let voltage_v = self.v_from_code(u32::from(code));
+        match beside {
+            Some(code) => self.step_two_axes(voltage_v, self.v_from_code(u32::from(code))),
+            None => self.step(voltage_v),
+        };
     }
 }
 
@@ -105,8 +109,14 @@ impl SmallBoard {
             self.played.push(frames[0].reference_um);
         }
         let mut packets = Vec::new();
-        for (axis, ((stage, frame), adc)) in (0..).zip(self.stages.iter_mut().zip(frames).zip(codes)) {
-            stage.dac(frame.dac);
+        // Each with the other's command.
+        let beside: Vec<Option<u16>> = match frames.as_slice() {
+            [x, y] => vec![Some(y.dac), Some(x.dac)],
+            _ => vec![None],
+        };
+        let wired = self.stages.iter_mut().zip(beside);
+        for (axis, (((stage, beside), frame), adc)) in (0..).zip(wired.zip(frames).zip(codes)) {
+            stage.dac(frame.dac, beside);
             packets.extend(Sample { frame, adc, axis }.to_packet());
         }
         packets

@@ -5,11 +5,12 @@ use crate::commands::control::programme::{Piece, programme, training_programme};
 use crate::error::CliError;
 use crate::progress;
 use hysteron_board::budget;
-use hysteron_board::capture::{Start, Wish, capture};
+use hysteron_board::capture::{Start, Wish, capture_axes};
 use hysteron_board::telemetry::Capture;
 use hysteron_board::upload::Upload;
-use hysteron_board::{Mode, Request, whole_range_um};
+use hysteron_board::{Mode, Recording, Request, Shape, whole_range_um};
 use hysteron_data::{Dataset, Known, Record};
+use hysteron_tracking::rehearsal::Rehearsal;
 use hysteron_tracking::usable::moved;
 use std::time::{Duration, Instant};
 
@@ -30,8 +31,9 @@ pub(super) struct Asked<'a> {
     pub seed: u64,
 }
 
-/// Plays the programme open loop, whatever table the board has, and keeps what it commanded and read. Stops at the first record that is of
-/// no use.
+/// Plays the programme open loop, whatever table the board has, and keeps what it commanded and read. Where the board has both axes, the
+/// second goes up and down meanwhile, at a rate of its own for each record, and its command is kept as well. Stops at the first record
+/// that is of no use.
 pub(super) fn record(asked: &Asked<'_>) -> Result<Dataset, CliError> {
     let mut pieces = programme(asked.seed)?;
     if asked.training {
@@ -44,23 +46,29 @@ pub(super) fn record(asked: &Asked<'_>) -> Result<Dataset, CliError> {
     let total_s: f64 = pieces.iter().map(|piece| asked.rest_s + RAMP_S + piece.kept_s).sum();
     let mut done_s = 0.0;
     let mut range_um = asked.range_um;
+    let mut both = false;
     let mut dataset = Dataset::default();
-    for piece in &pieces {
+    for (number, piece) in pieces.iter().enumerate() {
         bar.set_message(format!("before {}, at rest", piece.name));
         rest(asked.rest_s, &|s| progress::advance(&bar, (done_s + s) / total_s));
         done_s += asked.rest_s;
         bar.set_message(piece.name);
         let length_s = RAMP_S + piece.kept_s;
-        let captured = without_a_gap(asked, piece, range_um.unwrap_or_default(), &|share| {
+        let beside_hz = both.then(|| Rehearsal::cycles_beside(number) / piece.kept_s);
+        let axes = without_a_gap(asked, (piece, beside_hz), range_um.unwrap_or_default(), &|share| {
             progress::advance(&bar, (done_s + share * length_s) / total_s);
         })?;
         done_s += length_s;
-        let record = rows(&captured, piece);
+        let [captured, beside @ ..] = axes.as_slice() else {
+            continue;
+        };
+        both = !beside.is_empty();
+        let record = rows(captured, beside.first(), piece);
         if let Some(at_rest) = dataset.records.first() {
             moved(&record, at_rest).map_err(|why| CliError::Option(format!("{}: {why}", piece.name)))?;
         } else {
             let [low_um, high_um] = *range_um.get_or_insert_with(|| whole_range_um(&captured.about.hello));
-            dataset = about(&captured);
+            dataset = about(captured);
             dataset.description = format!(
                 "played and read by a board, open loop, references from {low_um:.4} to {high_um:.4} um by its table, {} s of rest before \
                  each record",
@@ -99,13 +107,13 @@ fn rest(seconds: f64, progress: &dyn Fn(f64)) {
     }
 }
 
-/// A recording of a piece in which no tick is missing.
+/// A recording of a piece in which no tick is missing, of each axis; the second goes up and down over its table's range at `beside_hz`.
 fn without_a_gap(
     asked: &Asked<'_>,
-    piece: &Piece,
+    (piece, beside_hz): (&Piece, Option<f64>),
     [low_um, high_um]: [f64; 2],
     progress: &dyn Fn(f64),
-) -> Result<Capture, CliError> {
+) -> Result<Vec<Capture>, CliError> {
     let range_um = piece.range.map(|share| low_um + share * (high_um - low_um));
     let wish = Wish {
         bank: asked.bank,
@@ -119,19 +127,36 @@ fn without_a_gap(
         },
         upload: piece.points.map(|points| Upload::new(range_um, points)),
     };
+    let beside = beside_hz.map(|frequency_hz| Wish {
+        request: Request {
+            shape: Shape::Sine,
+            frequency_hz,
+            range_um: None,
+            ..wish.request
+        },
+        upload: None,
+        ..wish
+    });
+    let wishes: Vec<Option<Wish>> = [Some(wish), beside].into_iter().filter(Option::is_some).collect();
     let mut lost = 0;
     for _ in 0..TIMES {
         let (start, seconds) = if piece.moves() {
-            (Start::Playing(&[Some(wish)]), wish.request.seconds)
+            (Start::Playing(&wishes), wish.request.seconds)
         } else {
             (Start::Nobody, piece.kept_s)
         };
-        let captured = capture(asked.from, seconds, start, &mut |share| progress(share))?;
-        no_fault(&captured, piece.name)?;
-        if captured.pieces.len() == 1 && !kept(&captured, piece).is_empty() {
-            return Ok(captured);
+        let axes = capture_axes(asked.from, seconds, start, &mut |share| progress(share))?;
+        for axis in &axes {
+            no_fault(axis, piece.name)?;
+            lost = axis.counts.lost;
         }
-        lost = captured.counts.lost;
+        if let [captured, beside @ ..] = axes.as_slice()
+            && captured.pieces.len() == 1
+            && !kept(captured, piece).is_empty()
+            && beside.iter().all(|beside| beside_v(captured, beside, piece).is_some())
+        {
+            return Ok(axes);
+        }
     }
     Err(CliError::Option(format!(
         "{}: played {TIMES} times, and never came whole ({lost} ticks lost the last time); a record with gaps tells nothing of time: \
@@ -159,14 +184,23 @@ fn kept(captured: &Capture, piece: &Piece) -> std::ops::Range<usize> {
     if end > recording.frames.len() { 0..0 } else { 0..end }
 }
 
-/// Commands and readings of the same ticks: what lies between them is the known delay.
-fn rows(captured: &Capture, piece: &Piece) -> Record {
+/// The command of the axis beside in each tick of a record, volts; none where one is missing.
+fn beside_v(captured: &Capture, beside: &Capture, piece: &Piece) -> Option<Vec<f64>> {
+    let frames = &captured.pieces.first()?.recording.frames;
+    let kept = frames.get(kept(captured, piece))?;
+    beside.commands_v(kept.iter().map(|frame| frame.number))
+}
+
+/// Commands and readings of the same ticks: what lies between them is the known delay. With the command of the axis beside where there is
+/// one.
+fn rows(captured: &Capture, beside: Option<&Capture>, piece: &Piece) -> Record {
     let ticks = kept(captured, piece);
     let recording = captured.pieces.first().map(|piece| &piece.recording);
-    let column = |of: fn(&hysteron_board::Recording) -> &[f64]| -> Vec<f64> {
+    let column = |of: fn(&Recording) -> &[f64]| -> Vec<f64> {
         let values = recording.map_or(&[][..], of);
         ticks.clone().step_by(piece.every).map(|k| values[k]).collect()
     };
+    let beside_v = beside.and_then(|beside| beside_v(captured, beside, piece));
     Record {
         file: format!("{}.csv", piece.name),
         role: piece.role,
@@ -177,6 +211,6 @@ fn rows(captured: &Capture, piece: &Piece) -> Record {
         position_um: column(|recording| &recording.position_um),
         reference_um: None,
         temperature_c: None,
-        voltage2_v: None,
+        voltage2_v: beside_v.map(|values| values.into_iter().step_by(piece.every).collect()),
     }
 }
