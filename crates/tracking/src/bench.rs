@@ -4,7 +4,7 @@ use crate::complete;
 use crate::design::{CompleteLaw, Controller};
 use crate::error::TrackingError;
 use crate::experiment::{self, sines};
-use crate::figures::judge;
+use crate::figures::{Steps, judge, steps};
 use crate::learning::LearnedReference;
 use crate::paper::{IDENTIFIED_HZ, RECORD_S, Reading};
 use crate::reference::{Reference, Shape};
@@ -49,6 +49,13 @@ const MOVE_S: f64 = 10e-3;
 /// Time after a move from which creep is judged, seconds.
 const JUDGED_AFTER_S: f64 = 5e-3;
 
+/// Size of a set-point step as a share of the range: a micrometre of ten.
+const STEP_SHARE: f64 = 0.1;
+/// Length of the hold after it, seconds.
+const STEP_HOLD_S: f64 = 0.2;
+/// A step has settled when the error stays below this share of it.
+const STEP_BAND: f64 = 0.01;
+
 /// What one controller did.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct ControllerFigures {
@@ -68,7 +75,12 @@ pub struct ControllerFigures {
     /// Largest error from 5 ms after each move of a staircase with 10 s holds, percent of its range; not measured for the
     /// paper's controllers without an inverse.
     pub creep_peak_percent: Option<f64>,
-    /// References on which the command met the amplifier's limits for more than 1 % of the time.
+    /// Time from a set-point step, a jump of a tenth of the range in its middle, up or down, until the error stays below 1 % of it,
+    /// milliseconds, the longer one; none where it does not within 0.2 s.
+    pub step_settling_ms: Option<f64>,
+    /// How far the position goes beyond the new set-point, percent of the step, the larger one.
+    pub step_overshoot_percent: f64,
+    /// References on which the command met the amplifier's limits for more than 1 % of the time, and steps on which it met them at all.
     #[serde(skip)]
     pub limited_on: Vec<String>,
     /// Two periods at 500 Hz, to draw.
@@ -288,6 +300,10 @@ impl Bench<'_> {
             self.period_s(),
             JUDGED_PERIODS as usize,
         );
+        let (steps, limited) = self.steps(contender)?;
+        if limited {
+            limited_on.push("steps".to_owned());
+        }
         let has_inverse = !matches!(contender, Contender::Paper(controller) if controller.inverse.is_none());
         Ok(ControllerFigures {
             name: name.to_owned(),
@@ -297,6 +313,8 @@ impl Bench<'_> {
             minus3db_hz: found.minus_3_db().map(|crossing| crossing.frequency_hz),
             noise_nm: self.noise_at_rest_nm(contender)?,
             creep_peak_percent: has_inverse.then(|| self.creep_peak_percent(contender)).transpose()?,
+            step_settling_ms: steps.settling_s.map(|settling_s| 1e3 * settling_s),
+            step_overshoot_percent: 100.0 * steps.overshoot,
             limited_on,
             history: history.unwrap_or_default(),
             response: found,
@@ -340,6 +358,33 @@ impl Bench<'_> {
         };
         let run = contender.track(self, &reference)?;
         Ok(1e3 * rms_about_a_line(&run.true_um))
+    }
+
+    /// A jump up and one down, about the middle of the range; whether the command met the amplifier's limits on them.
+    fn steps(&self, contender: &Contender<'_>) -> Result<(Steps, bool), TrackingError> {
+        let [low_um, high_um] = self.range_um;
+        let middle_um = 0.5 * (low_um + high_um);
+        let (below_um, above_um) = (
+            middle_um - 0.5 * STEP_SHARE * (high_um - low_um),
+            middle_um + 0.5 * STEP_SHARE * (high_um - low_um),
+        );
+        let samples = |time_s: f64| (time_s / self.period_s()).round() as usize;
+        let (rise, hold) = (samples(0.02), samples(STEP_HOLD_S));
+        let share = |k: usize| 0.5 * (1.0 - (std::f64::consts::PI * k as f64 / rise as f64).cos());
+        let mut samples_um: Vec<f64> = (0..rise).map(|k| below_um * share(k)).collect();
+        for level_um in [below_um, below_um, above_um, below_um] {
+            samples_um.extend(std::iter::repeat_n(level_um, hold));
+        }
+        let run = contender.track(
+            self,
+            &Reference {
+                samples_um,
+                judged_from: rise + hold,
+                ..Reference::default()
+            },
+        )?;
+        let found = steps(&run.reference_um, &run.true_um, self.period_s(), STEP_BAND);
+        Ok((found, run.limited.contains(&true)))
     }
 
     /// 10 s at the middle, the top, the bottom and the middle again.

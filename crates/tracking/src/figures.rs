@@ -67,6 +67,43 @@ pub fn judge(run: &Tracked, sample_period_s: f64) -> Option<RunFigures> {
     })
 }
 
+/// What set-point steps end in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Steps {
+    /// Time from a step until the error stays within the band, seconds, the longest; none where one does not before the next or the end.
+    pub settling_s: Option<f64>,
+    /// How far the position goes beyond a set-point, as a share of the step, the largest.
+    pub overshoot: f64,
+}
+
+/// Who knows a step ahead begins earlier, seconds at most: the end of each hold is not judged.
+const AHEAD_S: f64 = 2e-3;
+
+/// Judges the jumps of a reference that stands still in between; the band is a share of each jump.
+pub fn steps(reference_um: &[f64], position_um: &[f64], sample_period_s: f64, band: f64) -> Steps {
+    let jumps: Vec<usize> = (1..reference_um.len())
+        .filter(|&k| reference_um[k] != reference_um[k - 1])
+        .collect();
+    let ends = jumps.iter().skip(1).copied().chain([reference_um.len()]);
+    let mut all = Steps {
+        settling_s: Some(0.0),
+        overshoot: 0.0,
+    };
+    let ahead = (AHEAD_S / sample_period_s).round() as usize;
+    for (&from, end) in jumps.iter().zip(ends) {
+        let to = end.saturating_sub(ahead).max(from);
+        let step_um = reference_um[from] - reference_um[from - 1];
+        // Positive beyond the set-point.
+        let beyond = |k: usize| (position_um[k] - reference_um[k]) / step_um;
+        let last_outside = (from..to).rev().find(|&k| beyond(k).abs() > band);
+        let settled = last_outside.map_or(from, |k| k + 1);
+        let settling_s = (settled < to).then_some((settled - from) as f64 * sample_period_s);
+        all.settling_s = all.settling_s.zip(settling_s).map(|(longest, this)| longest.max(this));
+        all.overshoot = (from..to).map(beyond).fold(all.overshoot, f64::max);
+    }
+    all
+}
+
 /// The lateness that alone gives a sine an error (eq. 19), microseconds: `rms|1 - e^(-j w tau)| = |2 sin(w tau / 2)|`
 /// over `2 sqrt 2`. `None` where no lateness gives that much.
 pub fn lateness_us(error_percent: f64, frequency_hz: f64) -> Option<f64> {
@@ -80,6 +117,50 @@ pub fn lateness_us(error_percent: f64, frequency_hz: f64) -> Option<f64> {
 mod tests {
     use super::*;
     use std::f64::consts::TAU;
+
+    /// A mode that answers a jump, `1 - e^(-z w t) (cos w_d t + z / sqrt(1 - z^2) sin w_d t)`: its overshoot is `e^(-pi z / sqrt(1 - z^2))`; a
+    /// lag settles to 1 % in `ln 100` of its time constants, and a jump that is missed by more than the band never.
+    #[test]
+    fn val_steps_by_closed_forms() {
+        let period_s = 20e-6;
+        // Up, and from rest there down.
+        let reference: Vec<f64> = (0..20_000)
+            .map(|k| if (1000..10_000).contains(&k) { 5.0 } else { 4.0 })
+            .collect();
+        let answer = |of: &dyn Fn(f64) -> f64| -> Vec<f64> {
+            let since = |k: usize, from: usize| of((k.saturating_sub(from)) as f64 * period_s);
+            let at = |k: usize| 4.0 + since(k, 1000) - since(k, 10_000);
+            (0..20_000).map(at).collect()
+        };
+        let (damping, omega): (f64, f64) = (0.2, TAU * 200.0);
+        let rest = (1.0 - damping * damping).sqrt();
+        let mode = |t: f64| {
+            let phase = omega * rest * t;
+            1.0 - (-damping * omega * t).exp() * (phase.cos() + damping / rest * phase.sin())
+        };
+        let found = steps(&reference, &answer(&mode), period_s, 0.01);
+        let overshoot = (-std::f64::consts::PI * damping / rest).exp();
+        assert!((found.overshoot - overshoot).abs() < 1e-3, "{found:?}, {overshoot}");
+        // The envelope is below 1 % then.
+        let latest_s = (100.0 / rest).ln() / (damping * omega);
+        assert!(
+            found.settling_s.is_some_and(|s| s < latest_s && s > 0.6 * latest_s),
+            "{found:?}, {latest_s}"
+        );
+        let found = steps(&reference, &answer(&|t| 1.0 - (-t / 3e-3).exp()), period_s, 0.01);
+        assert!(
+            (found.settling_s.unwrap() - 3e-3 * 100.0_f64.ln()).abs() < 2.0 * period_s,
+            "{found:?}"
+        );
+        assert!(found.overshoot <= 0.0);
+        let found = steps(
+            &reference,
+            &answer(&|t| if t > 0.0 { 0.98 } else { 0.0 }),
+            period_s,
+            0.01,
+        );
+        assert_eq!(found.settling_s, None);
+    }
 
     /// A sine that comes 20 us late, 1 % small and 0.01 um low at 500 Hz: closed forms for all figures.
     #[test]

@@ -174,7 +174,9 @@ mod chip {
 }
 
 #[cfg(all(feature = "g474re", feature = "two-axes"))]
-compile_error!("nucleo-g474re has no time for both axes' laws; nucleo-h743zi has");
+compile_error!(
+    "two-axes is for h743zi: a tick of both axes takes up to 2490 instructions, at two cycles each 4980 of the 3400 that g474re has"
+);
 
 #[cfg(feature = "g474re")]
 mod chip {

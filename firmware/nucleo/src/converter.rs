@@ -74,7 +74,7 @@ pub fn codes() -> [u16; AXES] {
     CONVERTERS.map(|adc| (adc.dr().read().0 as u16) << CHIP.to_16_bits())
 }
 
-/// Whether another conversion has ended since [`code`].
+/// Whether another conversion has ended since [`codes`].
 #[inline(always)]
 pub fn pending() -> bool {
     ADC1.isr().read().eoc()

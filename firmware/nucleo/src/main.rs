@@ -2,7 +2,8 @@
 //!
 //! TIM6 triggers the ADC 50 000 times a second; the loop runs in the interrupt of the end of conversion, in the memory that is fastest
 //! for it, and writes a 16-bit DAC by SPI. The user's button starts and stops it; RTT carries the log (channel 0) and every tick
-//! (channel 1), and orders of the host (channel 1, back). One axis; both with the feature `two-axes`. `docs/boards/` says how to wire and check it. It builds; it has not run on a board.
+//! (channel 1), and orders of the host (channel 1, back). One axis; both with the feature `two-axes`. `docs/boards/` says how to wire and
+//! check it. It builds; it has not run on a board.
 #![no_std]
 #![no_main]
 
@@ -144,7 +145,7 @@ static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 /// Longest interrupt, processor cycles.
 static LONGEST: AtomicU32 = AtomicU32::new(0);
 
-/// Size of the telemetry's buffer: 2900 samples, 58 ms.
+/// Size of the telemetry's buffer: 2900 samples, 58 ms of one axis, 29 ms of both.
 const TELEMETRY_BYTES: usize = 65_536;
 
 #[entry]
@@ -279,7 +280,7 @@ struct Telemetry {
     channel: UpChannel,
     abouts: image::Abouts,
     sent: u32,
-    /// Nothing is sent until the buffer is empty: what gets through is in one piece of 58 ms, not in shreds.
+    /// Nothing is sent until the buffer is empty: what gets through is in one piece of the buffer's size, not in shreds.
     waiting: bool,
 }
 

@@ -327,17 +327,20 @@ fn text(report: &TrackReport) -> String {
     let _ = writeln!(
         text,
         "STAGE {} (simulated), {mode}; stroke {} um; errors against the reference at the same instant, {} position\n\
-         rms, % of peak to peak; creep: largest error from 5 ms after moves, 10 s holds\n",
+         rms, % of peak to peak; creep: largest error from 5 ms after moves, 10 s holds; step: time until the error after a set-point\n\
+         step of a tenth of the range stays below 1 % of it, and overshoot\n",
         report.stage, report.stroke_um, report.position
     );
     let widest = report.controllers.iter().map(|c| c.name.len()).max().unwrap_or(0);
     let _ = writeln!(
         text,
-        "{:<widest$} {:<6}{} {:>7} {:>9} {:>9} {:>6}  paper at 500 Hz",
+        "{:<widest$} {:<6}{} {:>7} {:>8} {:>5} {:>9} {:>9} {:>6}  paper at 500 Hz",
         "",
         "loop",
         heads(),
         "creep",
+        "step ms",
+        "over%",
         "30 deg Hz",
         "-3 dB Hz",
         "nm"
@@ -397,13 +400,17 @@ fn line(controller: &ControllerFigures, widest: usize) -> String {
     let creep = controller
         .creep_peak_percent
         .map_or("-".to_owned(), |peak| format!("{peak:.3}"));
+    let settling = controller
+        .step_settling_ms
+        .map_or("-".to_owned(), |settling_ms| format!("{settling_ms:.2}"));
     let published = PUBLISHED_500_HZ
         .iter()
         .find(|(name, _)| *name == controller.name)
         .map_or(String::new(), |(_, percent)| percent.to_string());
     let _ = writeln!(
         text,
-        " {creep:>7} {:>9} {:>9} {:>6.2}  {published}",
+        " {creep:>7} {settling:>8} {:>5.1} {:>9} {:>9} {:>6.2}  {published}",
+        controller.step_overshoot_percent,
         hertz(controller.lag30_hz),
         hertz(controller.minus3db_hz),
         controller.noise_nm
