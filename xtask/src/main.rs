@@ -5,9 +5,10 @@ mod firmware;
 mod firmware_bench;
 mod firmware_boards;
 mod firmware_image;
+mod tests;
 
 use std::path::PathBuf;
-use std::process::{Command, ExitCode, Stdio};
+use std::process::{Command, ExitCode};
 
 const HELP: &str = "\
 usage: cargo xtask <command>
@@ -120,7 +121,7 @@ fn test() -> Result<(), String> {
     firmware_boards::boards()?;
     // No member of the workspace: its tests run on the host all the same.
     cargo(&["test", "--package", "hysteron-firmware", "--locked"])?;
-    count_tests(&["test", "--workspace", "--locked", "--no-fail-fast"])
+    tests::tests()
 }
 
 /// Where cargo puts what it builds.
@@ -171,48 +172,6 @@ fn install(wanted: &str, packages: &[&str]) -> Result<(), String> {
                 packages.join(" and ")
             )
         })
-}
-
-/// Runs `cargo test`, shows its output as it comes, and closes on the sum of its counts.
-fn count_tests(arguments: &[&str]) -> Result<(), String> {
-    use std::io::BufRead;
-    let mut child = Command::new("cargo")
-        .args(arguments)
-        // Browser and emulator were installed above: a test that does not find them fails.
-        .env("HYSTERON_BROWSER", "required")
-        .env("HYSTERON_EMULATOR", "required")
-        .stdout(Stdio::piped())
-        .spawn()
-        .map_err(|error| format!("cannot start cargo: {error}"))?;
-    let (mut passed, mut failed, mut ignored) = (0, 0, 0);
-    if let Some(lines) = child.stdout.take() {
-        for line in std::io::BufReader::new(lines).lines().map_while(Result::ok) {
-            println!("{line}");
-            if let Some(counts) = line.strip_prefix("test result: ") {
-                let count = |name: &str| -> u64 {
-                    let before = counts.split(name).next().unwrap_or_default();
-                    before
-                        .split_whitespace()
-                        .next_back()
-                        .and_then(|word| word.parse().ok())
-                        .unwrap_or(0)
-                };
-                passed += count(" passed");
-                failed += count(" failed");
-                ignored += count(" ignored");
-            }
-        }
-    }
-    let status = child.wait().map_err(|error| format!("cargo test: {error}"))?;
-    println!("\n{passed} passed, {failed} failed, {ignored} skipped");
-    if !status.success() || failed > 0 {
-        return Err(format!("tests failed ({status})"));
-    }
-    if passed == 0 {
-        Err("no test ran".to_owned())
-    } else {
-        Ok(())
-    }
 }
 
 fn fuzz(seconds: &str) -> Result<(), String> {

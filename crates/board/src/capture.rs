@@ -48,23 +48,18 @@ type Addressed = (u8, Change);
 
 /// The changes that make the wishes of all axes, with the tables that the board has.
 fn changes(wishes: &[Option<Wish>], axes: &[Collector]) -> Result<VecDeque<Addressed>, BoardError> {
-    let Some((first, tables)) = wishes
-        .iter()
-        .flatten()
-        .next()
-        .zip(axes.first().and_then(Collector::tables))
-    else {
+    let Some(first) = wishes.iter().flatten().next() else {
         return Ok(VecDeque::new());
     };
     if wishes.len() > axes.len() {
         return Err(BoardError::OneAxis);
     }
     let mut all = VecDeque::new();
-    if tables.len() > 1 {
-        all.push_back((0, Change::Bank(first.bank)));
-    }
     for (number, axis) in (1..).zip(axes) {
         let tables = axis.tables().unwrap_or_default();
+        if number == 1 && tables.len() > 1 {
+            all.push_back((0, Change::Bank(first.bank)));
+        }
         let Some(table) = tables.get(usize::from(first.bank)) else {
             return Err(BoardError::NoBank {
                 bank: first.bank,
@@ -117,20 +112,6 @@ fn answer(axes: &mut [Collector], to: u8) -> Option<Answer> {
     refused.or(answers.first()).copied()
 }
 
-/// As [`capture_axes`], of the first axis.
-///
-/// # Errors
-/// As [`capture_axes`].
-pub fn capture(
-    from: &str,
-    seconds: f64,
-    start: Start<'_>,
-    progress: &mut dyn FnMut(f64),
-) -> Result<Capture, BoardError> {
-    let mut axes = capture_axes(from, seconds, start, progress)?.into_iter();
-    axes.next().ok_or(BoardError::NoSamples { bytes: 0 })
-}
-
 /// Records for so many seconds of the board's time, or until the stream ends or is silent for [`PATIENCE`]: what each axis of the board
 /// did, the first one's first.
 ///
@@ -142,7 +123,7 @@ pub fn capture(
 /// # Errors
 /// A length that makes no sense, nothing at `from`, nobody there to be asked, a wish that the board's tables do not allow, that it
 /// refuses or does not answer, and as [`Collector::push`] and [`Collector::finish`].
-pub fn capture_axes(
+pub fn capture(
     from: &str,
     seconds: f64,
     start: Start<'_>,

@@ -42,6 +42,8 @@ const MULTISINE_PERIOD_S: f64 = 0.1;
 const SETTLING_PERIODS: u32 = 5;
 /// Periods judged.
 const JUDGED_PERIODS: u32 = 4;
+/// Length of the rise from rest to where a reference begins, half a cosine, seconds.
+const RISE_S: f64 = 0.02;
 /// Length of each hold of the staircase, seconds.
 const HOLD_S: f64 = 10.0;
 /// Length of each of its moves, half a cosine, seconds.
@@ -336,7 +338,7 @@ impl Bench<'_> {
             peak_v: MULTISINE_SHARE * (high_um - low_um),
             seed: self.seed,
         };
-        let samples_um = with_rise(&multisine.samples(self.period_s())?, 0.02, self.period_s())?;
+        let samples_um = with_rise(&multisine.samples(self.period_s())?, RISE_S, self.period_s())?;
         let judged = (f64::from(JUDGED_PERIODS) * MULTISINE_PERIOD_S / self.period_s()).round() as usize;
         Ok(Reference {
             judged_from: samples_um.len() - judged,
@@ -349,10 +351,10 @@ impl Bench<'_> {
     pub(crate) fn noise_at_rest_nm(&self, contender: &Contender<'_>) -> Result<f64, TrackingError> {
         let middle_um = 0.5 * (self.range_um[0] + self.range_um[1]);
         let samples = |time_s: f64| (time_s / self.period_s()).round() as usize;
-        let rise = samples(0.02);
-        let share = |k: usize| 0.5 * (1.0 - (std::f64::consts::PI * (k as f64 / rise as f64).min(1.0)).cos());
+        let mut samples_um: Vec<f64> = half_cosine(0.0, middle_um, samples(RISE_S)).collect();
+        samples_um.resize(samples(1.0), middle_um);
         let reference = Reference {
-            samples_um: (0..samples(1.0)).map(|k| middle_um * share(k)).collect(),
+            samples_um,
             judged_from: samples(0.8),
             ..Reference::default()
         };
@@ -369,9 +371,8 @@ impl Bench<'_> {
             middle_um + 0.5 * STEP_SHARE * (high_um - low_um),
         );
         let samples = |time_s: f64| (time_s / self.period_s()).round() as usize;
-        let (rise, hold) = (samples(0.02), samples(STEP_HOLD_S));
-        let share = |k: usize| 0.5 * (1.0 - (std::f64::consts::PI * k as f64 / rise as f64).cos());
-        let mut samples_um: Vec<f64> = (0..rise).map(|k| below_um * share(k)).collect();
+        let (rise, hold) = (samples(RISE_S), samples(STEP_HOLD_S));
+        let mut samples_um: Vec<f64> = half_cosine(0.0, below_um, rise).collect();
         for level_um in [below_um, below_um, above_um, below_um] {
             samples_um.extend(std::iter::repeat_n(level_um, hold));
         }
@@ -396,8 +397,7 @@ impl Bench<'_> {
         let mut samples_um = Vec::with_capacity(4 * (moving + holding));
         let mut judged = Vec::new();
         for pair in [0.0, middle_um, high_um, low_um, middle_um].windows(2) {
-            let share = |k: usize| 0.5 * (1.0 - (std::f64::consts::PI * k as f64 / moving as f64).cos());
-            samples_um.extend((0..moving).map(|k| pair[0] + (pair[1] - pair[0]) * share(k)));
+            samples_um.extend(half_cosine(pair[0], pair[1], moving));
             judged.push(samples_um.len() + after..samples_um.len() + holding);
             samples_um.extend(std::iter::repeat_n(pair[1], holding));
         }
@@ -416,6 +416,14 @@ impl Bench<'_> {
             .fold(0.0, f64::max);
         Ok(100.0 * largest / (high_um - low_um))
     }
+}
+
+/// A move of so many samples from one level to another.
+fn half_cosine(from_um: f64, to_um: f64, samples: usize) -> impl Iterator<Item = f64> {
+    (0..samples).map(move |k| {
+        let share = 0.5 * (1.0 - (std::f64::consts::PI * k as f64 / samples as f64).cos());
+        from_um + (to_um - from_um) * share
+    })
 }
 
 /// Rms of what is left of values about their least-squares line.

@@ -8,7 +8,7 @@ use crate::{output, progress};
 use clap::{Args, ValueEnum};
 use hysteron_board::BoardError;
 use hysteron_board::budget;
-use hysteron_board::capture::{Start, capture_axes};
+use hysteron_board::capture::{Start, capture};
 use hysteron_board::telemetry::Capture;
 use hysteron_data::{Dataset, Known, Record};
 use serde::Serialize;
@@ -99,7 +99,7 @@ pub(crate) fn run(args: &RecordArgs) -> Result<Done, CliError> {
         None if args.run => Start::Host,
         None => Start::Nobody,
     };
-    let captured = capture_axes(&args.from, args.seconds, start, &mut |share| {
+    let captured = capture(&args.from, args.seconds, start, &mut |share| {
         progress::advance(&bar, share);
     });
     bar.finish_and_clear();

@@ -5,7 +5,7 @@ use crate::commands::control::programme::{Piece, programme, training_programme};
 use crate::error::CliError;
 use crate::progress;
 use hysteron_board::budget;
-use hysteron_board::capture::{Start, Wish, capture_axes};
+use hysteron_board::capture::{Start, Wish, capture};
 use hysteron_board::telemetry::Capture;
 use hysteron_board::upload::Upload;
 use hysteron_board::{Mode, Recording, Request, Shape, whole_range_um};
@@ -145,7 +145,7 @@ fn without_a_gap(
         } else {
             (Start::Nobody, piece.kept_s)
         };
-        let axes = capture_axes(asked.from, seconds, start, &mut |share| progress(share))?;
+        let axes = capture(asked.from, seconds, start, &mut |share| progress(share))?;
         for axis in &axes {
             no_fault(axis, piece.name)?;
             lost = axis.counts.lost;

@@ -8,7 +8,7 @@ use crate::commands::control::track::{TrackArgs, cells, first_mode, heads, hertz
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
-use hysteron_board::capture::{Start, Wish, capture_axes};
+use hysteron_board::capture::{Start, Wish, capture};
 use hysteron_board::telemetry::{About, Capture};
 use hysteron_board::upload::Upload;
 use hysteron_board::{BoardError, Mode, Request, TABLE_POINTS, whole_range_um};
@@ -245,12 +245,9 @@ impl Looped<'_> {
             })
         };
         let wishes: Vec<Option<Wish>> = references.iter().map(wish).collect();
-        Ok(capture_axes(
-            self.from,
-            seconds,
-            Start::Playing(&wishes),
-            &mut |part| progress(part),
-        )?)
+        Ok(capture(self.from, seconds, Start::Playing(&wishes), &mut |part| {
+            progress(part)
+        })?)
     }
 
     /// Along uploaded points.
