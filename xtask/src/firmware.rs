@@ -30,22 +30,27 @@ const EMULATED_ENTRIES: [&str; 2] = ["mps2::sample_clock", "NonMaskableInt"];
 /// Smallest code of an image: an image that was linked without its linker script has two bytes of it.
 pub(crate) const SMALLEST_BYTES: u64 = 4096;
 
-/// Builds the images with tables, by default [`TABLE`]: bank 0 is the first.
-pub(crate) fn build(tables: &[String]) -> Result<(), String> {
-    let tables: Vec<&Path> = match tables {
-        [] => vec![Path::new(TABLE)],
-        tables => tables.iter().map(Path::new).collect(),
-    };
-    build_into(&tables, Path::new(IMAGES))
-}
+/// Stands before the tables of a second axis.
+const OF_Y: &str = "--y";
 
-fn build_into(tables: &[&Path], folder: &Path) -> Result<(), String> {
-    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+/// Builds the images with tables, by default [`TABLE`]: bank 0 is the first. With tables behind [`OF_Y`], the images of both axes.
+pub(crate) fn build(tables: &[String]) -> Result<(), String> {
+    let mut axes = tables.split(|word| word == OF_Y);
+    let mut next = || -> Vec<&Path> { axes.next().unwrap_or_default().iter().map(Path::new).collect() };
+    let (of_x, of_y) = (next(), next());
+    std::fs::create_dir_all(IMAGES).map_err(|error| format!("{IMAGES}: {error}"))?;
+    if tables.iter().any(|word| word == OF_Y) {
+        for board in BOARDS {
+            build_both(&Path::new(IMAGES).join(format!("{}-xy", board.0)), board, &of_x, &of_y)?;
+        }
+        return Ok(());
+    }
+    let tables = if of_x.is_empty() { vec![Path::new(TABLE)] } else { of_x };
     for (board, core) in BOARDS {
-        let built = build_with("mps2", core, tables, &[])?;
-        let image = folder.join(board);
+        let built = build_with("mps2", core, &tables, &[])?;
+        let image = Path::new(IMAGES).join(board);
         std::fs::copy(&built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
-        crate::firmware_image::check(board, &image, &EMULATED_ENTRIES, &limits(tables))?;
+        crate::firmware_image::check(board, &image, &EMULATED_ENTRIES, &limits(&tables))?;
     }
     Ok(())
 }
@@ -83,8 +88,9 @@ pub(crate) fn compare() -> Result<(), String> {
     // For the tests, which hold the other core to the same bits.
     let image = build_named(&folder, BOARDS[1], COMPLETE[0].1, "tracking-8k-m7")?;
     crate::firmware_image::check("tracking-8k-m7", &image, &EMULATED_ENTRIES, limits)?;
+    let [x, y] = AXES.map(|(axis, _)| PathBuf::from(format!("firmware/tables/{axis}.toml")));
     for (name, board) in [("tracking-xy", BOARDS[0]), ("tracking-xy-m7", BOARDS[1])] {
-        build_both(&folder.join(name), board)?;
+        build_both(&folder.join(name), board, &[&x], &[&y])?;
     }
     // Of the whole workspace: with the features of one package alone its dependencies would be compiled twice.
     run(
@@ -122,13 +128,20 @@ fn build_banks(folder: &Path) -> Result<(), String> {
 }
 
 /// Builds the image of both axes.
-fn build_both(image: &Path, (board, core): (&str, &str)) -> Result<(), String> {
-    let [x, y] = AXES.map(|(axis, _)| PathBuf::from(format!("firmware/tables/{axis}.toml")));
-    let built = build_with("mps2", core, &[&x], &[&y])?;
+fn build_both(image: &Path, (board, core): (&str, &str), of_x: &[&Path], of_y: &[&Path]) -> Result<(), String> {
+    if of_x.is_empty() || of_x.len() != of_y.len() {
+        return Err(format!(
+            "{} tables of the first axis and {} of the second; give as many of each, such as x.toml {OF_Y} y.toml",
+            of_x.len(),
+            of_y.len()
+        ));
+    }
+    let built = build_with("mps2", core, of_x, of_y)?;
     let copied = std::fs::copy(&built, image);
     copied.map_err(|error| format!("{}: {error}", image.display()))?;
     let name = format!("{board}, two axes");
-    crate::firmware_image::check(&name, image, &EMULATED_ENTRIES, &crate::firmware_image::BOTH)
+    let limits = crate::firmware_image::BOTH.with_banks(of_x.len());
+    crate::firmware_image::check(&name, image, &EMULATED_ENTRIES, &limits)
 }
 
 /// Whether an image with a reachable panic is refused by the linker, for that reason: it must be.

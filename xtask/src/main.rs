@@ -19,7 +19,7 @@ usage: cargo xtask <command>
           effect and strength (default 4) and the first seed (default 1000)
   firmware run      build the images, run each in the emulator against the simulated stage
   firmware build    build the images for the emulator's boards; takes tables, by default firmware/tables/paper-rate-mrpi.toml:
-                    several become banks that the host changes between
+                    several become banks that the host changes between; x.toml --y y.toml makes images of both axes
   firmware bench    instructions of one control tick in the emulator, beside the same algorithm in C by gcc -O3
   firmware compare  every controller on every reference, in the emulator and on the host, bit by bit, as one table
   firmware boards   build the images of nucleo-h743zi and nucleo-g474re, and check what can be checked without a board

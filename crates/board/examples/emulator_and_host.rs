@@ -142,7 +142,7 @@ fn two_axes() -> Result<usize, Box<dyn Error>> {
     };
     let setups = [setup(0, Shape::Triangle, 100.0)?, setup(1, Shape::Sine, 10.0)?];
     let (mut there, mut here) = (rig.clone(), rig);
-    let timing = session.run(&setups, &mut there)?;
+    let timing = session.run(&setups, &mut there, &mut |_| {})?;
     let mut axes = TwoAxes::new(
         Controller::new(complete(&tables[0])?, &setups[0]),
         Controller::new(complete(&tables[1])?, &setups[1]),

@@ -25,6 +25,8 @@ pub struct Budget {
     pub tick_instructions: f64,
     /// Axes of the image; the DACs share a bus, and the second one's word comes after the first one's.
     pub axes: u8,
+    /// Whether its laws are complete ones, or the paper's.
+    pub complete: bool,
 }
 
 /// Cycles for an instruction, as a bound for this code: floating-point arithmetic takes 1 and loads 2 (Cortex-M4 TRM DDI 0439, tables
@@ -41,24 +43,30 @@ pub const SETTLING_S: f64 = 5e-6;
 /// Period of the loop.
 const PERIOD_S: f64 = 20e-6;
 
-/// The boards of `firmware/nucleo`: of one axis with the paper's law, and of both with complete ones, a tick of which takes 2320
-/// instructions at worst of six pairs of references in closed loop (`mps2-an500`, its sample timer around the tick). The laws alone are
-/// 1455 of them (`cargo xtask firmware bench`).
-pub const BOARDS: [Budget; 3] = [
-    Budget::of(&chips::H743, 450.0, 1),
-    Budget::of(&chips::G474, 450.0, 1),
-    Budget::of(&chips::H743, 2400.0, 2),
+/// The boards of `firmware/nucleo` with the paper's law and with a complete one.
+///
+/// Closed loop, sines, triangle, complex harmonic and steps, the sample timer around the tick: of the paper's law 435 instructions at
+/// worst (`mps2-an500`) and 455 (`mps2-an386`), of a complete one 1145 and 1235. Both axes with complete laws take 2320 (`mps2-an500`,
+/// six pairs of references), twice one; with the paper's they have not been counted, and are taken for twice one.
+pub const BOARDS: [Budget; 6] = [
+    Budget::of(&chips::H743, 450.0, 1, false),
+    Budget::of(&chips::H743, 1200.0, 1, true),
+    Budget::of(&chips::H743, 900.0, 2, false),
+    Budget::of(&chips::H743, 2400.0, 2, true),
+    Budget::of(&chips::G474, 460.0, 1, false),
+    Budget::of(&chips::G474, 1250.0, 1, true),
 ];
 
 /// Known delay of a recording of what describes itself so, seconds; where it is one of these.
 pub fn known_delay_s(about: &About) -> Option<f64> {
-    let of_it = |budget: &&Budget| budget.board == about.board() && budget.axes == about.axes;
+    let law = (about.hello.axes, about.hello.complete);
+    let of_it = |budget: &&Budget| budget.board == about.board() && (budget.axes, budget.complete) == law;
     Some(BOARDS.iter().find(of_it)?.known_delay_s(about.axis))
 }
 
 impl Budget {
     /// By the figures that the board's registers are set to.
-    const fn of(chip: &Chip, tick_instructions: f64, axes: u8) -> Self {
+    const fn of(chip: &Chip, tick_instructions: f64, axes: u8, complete: bool) -> Self {
         Self {
             board: chip.board,
             clock_hz: chip.processor_hz() as f64,
@@ -68,6 +76,7 @@ impl Budget {
             bus_hz: chip.bus_hz() as f64,
             tick_instructions,
             axes,
+            complete,
         }
     }
 
@@ -106,13 +115,15 @@ impl Budget {
     /// The rows of `docs/boards/`, one an axis.
     pub fn rows(&self) -> Vec<String> {
         let row = |axis: u8| {
-            let name = match (self.axes, axis) {
-                (1, _) => self.board.to_owned(),
-                (_, 0) => format!("{}, both, X", self.board),
-                _ => format!("{}, both, Y", self.board),
+            let axis_of = match (self.axes, axis) {
+                (1, _) => "",
+                (_, 0) => ", both, X",
+                _ => ", both, Y",
             };
+            let law = if self.complete { "complete" } else { "paper's" };
             format!(
-                "| {name} | {:.0} MHz | {:.2} us | {:.0} | {:.2} us | {:.2} us | {:.1} us | {:.0} % |",
+                "| {}{axis_of} | {law} | {:.0} MHz | {:.2} us | {:.0} | {:.2} us | {:.2} us | {:.1} us | {:.0} % |",
+                self.board,
                 self.clock_hz / 1e6,
                 1e6 * (self.sampling_cycles + self.conversion_cycles) / self.adc_hz,
                 self.cycles(),
@@ -139,19 +150,28 @@ mod tests {
             for row in budget.rows() {
                 assert!(text.contains(&row), "{page} should have\n{row}");
             }
-            let least = if budget.axes == 1 { 0.5 } else { 0.1 };
-            assert!(budget.headroom() > least, "{}", budget.board);
+            assert!(budget.headroom() > 0.05, "{budget:?}");
         }
     }
 
-    /// By hand: 12.5 / 42.5 MHz + (56 + 2 x 600) / 170 MHz + 24 / 21.25 MHz.
+    /// A board that runs a complete law is later by the instructions that this takes more: 750 at two cycles, 400 MHz.
+    #[test]
+    fn val_known_delay_is_that_of_the_law() {
+        let mut about = About::of("nucleo-h743zi");
+        let of_the_paper = known_delay_s(&about).unwrap();
+        about.hello.complete = true;
+        assert!((known_delay_s(&about).unwrap() - of_the_paper - 3.75e-6).abs() < 1e-11);
+        assert_eq!(known_delay_s(&About::of("mps2-an386")), None);
+    }
+
+    /// By hand: 12.5 / 42.5 MHz + (56 + 2 x 610) / 170 MHz + 24 / 21.25 MHz.
     #[test]
     fn val_latency_by_hand() {
-        let g474 = BOARDS[1];
-        assert!((g474.latency_s(0) - (0.294_118e-6 + 7.388_235e-6 + 1.129_412e-6)).abs() < 1e-11);
+        let g474 = BOARDS[4];
+        assert!((g474.latency_s(0) - (0.294_118e-6 + 7.505_882e-6 + 1.129_412e-6)).abs() < 1e-11);
         assert!((g474.known_delay_s(0) - g474.latency_s(0) - 12.5e-6).abs() < 1e-15);
         // The second word comes after the first, and after 150 instructions at 2.5 ns each cycle: 24 / 25 MHz + 300 / 400 MHz.
-        let both = BOARDS[2];
+        let both = BOARDS[3];
         assert!((both.latency_s(1) - both.latency_s(0) - (0.96e-6 + 0.75e-6)).abs() < 1e-11);
     }
 }

@@ -84,7 +84,7 @@ fn with_law<L>(table: &Table, law: L) -> Result<Parameters<L>, TableError> {
     })
 }
 
-/// What an image with no other table says of the table of a file.
+/// What an image of one axis with no other table says of the table of a file.
 pub fn hello(table: &Table, text: &str) -> Hello {
     Hello {
         hash: hash(text),
@@ -93,5 +93,7 @@ pub fn hello(table: &Table, text: &str) -> Hello {
         input_max_um: table.input_max_um as f32,
         bank: 0,
         banks: 1,
+        axes: 1,
+        complete: table.controller.is_some(),
     }
 }

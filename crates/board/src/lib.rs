@@ -161,8 +161,11 @@ pub enum BoardError {
         source: std::io::Error,
     },
     /// A second axis that there is not.
-    #[error("the board has one axis; for a second one flash an image of both to it (docs/boards/)")]
+    #[error("the board has one axis; for a second one build an image of both (docs/boards/)")]
     OneAxis,
+    /// A stage of one axis at an image of both.
+    #[error("the image is of both axes; name the second one's stage as well, or take an image of one axis")]
+    TwoAxes,
     /// A source that takes no orders.
     #[error("{0}: a file takes no orders; give HOST:PORT of a server, or start the loop by the board's button")]
     NotAsked(String),
@@ -262,6 +265,8 @@ pub struct Outcome {
     pub setup: Setup,
     /// Timing, by the board's own timers.
     pub summary: Summary,
+    /// Instructions in one of their counts.
+    pub instructions_a_count: u64,
 }
 
 /// Ticks after a run in which the command falls to its safe level: 20 ms for the whole range, as `hysteron export` sets it, and 2 ms.
@@ -315,6 +320,19 @@ fn within(name: &'static str, value: f64, min: f64, max: f64) -> Result<(), Boar
     Err(BoardError::Setup { name, value, min, max })
 }
 
+fn same_rate(stage_hz: f64, table: &Hello) -> Result<(), BoardError> {
+    let table_hz = f64::from(table.sample_rate_hz);
+    match (stage_hz / table_hz - 1.0).abs() <= 1e-6 {
+        true => Ok(()),
+        false => Err(BoardError::OtherRate { stage_hz, table_hz }),
+    }
+}
+
+/// Instructions in a count of the board's timers, 40 ns, at so many nanoseconds an instruction, as a power of two.
+const fn instructions_a_count(shift: u8) -> u64 {
+    40 >> shift
+}
+
 /// An instruction is 8 ns of virtual time: 2500 in the 20 us of a tick.
 const SHIFT: u8 = 3;
 
@@ -362,7 +380,10 @@ impl Session {
         }
         let mut emulator = Emulator::start(machine, image, SHIFT, patience)?;
         let banks = banks(&mut emulator)?;
-        Ok(Self { emulator, banks })
+        match banks[0].axes {
+            1 => Ok(Self { emulator, banks }),
+            _ => Err(BoardError::TwoAxes),
+        }
     }
 
     /// What the image said of the table that it begins with, bank 0.
@@ -386,10 +407,7 @@ impl Session {
         bench: &mut dyn Bench,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Summary, BoardError> {
-        let (stage_hz, table_hz) = (bench.sample_rate_hz(), f64::from(self.hello().sample_rate_hz));
-        if (stage_hz / table_hz - 1.0).abs() > 1e-6 {
-            return Err(BoardError::OtherRate { stage_hz, table_hz });
-        }
+        same_rate(bench.sample_rate_hz(), self.hello())?;
         let mut ticks = 0;
         exchange(&mut self.emulator, setup, bench, &mut ticks, progress).map_err(|failed| match failed {
             Broken::Wire(source) => broken(&self.emulator, ticks, source),
@@ -466,7 +484,12 @@ pub fn drive(
     let setup = request.setup(session.hello())?;
     let summary = session.run(&setup, bench, progress)?;
     let hello = *session.hello();
-    Ok(Outcome { hello, setup, summary })
+    Ok(Outcome {
+        hello,
+        setup,
+        summary,
+        instructions_a_count: instructions_a_count(SHIFT),
+    })
 }
 
 /// As [`drive`], against a simulated stage: changes at the safe level, start, the request, stop, and what was recorded from the start on.
@@ -502,7 +525,12 @@ pub fn run(
     if let Some((tick, what)) = rig.refused() {
         return Err(BoardError::Refused { tick, what });
     }
-    let outcome = Outcome { hello, setup, summary };
+    let outcome = Outcome {
+        hello,
+        setup,
+        summary,
+        instructions_a_count: instructions_a_count(SHIFT),
+    };
     Ok((outcome, rig.recording))
 }
 

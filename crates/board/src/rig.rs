@@ -41,7 +41,8 @@ impl Recording {
             .map(|(frame, y)| f64::from(frame.reference_um) - y)
             .collect();
         let late = &errors[errors.len() / 2..];
-        (late.iter().map(|e| e * e).sum::<f64>() / late.len().max(1) as f64).sqrt()
+        // A sum of nothing is -0.
+        (late.iter().fold(0.0, |sum, e| sum + e * e) / late.len().max(1) as f64).sqrt()
     }
 }
 

@@ -156,6 +156,8 @@ impl Collector {
                 Hello {
                     sample_rate_hz: known.hello.sample_rate_hz,
                     banks: known.hello.banks,
+                    axes: known.hello.axes,
+                    complete: known.hello.complete,
                     ..about.hello
                 }
             };
@@ -256,7 +258,7 @@ impl Collector {
 
     /// How many axes the board has, once it has described itself.
     pub(crate) fn axes(&self) -> Option<usize> {
-        Some(usize::from(self.abouts.first()?.axes))
+        Some(usize::from(self.abouts.first()?.hello.axes))
     }
 
     /// Begins the recording anew: what came before was no part of it.

@@ -2,8 +2,12 @@
 
 use crate::emulator::Emulator;
 use crate::rig::adc;
-use crate::{BoardError, Machine, Recording, banks, broken, frames_and_summary};
+use crate::{
+    BoardError, Machine, Outcome, Recording, Request, banks, broken, frames_and_summary, instructions_a_count,
+    same_rate,
+};
 use hysteron_firmware::law::Law;
+use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::two_axes::TwoAxes;
 use hysteron_firmware::wire::{FRAME_BYTES, Frame, Hello, Input, Order, SUMMARY_BYTES, Setup, Summary};
 use hysteron_plant::{CrossCoupling, Stage, StageConfig, StageError};
@@ -122,7 +126,11 @@ impl TwoAxisSession {
             return Err(BoardError::NoImage(image.to_owned()));
         }
         let mut emulator = Emulator::start(machine, image, SHIFT, patience)?;
-        let banks = [banks(&mut emulator)?, banks(&mut emulator)?];
+        let of_x = banks(&mut emulator)?;
+        if of_x[0].axes == 1 {
+            return Err(BoardError::OneAxis);
+        }
+        let banks = [of_x, banks(&mut emulator)?];
         Ok(Self { emulator, banks })
     }
 
@@ -136,7 +144,12 @@ impl TwoAxisSession {
     ///
     /// # Errors
     /// An exchange that breaks off, or a frame that is missing.
-    pub fn run(&mut self, setups: &[Setup; 2], bench: &mut dyn TwoAxisBench) -> Result<Summary, BoardError> {
+    pub fn run(
+        &mut self,
+        setups: &[Setup; 2],
+        bench: &mut dyn TwoAxisBench,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Summary, BoardError> {
         let emulator = &mut self.emulator;
         let sent = setups.map(|setup| setup.to_bytes());
         let begun = emulator.to_board.write_all(sent.as_flattened());
@@ -155,6 +168,9 @@ impl TwoAxisSession {
                 return Err(BoardError::LostFrame { got, wanted });
             }
             bench.outputs(&frames);
+            if wanted % 1024 == 0 {
+                progress(f64::from(wanted) / f64::from(setups[0].ticks));
+            }
         }
         let mut summary = [0; SUMMARY_BYTES];
         let read = emulator.from_board.read_exact(&mut summary);
@@ -174,4 +190,41 @@ impl TwoAxisSession {
         let answers = exchanged.map_err(|source| broken(&self.emulator, setups[0].ticks, source))?;
         Ok(frames_and_summary(&answers).0)
     }
+}
+
+/// As [`crate::run`], of both axes: start, the request of the first axis and beside it a sine of the second over its table's range, stop.
+/// Without a frequency the second stands still. What they did is in the rig's recordings, from the start on.
+///
+/// # Errors
+/// As [`TwoAxisSession::start`], [`Request::setup`] and [`TwoAxisSession::run`]; stages of another rate than the tables'.
+pub fn run_both(
+    machine: Machine,
+    image: &Path,
+    rig: &mut TwoAxisRig,
+    (request, beside_hz): (&Request, Option<f64>),
+    patience: Duration,
+    progress: &mut dyn FnMut(f64),
+) -> Result<[Outcome; 2], BoardError> {
+    let mut session = TwoAxisSession::start(machine, image, patience)?;
+    let hellos = session.banks().each_ref().map(|banks| banks[0]);
+    for (stage, hello) in rig.stages.iter().zip(&hellos) {
+        same_rate(1.0 / stage.config().sample_period_s, hello)?;
+    }
+    let beside = Request {
+        shape: Shape::Sine,
+        frequency_hz: beside_hz.unwrap_or(request.frequency_hz),
+        range_um: None,
+        ..*request
+    };
+    let [x, y] = [request.setup(&hellos[0])?, beside.setup(&hellos[1])?];
+    // A phase that does not go on is a reference that stands still.
+    let phase_step = beside_hz.map_or(0, |_| y.phase_step);
+    let setups = [x, Setup { phase_step, ..y }];
+    let summary = session.run(&setups, rig, progress)?;
+    Ok([0, 1].map(|axis| Outcome {
+        hello: hellos[axis],
+        setup: setups[axis],
+        summary,
+        instructions_a_count: instructions_a_count(SHIFT),
+    }))
 }

@@ -238,6 +238,8 @@ fn hello() -> Hello {
         input_max_um: table::INPUT_MAX_UM,
         bank: 0,
         banks: 1,
+        axes: 1,
+        complete: false,
     }
 }
 

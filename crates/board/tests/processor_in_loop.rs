@@ -185,6 +185,8 @@ fn hello() -> Hello {
         input_max_um: 2.5,
         bank: 0,
         banks: 1,
+        axes: 1,
+        complete: false,
     }
 }
 

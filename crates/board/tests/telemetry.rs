@@ -61,7 +61,9 @@ fn val_checksum() {
 fn val_packets_come_back() {
     let packet = sample(7).to_packet();
     assert_eq!(find(&packet), Found::Sample(sample(7)));
-    let described = About::of("nucleo-g474re");
+    let mut described = About::of("nucleo-g474re");
+    assert_eq!(find(&described.to_packet()), Found::About(described));
+    described.hello.complete = true;
     assert_eq!(find(&described.to_packet()), Found::About(described));
     assert_eq!(described.board(), "nucleo-g474re");
     assert_eq!((packet.len(), described.to_packet().len()), (SAMPLE_BYTES, ABOUT_BYTES));

@@ -26,6 +26,8 @@ fn run(ticks: u32, script: &[(usize, Order)], changes: &[(usize, Change)]) -> Ve
         input_max_um: table::INPUT_MAX_UM,
         bank: 0,
         banks: 1,
+        axes: 1,
+        complete: false,
     };
     let request = Request {
         shape: Shape::Sine,

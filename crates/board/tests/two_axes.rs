@@ -71,7 +71,7 @@ fn val_two_axes_give_the_same_bits() {
         };
         let mut session = TwoAxisSession::start(machine, &image, Duration::from_secs(120)).unwrap();
         let tables = tables();
-        let wanted = [0, 1].map(|axis| vec![hello(&tables[axis], TABLES[axis])]);
+        let wanted = [0, 1].map(|axis| vec![hello(&tables[axis], TABLES[axis]).of_both(true)]);
         assert_eq!(session.banks(), &wanted, "the image has other tables: build it anew");
         for (references, feedback) in [
             ([(Shape::Triangle, 100.0), (Shape::Sine, 10.0)], true),
@@ -79,7 +79,7 @@ fn val_two_axes_give_the_same_bits() {
         ] {
             let setups = setups(references, feedback, 0.05);
             let (mut there, mut here) = (rig(0.05), rig(0.05));
-            let timing = session.run(&setups, &mut there).unwrap();
+            let timing = session.run(&setups, &mut there, &mut |_| {}).unwrap();
             // By the sample clock: no tick late, none missing, and a tick of more than four fifths of a period is another algorithm.
             assert_eq!((timing.overruns, timing.lost), (0, 0), "{timing:?}");
             assert!(timing.latency_max - timing.latency_min <= 1, "{timing:?}");
@@ -222,7 +222,7 @@ fn val_the_watchdog_takes_both_over() {
         at: 3000,
     };
     let mut session = TwoAxisSession::start(Machine::Mps2An386, &image, Duration::from_secs(120)).unwrap();
-    session.run(&setups, &mut bench).unwrap();
+    session.run(&setups, &mut bench, &mut |_| {}).unwrap();
     for (axis, table) in bench.rig.recordings.iter().zip(tables()) {
         assert!(axis.frames[3000].fault().is_none());
         // The hung tick has sent its frames; the next are the watchdog's.

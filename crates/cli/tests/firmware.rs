@@ -242,7 +242,8 @@ fn val_board_run_takes_a_bank() {
     assert!(said.contains(&named), "{said}");
     let dataset = read_dataset(Path::new(&board)).unwrap();
     assert!(dataset.description.ends_with(&named), "{}", dataset.description);
-    let other = run("2");
+    let mut other = run("2");
+    other.push("--overwrite".to_owned());
     let said = refused(&other.iter().map(String::as_str).collect::<Vec<_>>());
     assert!(said.contains("bank 2: the image has 2 (0 to 1)"), "{said}");
 }
@@ -294,4 +295,57 @@ fn val_board_run_follows_a_reference_from_a_file() {
         let off_um = (found_um - points[k % 256]).abs();
         assert!(off_um < 1.5 / 65_535.0 / 2.0 + 1e-6, "{k}: {found_um}");
     }
+}
+
+/// An image of both axes: either is recorded, with the other's command beside it, and what couples beyond the table's share is in the error.
+#[test]
+fn val_board_run_records_either_of_both_axes() {
+    let (Some(both), Some(one)) = (image("tables/tracking-xy"), image("tables/tracking-8k")) else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let common = [
+        "board",
+        "run",
+        "--emulator",
+        "mps2-an386",
+        "--stage",
+        "8k",
+        "--seconds",
+        "0.05",
+    ];
+    let range = ["--low", "3", "--high", "13", "--hz", "100"];
+    let recorded = |name: &str, options: &[&str]| {
+        let output = path(name);
+        let beside = ["--stage-y", "739", "--hz-y", "37", "--image", &both, "-o", &output];
+        let said = answered(&[&common[..], &range, &beside, options].concat());
+        assert!(said.starts_with("3600 ticks, 0 overruns, 0 edges lost"), "{said}");
+        assert!(!said.contains("fault"), "{said}");
+        let off = |axis: &str| -> f64 {
+            let line = said
+                .lines()
+                .find(|line| line.starts_with(&format!("{axis}: later")))
+                .unwrap();
+            let percent = line.split_whitespace().rev().nth(5).unwrap();
+            percent.parse().unwrap()
+        };
+        let errors = [off("X"), off("Y")];
+        (errors, read_dataset(Path::new(&output)).unwrap().records.remove(0))
+    };
+    let ([x, y], of_x) = recorded("x", &[]);
+    assert!(x < 0.05 && y < 0.05, "{x} % and {y} %");
+    let (_, of_y) = recorded("y", &["--axis", "y"]);
+    assert_eq!(of_x.voltage2_v.as_ref(), Some(&of_y.voltage_v));
+    assert_eq!(of_y.voltage2_v.as_ref(), Some(&of_x.voltage_v));
+    let ([coupled, _], _) = recorded("coupled", &["--cross", "0.08,-0.006"]);
+    assert!(coupled > 5.0 * x, "{coupled} % against {x} %");
+    let nowhere = ["-o", "nowhere"];
+    let said = refused(&[&common[..], &["--image", &both], &nowhere].concat());
+    assert!(said.contains("the image is of both axes"), "{said}");
+    let alone = ["--stage-y", "739", "--image", &one];
+    let said = refused(&[&common[..], &alone, &nowhere].concat());
+    assert!(said.contains("the board has one axis"), "{said}");
+    let said = refused(&[&common[..], &alone, &["--cross", "0.01"], &nowhere].concat());
+    assert!(said.contains("two shares of the other's motion"), "{said}");
 }

@@ -107,6 +107,8 @@ pub fn hello() -> crate::wire::Hello {
         input_max_um: INPUT_MAX_UM,
         bank: BANK,
         banks: BANKS as u8,
+        axes: 1,
+        complete: COMPLETE,
     }
 }
 ";
@@ -185,6 +187,7 @@ impl Table {
             let values: Vec<String> = values.iter().map(|&v| format!("{:?}", v as f32)).collect();
             let _ = writeln!(source, "pub const {name}: [f32; PLAYS] = [{}];", values.join(", "));
         }
+        let _ = writeln!(source, "pub const COMPLETE: bool = {};", self.controller.is_some());
         let _ = writeln!(source, "pub const HASH: [u8; 32] = {:?};{PARAMETERS}", hash(text));
         if let Some(numbers) = self.law_numbers()? {
             // Numbers as the core's own types print them: the shortest decimals that give the same f64.

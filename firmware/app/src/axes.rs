@@ -132,7 +132,8 @@ pub mod two {
 
     /// What there is to say of every table: all of the first axis, then all of the second.
     pub fn hellos() -> impl Iterator<Item = Hello> {
-        table::hellos().into_iter().chain(table_y::hellos())
+        let all = table::hellos().into_iter().chain(table_y::hellos());
+        all.map(|hello| hello.of_both(table::COMPLETE || table_y::COMPLETE))
     }
 
     /// The same, with the converters.

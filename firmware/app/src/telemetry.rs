@@ -3,6 +3,7 @@
 //! A packet is [`MARK`], its kind, its contents, and a checksum of kind and contents. One that does not fit where it goes is left out
 //! as a whole: the numbers of the frames say how many are missing. What a host asks of a board comes the same way, back.
 
+use crate::axes::two;
 use crate::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello, Input, Order};
 use crate::{table, table_y};
 
@@ -25,10 +26,8 @@ const RANGE_BYTES: usize = 16;
 /// Place of the converters' ranges in an [`About`]'s packet, and of the name behind them.
 const RANGES: usize = 2 + HELLO_BYTES;
 const NAME: usize = RANGES + RANGE_BYTES;
-/// Place of the number of axes behind that.
-const AXES: usize = NAME + NAME_BYTES;
 /// Length of an [`About`]'s packet.
-pub const ABOUT_BYTES: usize = AROUND + HELLO_BYTES + RANGE_BYTES + NAME_BYTES + 1;
+pub const ABOUT_BYTES: usize = AROUND + HELLO_BYTES + RANGE_BYTES + NAME_BYTES;
 /// Length of a [`Sample`]'s packet: 1.1 MB a second and axis at 50 kHz.
 pub const SAMPLE_BYTES: usize = AROUND + FRAME_BYTES + 2;
 /// Length of an [`Order`]'s packet.
@@ -60,8 +59,6 @@ pub struct About {
     pub name: [u8; NAME_BYTES],
     /// The axis that the table is of: 0 the first, 1 the second.
     pub axis: u8,
-    /// How many the board has.
-    pub axes: u8,
 }
 
 /// What is at the beginning of some bytes.
@@ -98,7 +95,6 @@ impl About {
             dac_v: [table::DAC_MIN_V, table::DAC_TOP_V],
             name,
             axis: 0,
-            axes: 1,
         }
     }
 
@@ -110,22 +106,18 @@ impl About {
 
     /// Of each table that is compiled in, of a board with both axes: those of the first axis, then those of the second.
     pub fn of_both(board: &str) -> [Self; table::BANKS + table_y::BANKS] {
-        let first = Self {
-            axes: 2,
-            ..Self::of(board)
-        };
+        let of_x = Self::of(board);
         let of_y = Self {
             adc_um: [table_y::ADC_MIN_UM, table_y::ADC_TOP_UM],
             dac_v: [table_y::DAC_MIN_V, table_y::DAC_TOP_V],
             axis: 1,
-            ..first
+            ..of_x
         };
-        let mut all = [first; table::BANKS + table_y::BANKS];
-        let x = table::hellos().map(|hello| first.with(hello));
-        let y = table_y::hellos().map(|hello| of_y.with(hello));
+        let mut all = [of_x; table::BANKS + table_y::BANKS];
+        all[table::BANKS..].fill(of_y);
         all.iter_mut()
-            .zip(x.into_iter().chain(y))
-            .for_each(|(place, about)| *place = about);
+            .zip(two::hellos())
+            .for_each(|(place, hello)| *place = place.with(hello));
         all
     }
 
@@ -145,8 +137,7 @@ impl About {
         for (place, number) in packet[RANGES..NAME].chunks_exact_mut(4).zip(numbers) {
             place.copy_from_slice(&number.to_le_bytes());
         }
-        packet[NAME..AXES].copy_from_slice(&self.name);
-        packet[AXES] = self.axes;
+        packet[NAME..NAME + NAME_BYTES].copy_from_slice(&self.name);
         close(packet)
     }
 
@@ -158,7 +149,6 @@ impl About {
             dac_v: [number(2), number(3)],
             name: core::array::from_fn(|i| packet[NAME + i]),
             axis: u8::from(packet[1] == ABOUT_Y),
-            axes: packet[AXES],
         })
     }
 }

@@ -4,7 +4,7 @@ use crate::monitor::Fault;
 use crate::trajectory::Shape;
 
 /// First bytes of a hello; another version has others.
-pub const MAGIC: [u8; 8] = *b"HYSTERN6";
+pub const MAGIC: [u8; 8] = *b"HYSTERN7";
 /// Bit of [`Frame::flags`]: the limiter changed the command.
 pub const LIMITED: u16 = 1;
 /// Bit of [`Frame::flags`]: the change that came with this tick is in force.
@@ -43,8 +43,12 @@ pub struct Hello {
     pub input_max_um: f32,
     /// Which bank the table is in, from 0 on; the board begins with bank 0.
     pub bank: u8,
-    /// How many there are; so many hellos come.
+    /// How many there are; so many hellos come, of each axis.
     pub banks: u8,
+    /// How many axes the image has.
+    pub axes: u8,
+    /// Whether one of its laws is a complete one, and not the paper's: a tick takes longer.
+    pub complete: bool,
 }
 
 /// What the host asks for.
@@ -156,6 +160,16 @@ pub struct Summary {
 }
 
 impl Hello {
+    /// The same of a table in an image of both axes.
+    #[must_use]
+    pub fn of_both(self, complete: bool) -> Self {
+        Self {
+            axes: 2,
+            complete,
+            ..self
+        }
+    }
+
     /// As bytes.
     pub fn to_bytes(&self) -> [u8; HELLO_BYTES] {
         let mut bytes = [0; HELLO_BYTES];
@@ -166,6 +180,8 @@ impl Hello {
         bytes[48..52].copy_from_slice(&self.input_max_um.to_le_bytes());
         bytes[52] = self.bank;
         bytes[53] = self.banks;
+        bytes[54] = self.axes;
+        bytes[55] = u8::from(self.complete);
         bytes
     }
 
@@ -179,6 +195,8 @@ impl Hello {
             input_max_um: f32::from_le_bytes(word(bytes, 48)),
             bank: bytes[52],
             banks: bytes[53],
+            axes: bytes[54],
+            complete: bytes[55] != 0,
         })
     }
 }
@@ -359,6 +377,8 @@ mod tests {
             input_max_um: 2.5,
             bank: 2,
             banks: 3,
+            axes: 2,
+            complete: true,
         };
         assert_eq!(Hello::from_bytes(&hello.to_bytes()), Some(hello));
         assert_eq!(Hello::from_bytes(&[0; HELLO_BYTES]), None);

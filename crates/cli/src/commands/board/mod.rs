@@ -8,7 +8,7 @@ pub(crate) use run::EmulatorName;
 
 use crate::error::CliError;
 use crate::exit::Done;
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
 use hysteron_board::Recording;
 use hysteron_data::{Dataset, Overwrite, Record, Role, write_dataset};
 use std::fmt::Write;
@@ -36,6 +36,13 @@ pub(crate) fn run(args: &BoardArgs) -> Result<Done, CliError> {
         BoardCommand::Run(args) => run::run(args),
         BoardCommand::Record(args) => record::run(args),
     }
+}
+
+/// The axes of a board.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Axis {
+    X,
+    Y,
 }
 
 /// A recording without gaps, and what the dataset says of it.

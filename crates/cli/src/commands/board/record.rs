@@ -1,11 +1,11 @@
 //! `hysteron board record`.
 
 use crate::commands::board::wanted::Wanted;
-use crate::commands::board::{Piece, fault_line, hex, known_delay_line, record, write};
+use crate::commands::board::{Axis, Piece, fault_line, hex, known_delay_line, record, write};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use hysteron_board::BoardError;
 use hysteron_board::budget;
 use hysteron_board::capture::{Start, capture};
@@ -45,13 +45,6 @@ pub(crate) struct RecordArgs {
     /// Print the answer as JSON
     #[arg(long)]
     pub json: bool,
-}
-
-/// The axes of a board.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Axis {
-    X,
-    Y,
 }
 
 /// What was recorded.

@@ -1,17 +1,19 @@
 //! `hysteron board run`.
 
 use crate::commands::board::wanted::Wanted;
-use crate::commands::board::{Piece, fault_line, hex, record, write};
+use crate::commands::board::{Axis, Piece, fault_line, hex, record, write};
 use crate::commands::simulate::StageName;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::{Args, ValueEnum};
 use hysteron_board::capture::Wish;
+use hysteron_board::two_axes::{TwoAxisRig, run_both};
 use hysteron_board::upload::Upload;
 use hysteron_board::{Change, Hello, Machine, Outcome, Recording};
-use hysteron_data::{Dataset, Known};
+use hysteron_data::{Dataset, Known, Record};
 use hysteron_plant::Stage;
+use hysteron_tracking::scans::SHARES;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -19,7 +21,10 @@ use std::time::Duration;
 #[command(after_help = "Example:\n  \
     cargo xtask firmware build\n  \
     hysteron board run --emulator mps2-an386 --stage paper-rate --hz 100 -o board\n  \
-    hysteron compare board model.toml")]
+    hysteron compare board model.toml\n\n\
+    Both axes:\n  \
+    cargo xtask firmware build firmware/tables/tracking-x.toml --y firmware/tables/tracking-y.toml\n  \
+    hysteron board run --emulator mps2-an386 --stage 8k --stage-y 739 --low 3 --high 13 --hz-y 37 -o board")]
 pub(crate) struct RunArgs {
     /// The machine
     #[arg(long, value_enum)]
@@ -27,7 +32,26 @@ pub(crate) struct RunArgs {
     /// The simulated stage at its converters
     #[arg(long, value_enum)]
     pub stage: StageName,
-    /// The firmware's image; by default firmware/target/images/EMULATOR
+    /// The second axis' simulated stage, for an image of both axes
+    #[arg(long, value_enum, conflicts_with_all = ["bank", "trajectory"])]
+    pub stage_y: Option<StageName>,
+    /// Frequency of a sine of the second axis, hertz; without it that stands still
+    #[arg(long, value_name = "HZ", requires = "stage_y")]
+    pub hz_y: Option<f64>,
+    /// Shares of Y's motion that reach X and of X's that reach Y; 0.01,-0.006 where they are not given
+    #[arg(
+        long,
+        value_name = "OF_Y,OF_X",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_hyphen_values = true,
+        requires = "stage_y"
+    )]
+    pub cross: Option<Vec<f64>>,
+    /// Which axis is recorded; the other's command goes into the record as well
+    #[arg(long, default_value = "x", requires = "stage_y")]
+    pub axis: Axis,
+    /// The firmware's image; by default firmware/target/images/EMULATOR, of both axes EMULATOR-xy
     #[arg(long, value_name = "FILE")]
     pub image: Option<PathBuf>,
     #[command(flatten)]
@@ -68,40 +92,129 @@ impl EmulatorName {
     }
 }
 
+/// What an axis did, and what ran it.
+struct Ran {
+    stage: StageName,
+    outcome: Outcome,
+    recording: Recording,
+    excitation: String,
+}
+
 pub(crate) fn run(args: &RunArgs) -> Result<Done, CliError> {
-    let machine = args.emulator.machine();
-    let Wish { bank, request, upload } = args.wanted.wish(args.seconds)?;
-    let image = args
-        .image
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("firmware/target/images").join(machine.name()));
-    let stage = Stage::new(&args.stage.config(), args.seed)?;
+    output::refuse_to_replace(&args.output, args.overwrite)?;
     let bar = progress::bar("running");
-    let patience = Duration::from_secs(args.patience);
-    // An image begins with bank 0.
-    let mut changes = Vec::from_iter((bank > 0).then_some(Change::Bank(bank)));
-    changes.extend(upload.iter().flat_map(Upload::changes));
-    let asked = (&request, &changes[..]);
-    let (outcome, recording) = hysteron_board::run(machine, &image, stage, asked, patience, &mut |share| {
-        progress::advance(&bar, share);
-    })?;
+    let ran = match args.stage_y {
+        Some(stage_y) => both(args, stage_y, &|share| progress::advance(&bar, share)),
+        None => one(args, &|share| progress::advance(&bar, share)),
+    };
     bar.finish_and_clear();
-    let text = report(args, &outcome, &recording);
-    write(&dataset(args, &outcome, recording), &args.output, args.overwrite)?;
+    let mut ran = ran?;
+    let text = report(args, &ran);
+    let recorded = ran.swap_remove(usize::from(args.axis == Axis::Y));
+    let dataset = dataset(args, recorded, ran.pop());
+    write(&dataset, &args.output, args.overwrite)?;
     output::print(&text)?;
     Ok(Done::Answered)
 }
 
-fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
-    let config = args.stage.config();
+impl RunArgs {
+    fn image(&self) -> PathBuf {
+        let machine = self.emulator.machine().name();
+        let both = if self.stage_y.is_some() { "-xy" } else { "" };
+        let usual = || PathBuf::from(format!("firmware/target/images/{machine}{both}"));
+        self.image.clone().unwrap_or_else(usual)
+    }
+
+    fn patience(&self) -> Duration {
+        Duration::from_secs(self.patience)
+    }
+}
+
+fn one(args: &RunArgs, progress: &dyn Fn(f64)) -> Result<Vec<Ran>, CliError> {
+    let Wish { bank, request, upload } = args.wanted.wish(args.seconds)?;
+    let stage = Stage::new(&args.stage.config(), args.seed)?;
+    // An image begins with bank 0.
+    let mut changes = Vec::from_iter((bank > 0).then_some(Change::Bank(bank)));
+    changes.extend(upload.iter().flat_map(Upload::changes));
+    let asked = (&request, &changes[..]);
+    let (outcome, recording) = hysteron_board::run(
+        args.emulator.machine(),
+        &args.image(),
+        stage,
+        asked,
+        args.patience(),
+        &mut |share| progress(share),
+    )?;
+    Ok(vec![Ran {
+        stage: args.stage,
+        outcome,
+        recording,
+        excitation: args.wanted.words(),
+    }])
+}
+
+fn both(args: &RunArgs, stage_y: StageName, progress: &dyn Fn(f64)) -> Result<Vec<Ran>, CliError> {
+    let request = args.wanted.wish(args.seconds)?.request;
+    let shares = match args.cross.as_deref() {
+        None => SHARES,
+        Some(&[of_y, of_x]) => [of_y, of_x],
+        Some(given) => {
+            return Err(CliError::Option(format!(
+                "--cross {given:?}: two shares of the other's motion, that of Y in X first, such as 0.01,-0.006"
+            )));
+        }
+    };
+    let stages = [args.stage, stage_y];
+    let [x, y] = stages.map(StageName::config);
+    let mut rig = TwoAxisRig::new([&x, &y], shares, args.seed, args.seconds)?;
+    let outcomes = run_both(
+        args.emulator.machine(),
+        &args.image(),
+        &mut rig,
+        (&request, args.hz_y),
+        args.patience(),
+        &mut |share| progress(share),
+    )?;
+    let of_y = args
+        .hz_y
+        .map_or("stands still".to_owned(), |hz| format!("sine {hz} Hz"));
+    let axes = stages.into_iter().zip(outcomes).zip(rig.recordings);
+    Ok(axes
+        .zip([args.wanted.words(), of_y])
+        .map(|(((stage, outcome), recording), excitation)| Ran {
+            stage,
+            outcome,
+            recording,
+            excitation,
+        })
+        .collect())
+}
+
+/// Of an axis; with the command of the one beside it where there is one.
+fn dataset(args: &RunArgs, ran: Ran, beside: Option<Ran>) -> Dataset {
+    let config = ran.stage.config();
+    let setup = ran.outcome.setup;
+    let of_the_other = beside.as_ref().map_or(String::new(), |beside| {
+        format!("; the other axis, {}: {}", beside.stage.name(), beside.excitation)
+    });
+    let record = record(Piece {
+        file: "run.csv".to_owned(),
+        excitation: format!(
+            "reference {}, {} to {} um{of_the_other}",
+            ran.excitation, setup.low_um, setup.high_um
+        ),
+        start_s: 0.0,
+        period_s: config.sample_period_s,
+        recording: ran.recording,
+    });
     Dataset {
-        name: format!("{}-board", args.stage.name()),
+        name: format!("{}-board", ran.stage.name()),
         description: format!(
             "{} in QEMU at the simulated stage {}, seed {}, {}",
             args.emulator.machine().name(),
-            args.stage.name(),
+            ran.stage.name(),
             args.seed,
-            table(outcome)
+            table(&ran.outcome)
         ),
         known: Known {
             delay_s: Some(config.known_delay_s()),
@@ -109,18 +222,10 @@ fn dataset(args: &RunArgs, outcome: &Outcome, recording: Recording) -> Dataset {
             voltage_min_v: Some(config.amplifier.min_v),
             voltage_max_v: Some(config.amplifier.max_v),
         },
-        records: vec![record(Piece {
-            file: "run.csv".to_owned(),
-            excitation: format!(
-                "reference {}, {} to {} um",
-                args.wanted.words(),
-                outcome.setup.low_um,
-                outcome.setup.high_um
-            ),
-            start_s: 0.0,
-            period_s: config.sample_period_s,
-            recording,
-        })],
+        records: vec![Record {
+            voltage2_v: beside.map(|beside| beside.recording.voltage_v),
+            ..record
+        }],
         notices: Vec::new(),
     }
 }
@@ -134,28 +239,41 @@ fn table(outcome: &Outcome) -> String {
     }
 }
 
-/// Instructions in one period of the timer's 25 MHz at `-icount shift=3`: 40 ns of 8 ns each.
-const INSTRUCTIONS_A_COUNT: u64 = 5;
+/// Times of the ticks, then a line an axis.
+fn report(args: &RunArgs, ran: &[Ran]) -> String {
+    let fault = fault_line(ran.iter().map(|ran| &ran.recording));
+    let mut text = ran.first().map_or(String::new(), |first| {
+        times(&first.outcome, first.recording.frames.len())
+    });
+    text += &fault;
+    for (ran, axis) in ran.iter().zip(["X", "Y"]) {
+        let rms_um = ran.recording.rms_um();
+        let setup = &ran.outcome.setup;
+        let of_axis = if args.stage_y.is_some() {
+            format!("{axis}: ")
+        } else {
+            String::new()
+        };
+        text += &format!(
+            "{of_axis}later half of the run: sensor off the reference by {rms_um:.4} um rms, {:.2} % of peak to peak\n{of_axis}{}\n",
+            100.0 * rms_um / f64::from(setup.high_um - setup.low_um),
+            table(&ran.outcome),
+        );
+    }
+    text + &format!("written to {}\n", args.output.display())
+}
 
-fn report(args: &RunArgs, outcome: &Outcome, recording: &Recording) -> String {
-    let timing = &outcome.summary;
-    let ticks = recording.frames.len();
-    let rms_um = recording.rms_um();
-    let fault = fault_line([recording]);
-    let instructions = |counts: u64| counts * INSTRUCTIONS_A_COUNT;
+fn times(outcome: &Outcome, ticks: usize) -> String {
+    let (timing, a_count) = (&outcome.summary, outcome.instructions_a_count);
+    let instructions = |counts: u32| u64::from(counts) * a_count;
     format!(
-        "{ticks} ticks, {} overruns, {} edges lost, latency {} to {} instructions, tick {} to {}, mean {:.0} (to {INSTRUCTIONS_A_COUNT})\n\
-         {fault}later half of the run: sensor off the reference by {rms_um:.4} um rms, {:.2} % of peak to peak\n\
-         {}\nwritten to {}\n",
+        "{ticks} ticks, {} overruns, {} edges lost, latency {} to {} instructions, tick {} to {}, mean {:.0} (to {a_count})\n",
         timing.overruns,
         timing.lost,
-        instructions(timing.latency_min.into()),
-        instructions(timing.latency_max.into()),
-        instructions(timing.tick_min.into()),
-        instructions(timing.tick_max.into()),
-        instructions(timing.tick_sum) as f64 / ticks.max(1) as f64,
-        100.0 * rms_um / f64::from(outcome.setup.high_um - outcome.setup.low_um),
-        table(outcome),
-        args.output.display(),
+        instructions(timing.latency_min),
+        instructions(timing.latency_max),
+        instructions(timing.tick_min),
+        instructions(timing.tick_max),
+        (timing.tick_sum * a_count) as f64 / ticks.max(1) as f64,
     )
 }

@@ -192,7 +192,8 @@ impl Chip {
         let image = self.folder.path().join(name);
         image::build(&self.firmware, self.machine, (&path_x, Some(&path_y)), &image)?;
         let session = TwoAxisSession::start(self.machine, &image, PATIENCE)?;
-        if *session.banks() != [vec![said_x], vec![said_y]] {
+        let complete = said_x.complete || said_y.complete;
+        if *session.banks() != [said_x, said_y].map(|said| vec![said.of_both(complete)]) {
             return Err(BoardError::OtherVersion.into());
         }
         Ok(session)
@@ -334,7 +335,7 @@ impl Running {
         let setups = self.setups(setup, BESIDE_HZ)?;
         let summary = match &mut self.image {
             Image::One(session) => session.run(setup, player, &mut |_| {})?,
-            Image::Both { session, .. } => session.run(&setups, player)?,
+            Image::Both { session, .. } => session.run(&setups, player, &mut |_| {})?,
         };
         no_fault(player)?;
         Ok(summary)

@@ -103,7 +103,7 @@ pub(super) fn track(
         };
         let (figures, about) = looped.figures(range_um, loop_kind, &mut answer, &progress)?;
         answer.controllers.push(figures);
-        if about.axes > 1 {
+        if about.hello.axes > 1 {
             let range_um = range_um.unwrap_or_else(|| whole_range_um(&about.hello));
             let scans = scans::on_board(&looped, range_um, loop_kind, &mut answer.lost, &progress)?;
             answer.scans.extend(scans);
