@@ -845,12 +845,13 @@ fn val_a_controller_tracks_on_a_board() {
         let percent = |run: usize| runs[run]["measured_percent"].as_f64().unwrap();
         assert!(percent(2) < 0.5 * percent(0), "{reference:#}");
         assert_eq!(reference["kept"], 2);
-        // Without a correction it is the reference itself, in points; the plays remember other runs before. A reference that is
-        // compared a few ticks early or late would be off by several times as much at 500 Hz.
+        // Without a correction it is the reference itself, in points. A reference that is compared a few ticks early or late would be
+        // off by several times as much at 500 Hz. The plays remember the runs before; before the plain one of 10 Hz there was none.
+        let most = if reference["name"] == "10" { 0.5 } else { 0.1 };
         let plain = answer["controllers"][0]["rms_percent"][reference["name"].as_str().unwrap()]
             .as_f64()
             .unwrap();
-        assert!((percent(0) / plain - 1.0).abs() < 0.2, "{plain} {reference:#}");
+        assert!((percent(0) / plain - 1.0).abs() < most, "{plain} {reference:#}");
         assert!(runs[0].get("true_percent").is_none());
         // As the board takes it.
         let file = kept.join(format!("{}.csv", reference["name"].as_str().unwrap()));
