@@ -21,7 +21,7 @@ pub struct Budget {
     pub conversion_cycles: f64,
     /// Clock of the DAC's bus, hertz.
     pub bus_hz: f64,
-    /// Instructions of a tick at worst: laws, references, monitors, counted by QEMU, rounded up; without the tick that starts both axes.
+    /// Instructions of a tick at worst: laws, references, monitors, counted by QEMU, rounded up; without the tick that starts.
     pub tick_instructions: f64,
     /// Axes of the image; the DACs share a bus, and the second one's word comes after the first one's.
     pub axes: u8,
@@ -150,7 +150,13 @@ mod tests {
             for row in budget.rows() {
                 assert!(text.contains(&row), "{page} should have\n{row}");
             }
-            assert!(budget.headroom() > 0.05, "{budget:?}");
+            let least = match (budget.board, budget.axes, budget.complete) {
+                // What its page warns of.
+                ("nucleo-g474re", _, true) => 0.05,
+                (_, 2, true) => 0.1,
+                _ => 0.5,
+            };
+            assert!(budget.headroom() > least, "{budget:?}");
         }
     }
 

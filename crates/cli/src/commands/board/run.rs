@@ -246,14 +246,11 @@ fn report(args: &RunArgs, ran: &[Ran]) -> String {
         times(&first.outcome, first.recording.frames.len())
     });
     text += &fault;
+    let several = ran.len() > 1;
     for (ran, axis) in ran.iter().zip(["X", "Y"]) {
         let rms_um = ran.recording.rms_um();
         let setup = &ran.outcome.setup;
-        let of_axis = if args.stage_y.is_some() {
-            format!("{axis}: ")
-        } else {
-            String::new()
-        };
+        let of_axis = if several { format!("{axis}: ") } else { String::new() };
         text += &format!(
             "{of_axis}later half of the run: sensor off the reference by {rms_um:.4} um rms, {:.2} % of peak to peak\n{of_axis}{}\n",
             100.0 * rms_um / f64::from(setup.high_um - setup.low_um),
