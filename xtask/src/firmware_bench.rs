@@ -29,14 +29,14 @@ impl Counts {
 }
 
 /// What a contender may take: board, contender, mean, worst. What was measured with rustc 1.95 and gcc 12.2, and 3 % for other
-/// compilers.
+/// compilers; of ten plays less than 130 on average on the one board and than 125 at worst on the other, whatever was measured.
 const MOST: [(&str, &str, f64, u32); 6] = [
-    ("mps2-an386", "rust 10", 193.0, 243),
-    ("mps2-an500", "rust 10", 170.0, 207),
-    ("mps2-an386", "rust 100", 301.0, 547),
-    ("mps2-an500", "rust 100", 288.0, 522),
-    ("mps2-an386", BOTH, 1869.0, 2368),
-    ("mps2-an386", DESIGNED, 1335.0, ALLOWED_OF_DESIGNED),
+    ("mps2-an386", "rust 10", 129.9, 212),
+    ("mps2-an500", "rust 10", 124.0, 124),
+    ("mps2-an386", "rust 100", 253.0, 523),
+    ("mps2-an500", "rust 100", 254.0, 475),
+    ("mps2-an386", BOTH, 1838.0, 2327),
+    ("mps2-an386", DESIGNED, 1305.0, ALLOWED_OF_DESIGNED),
 ];
 
 /// The complete law of two axes in one tick, every effect in it.
@@ -51,8 +51,17 @@ const ALLOWED_OF_DESIGNED: u32 = 1700;
 /// The table whose law is counted block by block: two modes and two sections of feedback.
 const COMPLETE: &str = "firmware/tables/tracking-739.toml";
 
-/// C that gives the same codes, with the same roundings: it is held to the core's bits, and the core to its worst case.
+/// C that gives the same codes, with the same roundings: it is held to the core's bits.
 const EXACT: [&str; 2] = ["c-exact 10", "c-prefix-exact 10"];
+
+/// C with the roundings that gcc chooses as well: the core is held to the worst case of each.
+const SAME_LAW: [&str; 5] = [
+    "c 10",
+    "c-exact 10",
+    "c-fast-math 10",
+    "c-prefix 10",
+    "c-prefix-exact 10",
+];
 
 /// Builds, runs and prints the counts on every board, and refuses more than [`MOST`].
 pub(crate) fn bench() -> Result<(), String> {
@@ -71,10 +80,12 @@ pub(crate) fn bench() -> Result<(), String> {
         };
         let ours = of("rust 10")?;
         for name in EXACT {
-            let other = of(name)?;
-            if ours.hashes != other.hashes {
+            if ours.hashes != of(name)?.hashes {
                 wrong.push(format!("{board}: rust 10 and {name} gave different codes"));
             }
+        }
+        for name in SAME_LAW {
+            let other = of(name)?;
             if ours.worst() > other.worst() {
                 wrong.push(format!(
                     "{board}: rust 10 takes {}, {name} {}",

@@ -84,7 +84,7 @@ const BOARDS: [Board; 2] = [
         most: [
             Most {
                 flash: 30_000,
-                code: 11_500,
+                code: 12_000,
                 stack: 1_200,
             },
             Most {

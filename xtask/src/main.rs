@@ -240,6 +240,8 @@ fn output(program: &str, arguments: &[&str]) -> Result<String, String> {
     if output.status.success() {
         Ok(String::from_utf8_lossy(&output.stdout).into_owned())
     } else {
-        Err(format!("{program} {}: {}", arguments.join(" "), output.status))
+        let said = String::from_utf8_lossy(&output.stdout);
+        let last = said.lines().last().unwrap_or_default();
+        Err(format!("{program} {}: {} {last}", arguments.join(" "), output.status))
     }
 }

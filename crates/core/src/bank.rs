@@ -23,6 +23,7 @@ pub struct PlayBank<T, const N: usize> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlayState<T, const N: usize> {
     outputs: [T; N],
+
     input: InputState<T>,
 }
 
@@ -30,16 +31,21 @@ pub struct PlayState<T, const N: usize> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct InputState<T> {
     last: T,
-    /// [`STARTED`], [`FAULT`] and [`ORDERED`].
-    seen: u8,
+    /// Whether there is a last input; the first sample has no rate.
+    started: bool,
+    /// Whether an input was not finite.
+    fault: bool,
+    /// Whether the outputs began neither equal nor on one side, so that every play needs to be touched.
+    unordered: bool,
 }
 
-/// Bit of [`InputState::seen`]: there is a last input; the first sample has no rate.
-const STARTED: u8 = 1;
-/// Bit of [`InputState::seen`]: an input was not finite.
-const FAULT: u8 = 2;
-/// Bit of [`InputState::seen`]: it began at equal outputs or on one side, so that only the first plays need to be touched.
-const ORDERED: u8 = 4;
+impl<T: Copy> InputState<T> {
+    /// The last input as used.
+    #[inline(always)]
+    pub(crate) fn last(&self) -> T {
+        self.last
+    }
+}
 
 impl<T: Real, const N: usize> PlayBank<T, N> {
     /// Builds a bank. Inputs are clamped to `input_min..=input_max`; rates are backward differences at `sample_rate_hz`,
@@ -73,6 +79,11 @@ impl<T: Real, const N: usize> PlayBank<T, N> {
         })
     }
 
+    /// Rate of the samples, hertz.
+    pub(crate) fn sample_rate_hz(&self) -> T {
+        self.sample_rate_hz
+    }
+
     /// The thresholds.
     pub fn thresholds(&self) -> &Thresholds<T, N> {
         &self.thresholds
@@ -89,61 +100,78 @@ impl<T: Real, const N: usize> PlayBank<T, N> {
         (self.largest_input() + T::from_f64(LARGEST_INPUT)) * self.sample_rate_hz
     }
 
-    /// Moves the plays by one sample; returns the input as used and its rate per second.
+    /// Moves the plays by one sample; returns the input as used and its change since the last.
     ///
-    /// An input that is not finite is replaced by the last one and sets the sticky fault bit.
+    /// An input that is not finite is replaced by the last one and sets the sticky fault bit. The envelope is one of changes,
+    /// [`Envelope::a_sample`].
     #[inline(always)]
     pub(crate) fn advance(&self, state: &mut PlayState<T, N>, input: T, envelope: &Envelope<T>) -> (T, T) {
-        let (input, rate) = self.admit(&mut state.input, input);
-        let (left, right) = envelope.bounds(input, rate);
+        let (input, change) = self.admit(&mut state.input, input);
+        let (left, right) = envelope.bounds(input, change);
         self.move_plays(state, left, right);
-        (input, rate)
+        (input, change)
     }
 
     /// As [`Self::advance`] with a static envelope: both bounds are the input.
     #[inline(always)]
     pub(crate) fn advance_static(&self, state: &mut PlayState<T, N>, input: T) -> (T, T) {
-        let (input, rate) = self.admit(&mut state.input, input);
+        let (input, change) = self.admit(&mut state.input, input);
         self.move_plays(state, input, input);
-        (input, rate)
+        (input, change)
     }
 
     #[inline(always)]
     fn move_plays(&self, state: &mut PlayState<T, N>, left: T, right: T) {
-        if state.input.seen & ORDERED != 0 {
-            play::advance_ordered(self.thresholds.values(), &mut state.outputs, left, right);
-        } else {
+        if state.input.unordered {
             play::advance(self.thresholds.values(), &mut state.outputs, left, right);
+        } else {
+            play::advance_ordered(self.thresholds.values(), &mut state.outputs, left, right);
         }
     }
 
     /// As after an input, brought into range.
     pub(crate) fn input_at(&self, input: T) -> InputState<T> {
-        let last = self.clamped(if input.is_finite() { input } else { T::ZERO });
-        let seen = STARTED | ORDERED;
-        InputState { last, seen }
+        InputState {
+            last: self.clamped(if input.is_finite() { input } else { T::ZERO }),
+            started: true,
+            fault: false,
+            unordered: false,
+        }
     }
 
-    /// The input as used and its rate.
+    /// The input as used and its change since the last.
     #[inline(always)]
-    pub(crate) fn admit(&self, state: &mut InputState<T>, input: T) -> (T, T) {
+    fn admit(&self, state: &mut InputState<T>, input: T) -> (T, T) {
+        if state.started {
+            return self.admit_next(state, input);
+        }
+        rarely();
+        state.started = input.is_finite();
+        let (input, _) = self.admit_next(state, input);
+        // The first input is its own predecessor.
+        (input, T::ZERO)
+    }
+
+    /// As [`Self::admit`] where there is a last input.
+    #[inline(always)]
+    pub(crate) fn admit_next(&self, state: &mut InputState<T>, input: T) -> (T, T) {
         let last = state.last;
         // The usual way. What is stored between the two comparisons keeps them two branches, which take fewer instructions than their
         // conjunction; a NaN takes the first.
         if input >= self.input_min {
             state.last = input;
-            if input <= self.input_max && state.seen & STARTED != 0 {
-                return (input, (input - last) * self.sample_rate_hz);
+            if input <= self.input_max {
+                return (input, input - last);
             }
         }
         rarely();
         let finite = input.is_finite();
         let input = self.clamped(if finite { input } else { last });
-        // The first input is its own predecessor.
-        let last = if state.seen & STARTED != 0 { last } else { input };
         state.last = input;
-        state.seen |= if finite { STARTED } else { FAULT };
-        (input, (input - last) * self.sample_rate_hz)
+        if !finite {
+            state.fault = true;
+        }
+        (input, input - last)
     }
 
     #[inline(always)]
@@ -159,7 +187,9 @@ impl<T: Real, const N: usize> PlayState<T, N> {
             outputs: [T::ZERO; N],
             input: InputState {
                 last: T::ZERO,
-                seen: ORDERED,
+                started: false,
+                fault: false,
+                unordered: false,
             },
         }
     }
@@ -175,7 +205,7 @@ impl<T: Real, const N: usize> PlayState<T, N> {
             *output = input - fraction * threshold;
         }
         if fraction != T::ZERO && fraction != T::ONE {
-            state.input.seen &= !ORDERED;
+            state.input.unordered = true;
         }
         state
     }
@@ -192,8 +222,12 @@ impl<T: Real, const N: usize> PlayState<T, N> {
         }
         in_range("last input", None, last_input, -LARGEST_INPUT, LARGEST_INPUT)?;
         let equal = outputs.iter().all(|output| *output == outputs[0]);
-        let seen = if equal { STARTED | ORDERED } else { STARTED };
-        let input = InputState { last: last_input, seen };
+        let input = InputState {
+            last: last_input,
+            started: true,
+            fault: false,
+            unordered: !equal,
+        };
         Ok(Self { outputs, input })
     }
 
@@ -212,12 +246,12 @@ impl<T: Real, const N: usize> PlayState<T, N> {
 
     /// Whether an input that was not finite has come since the last [`Self::clear_fault`].
     pub fn input_fault(&self) -> bool {
-        self.input.seen & FAULT != 0
+        self.input.fault
     }
 
     /// Clears the fault bit.
     pub fn clear_fault(&mut self) {
-        self.input.seen &= !FAULT;
+        self.input.fault = false;
     }
 }
 
@@ -236,7 +270,7 @@ mod tests {
         PlayBank::new(Thresholds::new([0.0, 1.0]).unwrap(), -2.0, 2.0, 50e3).unwrap()
     }
 
-    /// Inputs as used and rates, from a state.
+    /// Inputs as used and their changes, from a state.
     fn admitted(state: &mut PlayState<f64, 2>, inputs: &[f64]) -> std::vec::Vec<(f64, f64)> {
         inputs
             .iter()
@@ -245,16 +279,16 @@ mod tests {
     }
 
     #[test]
-    fn val_the_first_sample_has_no_rate() {
+    fn val_the_first_sample_is_no_change() {
         let found = admitted(&mut PlayState::virgin(), &[1.0, 1.5, 1.25]);
-        assert_eq!(found, [(1.0, 0.0), (1.5, 25e3), (1.25, -12.5e3)]);
-        // A state that knows its input has a rate from there.
+        assert_eq!(found, [(1.0, 0.0), (1.5, 0.5), (1.25, -0.25)]);
+        // A state that knows its input has a change from there.
         assert_eq!(
             admitted(&mut PlayState::remanent(&bank(), 1.0, 0.0), &[1.5]),
-            [(1.5, 25e3)]
+            [(1.5, 0.5)]
         );
         let mut known = PlayState::from_outputs([1.0, 0.5], 1.0).unwrap();
-        assert_eq!(admitted(&mut known, &[1.5]), [(1.5, 25e3)]);
+        assert_eq!(admitted(&mut known, &[1.5]), [(1.5, 0.5)]);
     }
 
     /// An input that is not finite holds the last one, also where there is none yet, and the bit stays until cleared.
@@ -262,13 +296,13 @@ mod tests {
     fn val_faults_hold_and_stick() {
         let mut state = PlayState::virgin();
         let found = admitted(&mut state, &[f64::NAN, 1.5, f64::INFINITY, f64::NEG_INFINITY, 1.25]);
-        assert_eq!(found, [(0.0, 0.0), (1.5, 0.0), (1.5, 0.0), (1.5, 0.0), (1.25, -12.5e3)]);
+        assert_eq!(found, [(0.0, 0.0), (1.5, 0.0), (1.5, 0.0), (1.5, 0.0), (1.25, -0.25)]);
         assert!(state.input_fault());
         state.clear_fault();
         assert!(!state.input_fault());
         assert_eq!(
             admitted(&mut state, &[1.5]),
-            [(1.5, 12.5e3)],
+            [(1.5, 0.25)],
             "clearing the fault keeps the last input"
         );
     }
@@ -277,10 +311,7 @@ mod tests {
     #[test]
     fn val_inputs_are_clamped() {
         let mut state = PlayState::remanent(&bank(), 2.0, 0.0);
-        assert_eq!(
-            admitted(&mut state, &[1e300, -1e300]),
-            [(2.0, 0.0), (-2.0, -4.0 * 50e3)]
-        );
+        assert_eq!(admitted(&mut state, &[1e300, -1e300]), [(2.0, 0.0), (-2.0, -4.0)]);
         assert!(!state.input_fault());
     }
 

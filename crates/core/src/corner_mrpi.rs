@@ -31,12 +31,13 @@ impl<T: Real> Sums<T> for Linear<T> {
 ///
 /// # Cost
 /// In instructions of a Cortex-M4F: about 80 a sample, 20 for each corner that it wipes out, 10 log2 N where it jumps into a segment.
-/// [`crate::mrpi::Mrpi`] takes 7 for each play that moves and 4 for each: above about 30 plays this is faster.
+/// [`crate::quick_mrpi::QuickMrpi`] takes 8 to 18 for each play that moves: above about 26 plays this is faster in the worst case.
 /// # Errors
 /// As of [`crate::corners`]: it does not drift (`val_ten_million_samples_do_not_drift`).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CornerMrpi<T, const N: usize> {
     corners: Corners<T, Linear<T>, N>,
+    /// Of changes from sample to sample.
     envelope: Envelope<T>,
     offset: T,
     cubic: T,
@@ -54,6 +55,7 @@ impl<T: Real, const N: usize> CornerMrpi<T, N> {
         envelope: Envelope<T>,
     ) -> Result<Self, ParamError> {
         Mrpi::new(bank, coefficients, envelope)?;
+        let rate_hz = bank.sample_rate_hz();
         let MpiCoefficients {
             offset,
             cubic,
@@ -73,7 +75,7 @@ impl<T: Real, const N: usize> CornerMrpi<T, N> {
         });
         Ok(Self {
             corners,
-            envelope,
+            envelope: envelope.a_sample(rate_hz),
             offset,
             cubic,
             linear,
@@ -91,8 +93,8 @@ impl<T: Real, const N: usize> Hysteresis<T> for CornerMrpi<T, N> {
 
     #[inline(always)]
     fn step(&self, state: &mut CornerState<T, N>, input: T) -> T {
-        let (input, rate) = self.corners.bank.admit(&mut state.input, input);
-        let (left, right) = self.envelope.bounds(input, rate);
+        let (input, change) = self.corners.bank.admit_next(&mut state.input, input);
+        let (left, right) = self.envelope.bounds(input, change);
         let sum = self.corners.step(state, left, right);
         self.offset + ((self.cubic * input * input + self.linear) * input + sum)
     }

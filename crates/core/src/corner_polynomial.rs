@@ -109,7 +109,7 @@ impl<T: Real, const N: usize> Hysteresis<T> for CornerPolynomial<T, N> {
 
     #[inline(always)]
     fn step(&self, state: &mut CornerState<T, N>, input: T) -> T {
-        let (input, _) = self.corners.bank.admit(&mut state.input, input);
+        let (input, _) = self.corners.bank.admit_next(&mut state.input, input);
         let of_input = of_input(&self.input_function, input);
         self.offset + (of_input + self.corners.step(state, input, input))
     }

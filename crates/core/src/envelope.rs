@@ -15,6 +15,14 @@ pub struct Envelope<T> {
 }
 
 impl<T: Real> Envelope<T> {
+    /// The envelope of changes from sample to sample, in place of rates per second.
+    pub(crate) fn a_sample(&self, sample_rate_hz: T) -> Self {
+        Self {
+            alpha_s: self.alpha_s * sample_rate_hz,
+            beta_s: self.beta_s * sample_rate_hz,
+        }
+    }
+
     /// `(h_l, h_r)` for one sample.
     #[inline(always)]
     pub fn bounds(&self, input: T, rate_per_s: T) -> (T, T) {

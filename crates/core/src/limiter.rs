@@ -8,19 +8,21 @@ use crate::real::{Real, rarely};
 /// # Units
 /// Limits in the command's unit; slew in that unit a second.
 /// # Cost
-/// 4 compares and 2 additions a step.
+/// 3 compares and an addition a step; 2 compares and an addition more where the command meets a limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limiter<T> {
     min: T,
     max: T,
     largest_change: T,
+    /// A little less: a change of this much, as it is computed, is not above the largest, however either is rounded.
+    usual_change: T,
 }
 
-/// The last command that was let through, and whether it had to be changed.
+/// The last command that was let through, and what had been asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LimiterState<T> {
     last: T,
-    limited: bool,
+    asked: T,
 }
 
 impl<T: Real> Limiter<T> {
@@ -47,54 +49,72 @@ impl<T: Real> Limiter<T> {
         // Four spacings: rounding then changes a step by an eighth at most.
         let slowest = 4.0 * spacing.to_f64() * sample_rate_hz.to_f64();
         in_range("slew_per_s", None, slew_per_s, slowest, f64::MAX)?;
+        let largest_change = slew_per_s / sample_rate_hz;
         Ok(Self {
             min,
             max,
-            largest_change: slew_per_s / sample_rate_hz,
+            largest_change,
+            usual_change: largest_change - T::from_f64(4.0) * spacing,
         })
     }
 
     /// State with the output at a value (brought into the range).
     pub fn start_at(&self, value: T) -> LimiterState<T> {
-        LimiterState {
-            last: self.min.select_max(value).select_min(self.max),
-            limited: false,
-        }
-    }
-
-    /// Smallest and largest command that the next step lets through.
-    #[inline(always)]
-    pub fn room(&self, state: &LimiterState<T>) -> (T, T) {
-        (
-            self.min.select_max(state.last - self.largest_change),
-            self.max.select_min(state.last + self.largest_change),
-        )
+        let last = self.min.select_max(value).select_min(self.max);
+        LimiterState { last, asked: last }
     }
 
     /// One sample. A command that is not finite holds the last one and counts as limited.
     #[inline(always)]
     pub fn step(&self, state: &mut LimiterState<T>, command: T) -> T {
-        self.step_within(state, self.room(state), command)
-    }
-
-    /// As [`Self::step`] with [`Self::room`] known already.
-    #[inline(always)]
-    pub(crate) fn step_within(&self, state: &mut LimiterState<T>, (lowest, highest): (T, T), command: T) -> T {
-        let last = state.last;
-        // The usual way, in two branches as in `PlayBank::admit`.
-        if command >= lowest {
-            state.last = command;
-            if command <= highest {
-                state.limited = false;
-                return command;
-            }
+        if self.lets_through(state, command) {
+            return command;
         }
         rarely();
-        state.limited = true;
-        let wanted = if command.is_finite() { command } else { last };
-        let allowed = lowest.select_max(wanted).select_min(highest);
-        state.last = allowed;
+        if command.is_finite() {
+            return self.limit(state, command);
+        }
+        state.asked = command;
+        state.last
+    }
+
+    /// Brings a finite command within the limits.
+    #[inline(always)]
+    pub(crate) fn limit(&self, state: &mut LimiterState<T>, command: T) -> T {
+        let lowest = self.min.select_max(state.last - self.largest_change);
+        let highest = self.max.select_min(state.last + self.largest_change);
+        let allowed = if T::MAX_INSTRUCTION {
+            lowest.select_max(command).select_min(highest)
+        } else if command > highest {
+            highest
+        } else if command >= lowest {
+            command
+        } else {
+            lowest
+        };
+        *state = LimiterState {
+            last: allowed,
+            asked: command,
+        };
         allowed
+    }
+
+    /// The usual sample, a command well within all limits; changes nothing where it is not. A NaN is not.
+    ///
+    /// Never with [`Real::MAX_INSTRUCTION`]: [`Self::limit`] is then as short as the question.
+    #[inline(always)]
+    pub(crate) fn lets_through(&self, state: &mut LimiterState<T>, command: T) -> bool {
+        let within = !T::MAX_INSTRUCTION
+            && command >= self.min
+            && command <= self.max
+            && (command - state.last).magnitude() <= self.usual_change;
+        if within {
+            *state = LimiterState {
+                last: command,
+                asked: command,
+            };
+        }
+        within
     }
 }
 
@@ -112,8 +132,9 @@ fn spacing_at<T: Real>(magnitude: T) -> T {
 
 impl<T: Real> LimiterState<T> {
     /// Whether the last command was changed.
+    #[inline(always)]
     pub fn limited(&self) -> bool {
-        self.limited
+        self.asked != self.last
     }
 
     /// The last command that was let through.

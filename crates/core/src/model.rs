@@ -16,6 +16,16 @@ pub trait Hysteresis<T: Real> {
     fn step(&self, state: &mut Self::State, input: T) -> T;
 }
 
+/// A model or none, which gives 0 and leaves the state alone.
+impl<T: Real, M: Hysteresis<T>> Hysteresis<T> for Option<M> {
+    type State = M::State;
+
+    #[inline(always)]
+    fn step(&self, state: &mut M::State, input: T) -> T {
+        self.as_ref().map_or(T::ZERO, |model| model.step(state, input))
+    }
+}
+
 /// A model that can be put where a stage rests.
 pub trait AtRest<T: Real>: Hysteresis<T> {
     /// All plays at one output, as after a long way down to it; the first rate is from `last_input`, brought into range.

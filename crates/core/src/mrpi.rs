@@ -4,7 +4,8 @@ use crate::bank::{PlayBank, PlayState};
 use crate::envelope::Envelope;
 use crate::error::{ParamError, in_range};
 use crate::model::Hysteresis;
-use crate::mpi::{self, MpiCoefficients};
+use crate::mpi::MpiCoefficients;
+use crate::plays_sum;
 use crate::real::Real;
 
 /// Largest alpha and beta, seconds: a play whose envelope lags by more than a second is no play.
@@ -18,7 +19,7 @@ pub const LARGEST_ENVELOPE_S: f64 = 1.0;
 /// # Units
 /// As [`crate::mpi::Mpi`]; alpha and beta in seconds.
 /// # Cost
-/// N compares twice and N + 7 multiply-adds a step.
+/// N compares twice and N + 6 multiply-adds a step; [`crate::quick_mrpi::QuickMrpi`] takes less.
 /// # Example
 /// ```
 /// use hysteron_core::{bank::*, envelope::Envelope, model::Hysteresis, mpi::MpiCoefficients, mrpi::Mrpi, thresholds::Thresholds};
@@ -37,10 +38,16 @@ pub const LARGEST_ENVELOPE_S: f64 = 1.0;
 pub struct Mrpi<T, const N: usize> {
     bank: PlayBank<T, N>,
     coefficients: MpiCoefficients<T, N>,
+    /// Of changes from sample to sample.
     envelope: Envelope<T>,
 }
 
 impl<T: Real, const N: usize> Mrpi<T, N> {
+    /// Bank, coefficients, and the envelope of changes from sample to sample.
+    pub(crate) fn into_parts(self) -> (PlayBank<T, N>, MpiCoefficients<T, N>, Envelope<T>) {
+        (self.bank, self.coefficients, self.envelope)
+    }
+
     /// Builds the model.
     ///
     /// # Errors
@@ -59,7 +66,7 @@ impl<T: Real, const N: usize> Mrpi<T, N> {
         Ok(Self {
             bank,
             coefficients,
-            envelope,
+            envelope: envelope.a_sample(bank.sample_rate_hz()),
         })
     }
 }
@@ -78,6 +85,6 @@ impl<T: Real, const N: usize> Hysteresis<T> for Mrpi<T, N> {
             linear,
             ref weights,
         } = self.coefficients;
-        offset + mpi::output(cubic, linear, weights, input, state.outputs())
+        (cubic * input * input + linear) * input + plays_sum::sum(offset, weights, state.outputs())
     }
 }

@@ -1,17 +1,21 @@
 //! The proportional plus integral controller (eq. 14) with anti-windup and bumpless start.
 
 use crate::error::{ParamError, in_range};
-use crate::real::{Real, rarely};
+use crate::real::Real;
 
 /// Largest gain.
 const LARGEST_GAIN: f64 = 1e12;
 
-/// Largest error and integral that count. No micrometre or volt is larger, and with gains up to [`LARGEST_GAIN`] every
-/// sum stays below 2.1e37, which `f32` (3.4e38) holds.
+/// Largest error that counts. No micrometre is larger, and with gains up to [`LARGEST_GAIN`] every product stays below what `f32`
+/// (3.4e38) holds.
 const LARGEST_ERROR: f64 = 1e25;
+/// Largest integral that a controller is started with.
 const LARGEST_INTEGRAL: f64 = 1e37;
 
 /// Eq. 14, `v = K_p e + K_i integral e dt`, the integral by the backward rectangle: `I_k = I_(k-1) + K_i T e_k`.
+///
+/// A step is asked for first, [`Self::ask`], and taken once the limiter behind has let it through, [`Self::take`] and
+/// [`Self::take_limited`].
 ///
 /// Anti-windup by conditional integration (Åström, Hägglund, Advanced PID Control (2006), section 3.5), with one
 /// difference: a step that would drive a saturated output further into its limit integrates as far as the limit, not
@@ -22,7 +26,7 @@ const LARGEST_INTEGRAL: f64 = 1e37;
 /// # Units
 /// Gains in output units per input unit (`proportional`) and that per second (`integral_per_s`).
 /// # Cost
-/// 3 multiply-adds and 4 compares a step.
+/// 2 multiply-adds and an addition a step; 2 additions and 4 compares more where the output is limited.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PiController<T> {
     proportional: T,
@@ -33,6 +37,14 @@ pub struct PiController<T> {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PiState<T> {
     integral: T,
+}
+
+/// What a controller asks for at one sample: its output, and the integral in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Asked<T> {
+    /// Proportional and integral part.
+    pub output: T,
+    pub(crate) integral: T,
 }
 
 impl<T: Real> PiController<T> {
@@ -52,33 +64,62 @@ impl<T: Real> PiController<T> {
         })
     }
 
-    /// One sample: the controller's output for an error, given the room that the limiter leaves it.
+    /// A controller that does nothing: both gains 0.
+    pub fn none() -> Self {
+        Self {
+            proportional: T::ZERO,
+            integral_a_sample: T::ZERO,
+        }
+    }
+
+    /// With a share of the error, from 0 to 1 (brought into that, NaN to 0), in place of the whole.
     ///
-    /// `lowest` and `highest` are the outputs beyond which the actuator saturates; the output is not cut to them, the
-    /// limiter that they come from does that. An error that is not finite or above 1e25 counts as 0.
+    /// The error is weighted, not the output: at 0 the integral stands still, keeps the correction of slow errors (creep, drift, offset)
+    /// that it has found, and does not wind up.
+    #[must_use]
+    pub fn weighted(&self, share: T) -> Self {
+        let share = share.select_max(T::ZERO).select_min(T::ONE);
+        Self {
+            proportional: self.proportional * share,
+            integral_a_sample: self.integral_a_sample * share,
+        }
+    }
+
+    /// One sample: what the controller asks for at an error, which changes nothing yet. An error that is not usable gives what is not.
     #[inline(always)]
-    pub fn step(&self, state: &mut PiState<T>, error: T, lowest: T, highest: T) -> T {
-        // A NaN fails the comparison; it counts as no error.
+    pub fn ask(&self, state: &PiState<T>, error: T) -> Asked<T> {
+        let integral = state.integral + self.integral_a_sample * error;
+        let output = self.proportional * error + integral;
+        Asked { output, integral }
+    }
+
+    /// As [`Self::ask`]; an error that is not finite or above 1e25 counts as 0.
+    pub fn ask_checked(&self, state: &PiState<T>, error: T) -> Asked<T> {
+        // A NaN fails the comparison.
         let usable = error.magnitude() <= T::from_f64(LARGEST_ERROR);
-        if !usable {
-            rarely();
-            return T::ZERO + state.integral;
-        }
-        let proportional = self.proportional * error;
-        let wanted = state.integral + self.integral_a_sample * error;
-        let integral = if error > T::ZERO {
-            wanted.select_below(highest - proportional, state.integral)
+        self.ask(state, if usable { error } else { T::ZERO })
+    }
+
+    /// The sample's output went out as it was asked for.
+    #[inline(always)]
+    pub fn take(&self, state: &mut PiState<T>, asked: Asked<T>) {
+        state.integral = asked.integral;
+    }
+
+    /// The sample's output was changed by `excess`: the integral goes as far as that allows, between where it is and where it would be.
+    #[inline(always)]
+    pub fn take_limited(&self, state: &mut PiState<T>, asked: Asked<T>, excess: T) {
+        let (from, to) = (state.integral, asked.integral);
+        let allowed = to + excess;
+        state.integral = if T::MAX_INSTRUCTION {
+            allowed.select_max(from.select_min(to)).select_min(from.select_max(to))
+        } else if excess < T::ZERO && to > from {
+            allowed.select_max(from)
+        } else if excess > T::ZERO && to < from {
+            allowed.select_min(from)
         } else {
-            wanted.select_above(lowest - proportional, state.integral)
+            to
         };
-        // Matters only where the room is none (infinite or NaN).
-        let bounded = integral.magnitude() <= T::from_f64(LARGEST_INTEGRAL);
-        if !bounded {
-            rarely();
-            return proportional + state.integral;
-        }
-        state.integral = integral;
-        proportional + integral
     }
 
     /// Sets the integral so that the next output is `output` at `error`: switching on without a bump.
@@ -105,16 +146,23 @@ impl<T: Real> PiState<T> {
 mod tests {
     use super::*;
 
-    const WIDE: f64 = 1e6;
+    /// One sample behind limits.
+    fn step<T: Real>(pi: &PiController<T>, state: &mut PiState<T>, error: T, lowest: T, highest: T) -> T {
+        let asked = pi.ask_checked(state, error);
+        let allowed = lowest.select_max(asked.output).select_min(highest);
+        pi.take_limited(state, asked, allowed - asked.output);
+        allowed
+    }
 
     #[test]
     fn val_step_response_is_a_ramp_on_a_step() {
         // K_p = 1, K_i = 6000, T = 20 us: after k samples of e = 1 the output is 1 + 0.12 k.
-        let pi = PiController::new(1.0, 6000.0, 50e3).unwrap();
+        let pi = PiController::new(1.0_f64, 6000.0, 50e3).unwrap();
         let mut state = PiState::default();
         for k in 1..=100 {
-            let output = pi.step(&mut state, 1.0, -WIDE, WIDE);
-            assert!((output - (1.0 + 0.12 * f64::from(k))).abs() < 1e-9);
+            let asked = pi.ask(&state, 1.0);
+            pi.take(&mut state, asked);
+            assert!((asked.output - (1.0 + 0.12 * f64::from(k))).abs() < 1e-9);
         }
     }
 
@@ -123,19 +171,19 @@ mod tests {
         let pi = PiController::new(0.1, 600.0, 50e3).unwrap();
         let mut state = PiState::default();
         for _ in 0..50_000 {
-            pi.step(&mut state, 1.0, -10.0, 10.0);
+            step(&pi, &mut state, 1.0, -10.0, 10.0);
         }
         // Without anti-windup the integral would stand at 600 and take 50 000 samples back.
-        assert!(pi.step(&mut state, -1.0, -10.0, 10.0) < 10.0);
+        assert!(step(&pi, &mut state, -1.0, -10.0, 10.0) < 10.0);
         assert!(state.integral() <= 10.0);
     }
 
     #[test]
     fn val_starts_without_a_bump() {
-        let pi = PiController::new(0.5, 1000.0, 50e3).unwrap();
+        let pi = PiController::new(0.5_f64, 1000.0, 50e3).unwrap();
         let mut state = PiState::default();
         pi.start_at(&mut state, 3.25, 0.7);
-        assert!((pi.step(&mut state, 0.7, -WIDE, WIDE) - 3.25).abs() < 1e-12);
+        assert!((pi.ask(&state, 0.7).output - 3.25).abs() < 1e-12);
     }
 
     /// A slew limit narrows the room to a little around the last command: it must hold the integral, never move it.
@@ -146,8 +194,16 @@ mod tests {
         pi.start_at(&mut state, 2.0, 5.0);
         let before = state.integral(); // 2 - 5 - 0.1
         // The output of 2.0 lies in the room of 1.9 to 2.2: one step of integration, 1000 x 20 us x 5, and no more.
-        assert!((pi.step(&mut state, 5.0, 1.9, 2.2) - 2.0).abs() < 1e-12);
+        assert!((step(&pi, &mut state, 5.0, 1.9, 2.2) - 2.0).abs() < 1e-12);
         assert!((state.integral() - before - 0.1).abs() < 1e-12);
+        // Below the room at a positive error: the whole step, and nothing beyond it.
+        let before = state.integral();
+        assert!((step(&pi, &mut state, 5.0, 7.0, 8.0) - 7.0).abs() < 1e-12);
+        assert!((state.integral() - before - 0.1).abs() < 1e-12);
+        // Above it at a negative one, where the room lies below what the integral had: alike.
+        let before = state.integral();
+        assert!((step(&pi, &mut state, -0.1, -9.0, -8.0) + 8.0).abs() < 1e-12);
+        assert!((state.integral() - before + 0.002).abs() < 1e-12);
     }
 
     /// A slew limit of less than one step of integration a sample slows the integral down; it used to stop it for good.
@@ -158,14 +214,15 @@ mod tests {
         let mut last = 2.0;
         // e = 4 asks for 0.08 a sample; the room is 0.02 above the last output.
         for k in 1..=100 {
-            last = pi.step(&mut state, 4.0, last - 0.02, last + 0.02);
+            last = step(&pi, &mut state, 4.0, last - 0.02, last + 0.02);
             assert!((last - (2.0 + 0.02 * f64::from(k))).abs() < 1e-12, "{k}: {last}");
+            assert!((state.integral() - 0.02 * f64::from(k)).abs() < 1e-12);
         }
         // Against the other end alike.
         let mut state = PiState::default();
         let mut last = -2.0;
         for k in 1..=100 {
-            last = pi.step(&mut state, -4.0, last - 0.02, last + 0.02);
+            last = step(&pi, &mut state, -4.0, last - 0.02, last + 0.02);
             assert!((last - (-2.0 - 0.02 * f64::from(k))).abs() < 1e-12, "{k}: {last}");
         }
     }
@@ -188,10 +245,11 @@ mod tests {
         let mut state = PiState::default();
         for _ in 0..20 {
             for error in extremes {
-                for lowest in extremes {
-                    for highest in extremes {
-                        assert!(pi.step(&mut state, error, lowest, highest).is_finite());
-                    }
+                for excess in extremes {
+                    let asked = pi.ask_checked(&state, error);
+                    assert!(!asked.output.is_nan());
+                    pi.take_limited(&mut state, asked, excess);
+                    assert!(state.integral().is_finite(), "{error} {excess}");
                 }
                 pi.start_at(&mut state, error, error);
                 assert!(state.integral().is_finite());

@@ -17,6 +17,8 @@ pub trait Real:
     + AddAssign
     + SubAssign
 {
+    /// Whether maximum and minimum are instructions of the processor: then a choice by them is shorter than a branch.
+    const MAX_INSTRUCTION: bool = cfg!(feature = "max-instruction");
     /// 0
     const ZERO: Self;
     /// 1
@@ -48,24 +50,6 @@ pub trait Real:
         return self.instruction_min(other);
         #[cfg(not(feature = "max-instruction"))]
         if self < other { self } else { other }
-    }
-
-    /// `self.select_min(other.select_max(limit))` for an `other` that is at most `self`: one comparison where `self` is below `limit`.
-    #[inline(always)]
-    fn select_below(self, limit: Self, other: Self) -> Self {
-        #[cfg(feature = "max-instruction")]
-        return self.instruction_min(other.instruction_max(limit));
-        #[cfg(not(feature = "max-instruction"))]
-        if self < limit { self } else { other.select_max(limit) }
-    }
-
-    /// `self.select_max(other.select_min(limit))` for an `other` that is at least `self`: one comparison where `self` is above `limit`.
-    #[inline(always)]
-    fn select_above(self, limit: Self, other: Self) -> Self {
-        #[cfg(feature = "max-instruction")]
-        return self.instruction_max(other.instruction_min(limit));
-        #[cfg(not(feature = "max-instruction"))]
-        if self > limit { self } else { other.select_min(limit) }
     }
 
     /// The larger by the processor's instruction (`vmaxnm` of Cortex-M7, M33, M55), where it has one.

@@ -8,7 +8,7 @@ use crate::effects::creep::{CreepInverse, CreepInverseState};
 use crate::effects::lag::HeldLagInverse;
 use crate::limiter::{Limiter, LimiterState};
 use crate::model::{AtRest, Hysteresis};
-use crate::pi_controller::{PiController, PiState};
+use crate::pi_controller::{Asked, PiController, PiState};
 use crate::preview::{Preview, PreviewState};
 use crate::real::Real;
 
@@ -113,20 +113,27 @@ pub struct FeedbackState<T> {
 }
 
 impl<T: Real> Feedback<T> {
-    /// One sample: the correction for an error, `lowest` and `highest` being what the limiter leaves of the command.
+    /// One sample: the correction that is asked for at an error.
     ///
     /// Anti-windup: the integral, last of the series, does not move further than to where it meets the limit. Before it the
     /// sections see small numbers: behind it, a section that differentiates would multiply the rounding of its hundred volts.
     #[inline(always)]
-    pub fn step(&self, state: &mut FeedbackState<T>, error: T, lowest: T, highest: T) -> T {
+    pub fn ask(&self, state: &mut FeedbackState<T>, error: T) -> Asked<T> {
         let error = admit(error, T::ZERO);
         let damping = self.damping.step_admitted(&mut state.damping, error);
         let first = self.series[0].step_admitted(&mut state.series[0], error);
         let shaped = self.series[1].step_admitted(&mut state.series[1], first);
-        let integral = self
-            .integral
-            .step(&mut state.integral, shaped, lowest - damping, highest - damping);
-        integral + damping
+        let asked = self.integral.ask_checked(&state.integral, shaped);
+        Asked {
+            output: asked.output + damping,
+            ..asked
+        }
+    }
+
+    /// The correction went out, changed by `excess`: how far the integral goes.
+    #[inline(always)]
+    pub fn take(&self, state: &mut FeedbackState<T>, asked: Asked<T>, excess: T) {
+        self.integral.take_limited(&mut state.integral, asked, excess);
     }
 }
 
@@ -173,12 +180,14 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         error: T,
         limiter: &Limiter<T>,
     ) -> T {
-        let room = limiter.room(&state.limiter);
-        let correction = match &self.feedback {
-            Some(feedback) => feedback.step(&mut state.feedback, error, room.0 - command, room.1 - command),
-            None => T::ZERO,
+        let Some(feedback) = &self.feedback else {
+            return limiter.step(&mut state.limiter, command);
         };
-        limiter.step_within(&mut state.limiter, room, command + correction)
+        let asked = feedback.ask(&mut state.feedback, error);
+        let command = command + asked.output;
+        let allowed = limiter.step(&mut state.limiter, command);
+        feedback.take(&mut state.feedback, asked, allowed - command);
+        allowed
     }
 }
 

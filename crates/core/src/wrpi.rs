@@ -53,7 +53,8 @@ impl<T: Real, const N: usize> Hysteresis<T> for Wrpi<T, N> {
 
     #[inline(always)]
     fn step(&self, state: &mut PlayState<T, N>, input: T) -> T {
-        let (input, rate) = self.bank.advance_static(state, input);
+        let (input, change) = self.bank.advance_static(state, input);
+        let rate = change * self.bank.sample_rate_hz();
         let MpiCoefficients {
             offset,
             cubic,

@@ -10,6 +10,7 @@ use hysteron_core::mpi::MpiCoefficients;
 use hysteron_core::mrpi::Mrpi;
 use hysteron_core::play;
 use hysteron_core::play_polynomial::{PlayPolynomial, PolynomialCoefficients};
+use hysteron_core::quick_mrpi::QuickMrpi;
 use hysteron_core::real::Real;
 use hysteron_core::thresholds::Thresholds;
 use proptest::prelude::*;
@@ -24,7 +25,12 @@ struct Every {
 
 impl Every {
     fn step(&mut self, thresholds: &[f32], envelope: &Envelope<f32>, input: f32) {
-        let (left, right) = envelope.bounds(input, (input - self.last) * RATE_HZ);
+        // In the roundings of the models, which take the change of a sample for a rate.
+        let a_sample = Envelope {
+            alpha_s: envelope.alpha_s * RATE_HZ,
+            beta_s: envelope.beta_s * RATE_HZ,
+        };
+        let (left, right) = a_sample.bounds(input, input - self.last);
         self.last = input;
         play::advance(thresholds, &mut self.outputs, left, right);
     }
@@ -74,7 +80,9 @@ fn check<const N: usize>(
         Mrpi::new(bank, coefficients, envelope).unwrap(),
         CornerMrpi::new(bank, coefficients, envelope).unwrap(),
     );
+    let quick = QuickMrpi::<f32, N>::new(model);
     let (mut state, mut remembered) = (model.at_rest(start, start), corners.at_rest(start, start));
+    let mut on_chip = quick.at_rest(start, start);
     let mut every = Every {
         outputs: vec![start; N],
         last: start,
@@ -85,6 +93,8 @@ fn check<const N: usize>(
         every.step(&thresholds, &envelope, input);
         let (exact, found) = (model.step(&mut state, input), corners.step(&mut remembered, input));
         prop_assert_eq!(bits(state.outputs()), bits(&every.outputs), "sample {}", k);
+        prop_assert_eq!(quick.step(&mut on_chip, input), exact, "quick, sample {}", k);
+        prop_assert_eq!(on_chip.outputs(), state.outputs(), "quick, sample {}", k);
         // By value: where it is 0, its sign may differ.
         prop_assert_eq!(
             corners.outputs(&remembered).to_vec(),
@@ -139,7 +149,9 @@ proptest! {
         let offset = if first == 0 { 0.0 } else { 0.05 };
         check::<1>([offset], envelope, start, &inputs)?;
         check::<2>(core::array::from_fn(|i| offset + 0.3 * i as f32), envelope, start, &inputs)?;
+        check::<7>(core::array::from_fn(|i| offset + 0.3 * i as f32), envelope, start, &inputs)?;
         check::<10>(core::array::from_fn(|i| offset + 0.25 * i as f32), envelope, start, &inputs)?;
+        check::<11>(core::array::from_fn(|i| offset + 0.2 * i as f32), envelope, start, &inputs)?;
         check::<33>(core::array::from_fn(|i| offset + 0.07 * i as f32), envelope, start, &inputs)?;
         check_cubics::<1>([offset], start, &inputs)?;
         check_cubics::<18>(core::array::from_fn(|i| offset + 0.009 * (i * i) as f32), start, &inputs)?;

@@ -162,8 +162,8 @@ proptest! {
         }).unwrap();
         let mut states = [PlayState::virgin(); 5];
         let law = ControlLaw {
-            feedforward: Some(mrpi),
-            feedback: Some(PiController::new(1.0_f32, 6000.0, 50e3).unwrap()),
+            feedforward: mrpi,
+            feedback: PiController::new(1.0_f32, 6000.0, 50e3).unwrap(),
             limiter: Limiter::new(0.0, 200.0, 1e5, 50e3).unwrap(),
         };
         let mut control = law.start(PlayState::virgin(), 0.0);

@@ -19,10 +19,10 @@ pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
 }
 ";
 const MRPI: &str = "
-pub type Inverse = hysteron_core::mrpi::Mrpi<f32, PLAYS>;
+pub type Inverse = hysteron_core::quick_mrpi::QuickMrpi<f32, PLAYS, crate::law::Plays>;
 pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
     let envelope = hysteron_core::envelope::Envelope { alpha_s: ALPHA_S, beta_s: BETA_S };
-    Inverse::new(bank()?, coefficients(), envelope)
+    Ok(Inverse::new(hysteron_core::mrpi::Mrpi::new(bank()?, coefficients(), envelope)?))
 }
 ";
 /// PI, MPI and MRPI of many plays.

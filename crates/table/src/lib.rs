@@ -21,13 +21,13 @@ use sha2::{Digest, Sha256};
 /// First line of meaning in a table file; another value is another layout.
 pub const FORMAT: &str = "hysteron-table 1";
 
-/// Most plays that a table may have: up to 538 instructions a tick on a Cortex-M4F for PI, MPI and MRPI, which remember corners above
+/// Most plays that a table may have: up to 509 instructions a tick on a Cortex-M4F for PI, MPI and MRPI, which remember corners above
 /// [`CORNERS_ABOVE`] plays, 1300 for the others (`cargo xtask firmware bench`), of the 3400 that 20 us are at 170 MHz.
 pub const MOST_PLAYS: usize = 100;
 
-/// From about this number of plays on it is faster in the worst case to remember corners than to touch the plays that move: 236 + 11.6
-/// for each play above 10 against 538 on a Cortex-M4F.
-pub const CORNERS_ABOVE: usize = 34;
+/// From about this number of plays on it is faster in the worst case to remember corners than to touch the plays that move: 206 + 18
+/// for each play above 10 against 509 on a Cortex-M4F.
+pub const CORNERS_ABOVE: usize = 27;
 
 /// A compensator for one axis: a direct inverse (eq. 13), the PI gains (eq. 14) or a complete law around it, limits and converters.
 ///

@@ -123,9 +123,9 @@ fn finer(parts: usize) -> Table {
 #[test]
 fn val_many_plays() {
     for (parts, inverse) in [
-        (1, "mrpi::Mrpi<"),
-        (3, "mrpi::Mrpi<"),
-        (4, "corner_mrpi::CornerMrpi<"),
+        (1, "quick_mrpi::QuickMrpi<"),
+        (2, "quick_mrpi::QuickMrpi<"),
+        (3, "corner_mrpi::CornerMrpi<"),
         (10, "corner_mrpi::CornerMrpi<"),
     ] {
         let table = finer(parts);

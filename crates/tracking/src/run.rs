@@ -11,7 +11,7 @@ use hysteron_plant::{Stage, StageConfig};
 use std::collections::VecDeque;
 
 /// The control law of eq. 15 in micrometres and actuator volts, its inverse with N plays.
-pub type Law<const N: usize> = ControlLaw<f64, CoreModel<f64, N>>;
+pub type Law<const N: usize> = ControlLaw<f64, Option<CoreModel<f64, N>>>;
 
 /// Gains of the PI controller, eq. 14.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,12 +46,13 @@ pub fn law_of<F>(
     stage: &StageConfig,
     feedforward: Option<F>,
     gains: Option<PiGains>,
-) -> Result<ControlLaw<f64, F>, TrackingError> {
+) -> Result<ControlLaw<f64, Option<F>>, TrackingError> {
     let rate_hz = 1.0 / stage.sample_period_s;
     let (low_v, high_v) = (stage.amplifier.min_v, stage.amplifier.max_v);
-    let feedback = gains
-        .map(|gains| PiController::new(gains.proportional_v_per_um, gains.integral_v_per_um_s, rate_hz))
-        .transpose()?;
+    let feedback = match gains {
+        Some(gains) => PiController::new(gains.proportional_v_per_um, gains.integral_v_per_um_s, rate_hz)?,
+        None => PiController::none(),
+    };
     Ok(ControlLaw {
         feedforward,
         feedback,

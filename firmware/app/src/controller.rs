@@ -61,7 +61,6 @@ impl<L: Law> Controller<L> {
             measured_um: first_um,
             first_um,
             command_v: parameters.safe_v,
-            feedback_weight,
             rise_um: parameters.rise_um,
         };
         let state = parameters.law.start(&start, &parameters.law);
@@ -263,7 +262,6 @@ impl<L: Law> Controller<L> {
             measured_um,
             first_um: self.first_um,
             command_v: self.command_v,
-            feedback_weight: self.feedback_weight,
             rise_um: self.parameters.rise_um,
         };
         let table = self.banks.get(usize::from(self.bank_flags >> BANK_BIT));

@@ -7,6 +7,13 @@ use hysteron_core::pi_controller::PiController;
 use hysteron_core::surroundings::{CompleteLaw, CompleteState, LoopInput};
 use hysteron_core::tracking_law::Feedback;
 
+/// How the chip moves and sums the plays of a bank; the bits are the same on all.
+#[cfg(not(feature = "max-instruction"))]
+pub type Plays = hysteron_core::plays_sum::FirstPlays;
+/// How the chip moves and sums the plays of a bank; the bits are the same on all.
+#[cfg(feature = "max-instruction")]
+pub type Plays = hysteron_cortex_m7::Fives;
+
 /// How a run begins.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Start {
@@ -16,8 +23,6 @@ pub struct Start {
     pub first_um: f32,
     /// The command so far.
     pub command_v: f32,
-    /// Share of the feedback.
-    pub feedback_weight: f32,
     /// Largest step of a reference on the way to the first value.
     pub rise_um: f32,
 }
@@ -79,20 +84,26 @@ pub trait Law: Copy + core::fmt::Debug + 'static {
 /// The paper's law, with what it is made of where parts of it are off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Paper<I> {
-    inverse: I,
     feedback: PiController<f32>,
     law: ControlLaw<f32, I>,
+    feedforward: bool,
+    feedback_weight: f32,
 }
 
 impl<I: AtRest<f32> + Copy> Paper<I> {
     /// Feedforward and feedback.
     pub fn new(inverse: I, feedback: PiController<f32>, limiter: Limiter<f32>) -> Self {
         let law = ControlLaw {
-            feedforward: Some(inverse),
-            feedback: Some(feedback),
+            feedforward: inverse,
+            feedback,
             limiter,
         };
-        Self { inverse, feedback, law }
+        Self {
+            feedback,
+            law,
+            feedforward: true,
+            feedback_weight: 1.0,
+        }
     }
 }
 
@@ -109,14 +120,15 @@ where
 {
     type State = PaperState<I::State>;
 
-    fn set_parts(&mut self, feedforward: bool, feedback: bool, _: f32) {
-        self.law.feedforward = feedforward.then_some(self.inverse);
-        self.law.feedback = feedback.then_some(self.feedback);
+    fn set_parts(&mut self, feedforward: bool, feedback: bool, weight: f32) {
+        self.feedforward = feedforward;
+        self.feedback_weight = if feedback { weight } else { 0.0 };
+        self.law.feedback = self.feedback.weighted(self.feedback_weight);
     }
 
     fn set_gains(&mut self, gains: PiController<f32>) {
         self.feedback = gains;
-        self.law.feedback = self.law.feedback.map(|_| gains);
+        self.law.feedback = gains.weighted(self.feedback_weight);
     }
 
     /// The plays where the stage's are: at rest at the safe level after coming down to it, wherever the sensor sees that.
@@ -125,11 +137,9 @@ where
     }
 
     fn start(&self, start: &Start, _: &Self) -> Self::State {
-        let plays = self.inverse.at_rest(start.measured_um, start.first_um);
-        let mut control = self.law.start(plays, start.command_v);
-        control.set_feedback_weight(start.feedback_weight);
+        let plays = self.law.feedforward.at_rest(start.measured_um, start.first_um);
         PaperState {
-            control,
+            control: self.law.start(plays, start.command_v),
             first_um: start.first_um,
         }
     }
@@ -137,9 +147,12 @@ where
     /// Towards the inverse's command at the trajectory's first value; feedback alone starts from where it is.
     fn rise(&self, state: &mut Self::State, ramp: &Limiter<f32>, _: Now) -> (Step, bool) {
         let before_v = state.control.limiter.last();
-        let wanted_v = match &self.law.feedforward {
-            Some(inverse) => inverse.step(&mut state.control.feedforward, state.first_um),
-            None => before_v,
+        let wanted_v = if self.feedforward {
+            self.law
+                .feedforward
+                .step(&mut state.control.feedforward, state.first_um)
+        } else {
+            before_v
         };
         let command_v = ramp.step(&mut state.control.limiter, wanted_v);
         let limited = state.control.limiter.limited();
@@ -156,14 +169,20 @@ where
     #[inline(always)]
     fn run(&self, state: &mut Self::State, trajectory_um: f32, now: Now) -> Step {
         let control = &mut state.control;
+        let (command_v, feedback_v) = if self.feedforward {
+            let command_v = self.law.step(control, trajectory_um, now.measured_um);
+            (command_v, control.feedback.integral())
+        } else {
+            (
+                self.law.step_feedback(control, 0.0, trajectory_um, now.measured_um),
+                0.0,
+            )
+        };
         Step {
-            command_v: self.law.step(control, trajectory_um, now.measured_um),
+            command_v,
             reference_um: trajectory_um,
             limited: control.limiter.limited(),
-            feedback_v: match (&self.law.feedforward, &self.law.feedback) {
-                (Some(_), Some(_)) => control.feedback.integral(),
-                _ => 0.0,
-            },
+            feedback_v,
         }
     }
 

@@ -27,8 +27,8 @@ pub struct RustTick<I: Hysteresis<f32>> {
 
 impl<I: Hysteresis<f32>> RustTick<I> {
     #[inline(never)]
-    pub extern "C" fn tick(&mut self, code: u32, reference_um: f32) -> u16 {
-        let measured_um = self.adc.volts(AdcCode(code as u16));
+    pub extern "C" fn tick(&mut self, code: u16, reference_um: f32) -> u16 {
+        let measured_um = self.adc.volts(AdcCode(code));
         self.dac
             .code(self.law.step(&mut self.state, reference_um, measured_um))
             .0
@@ -37,12 +37,12 @@ impl<I: Hysteresis<f32>> RustTick<I> {
     fn new(inverse: I, plays: I::State) -> Result<Self, ParamError> {
         let parameters = table::parameters()?;
         let law = ControlLaw {
-            feedforward: Some(inverse),
-            feedback: Some(PiController::new(
+            feedforward: inverse,
+            feedback: PiController::new(
                 table::PROPORTIONAL_V_PER_UM,
                 table::INTEGRAL_V_PER_UM_S,
                 table::SAMPLE_RATE_HZ,
-            )?),
+            )?,
             limiter: Limiter::new(
                 table::OUTPUT_MIN_V,
                 table::OUTPUT_MAX_V,
@@ -98,108 +98,121 @@ fn many_weights() -> [f32; MANY] {
     [sum / MANY as f32; MANY]
 }
 
-/// `struct tick` of `c/tick.c`.
+/// `struct tick` of `c/tick.c`; `B` is two more than `N`.
 #[repr(C)]
-pub struct CTick<const N: usize> {
+pub struct CTick<const N: usize, const B: usize> {
     thresholds: [f32; N],
     weights: [f32; N],
     offset: f32,
     cubic: f32,
     linear: f32,
-    alpha_s: f32,
-    beta_s: f32,
+    alpha: f32,
+    beta: f32,
     input_min: f32,
     input_max: f32,
-    rate_hz: f32,
     proportional: f32,
     integral_a_sample: f32,
     output_min: f32,
     output_max: f32,
     largest_change: f32,
+    usual_change: f32,
     dac_min: f32,
     codes_per_v: f32,
     adc_min: f32,
     um_per_code: f32,
-    feedback_weight: f32,
     outputs: [f32; N],
+    sums: [f32; B],
     last_input: f32,
     integral: f32,
     last_command: f32,
-    started: u32,
+    asked: f32,
+    fault: u32,
 }
 
-impl<const N: usize> CTick<N> {
+impl<const N: usize, const B: usize> CTick<N, B> {
     fn new(thresholds: [f32; N], weights: [f32; N]) -> Self {
+        const { assert!(B == N + 2, "the offset and 0 lie behind the sums") };
+        let largest_change = table::SLEW_V_PER_S / table::SAMPLE_RATE_HZ;
+        // At rest at the lowest input; behind the last play is the offset, and none.
+        let mut sums = [0.0; B];
+        sums[N + 1] = table::OFFSET_V;
+        for i in (0..N).rev() {
+            sums[i] = sums[i + 2] + weights[i] * table::INPUT_MIN_UM;
+        }
         Self {
             thresholds,
             weights,
             offset: table::OFFSET_V,
             cubic: table::CUBIC_V_PER_UM3,
             linear: table::LINEAR_V_PER_UM,
-            alpha_s: table::ALPHA_S,
-            beta_s: table::BETA_S,
+            alpha: table::ALPHA_S * table::SAMPLE_RATE_HZ,
+            beta: table::BETA_S * table::SAMPLE_RATE_HZ,
             input_min: table::INPUT_MIN_UM,
             input_max: table::INPUT_MAX_UM,
-            rate_hz: table::SAMPLE_RATE_HZ,
             proportional: table::PROPORTIONAL_V_PER_UM,
             integral_a_sample: table::INTEGRAL_V_PER_UM_S / table::SAMPLE_RATE_HZ,
             output_min: table::OUTPUT_MIN_V,
             output_max: table::OUTPUT_MAX_V,
-            largest_change: table::SLEW_V_PER_S / table::SAMPLE_RATE_HZ,
+            largest_change,
+            usual_change: largest_change - 8.0 * f32::EPSILON * table::OUTPUT_MAX_V,
             dac_min: table::DAC_MIN_V,
             codes_per_v: 65_535.0 / (table::DAC_TOP_V - table::DAC_MIN_V),
             adc_min: table::ADC_MIN_UM,
             um_per_code: (table::ADC_TOP_UM - table::ADC_MIN_UM) / 65_535.0,
-            feedback_weight: 1.0,
             outputs: [table::INPUT_MIN_UM; N],
+            sums,
             last_input: table::INPUT_MIN_UM,
             integral: 0.0,
             last_command: table::SAFE_V,
-            started: 1,
+            asked: table::SAFE_V,
+            fault: 0,
         }
     }
 }
 
-impl CTick<{ table::PLAYS }> {
+/// The table's.
+pub type Few = CTick<{ table::PLAYS }, { table::PLAYS + 2 }>;
+/// [`hundred`]'s.
+pub type Many = CTick<MANY, { MANY + 2 }>;
+
+impl Few {
     pub fn ten() -> Self {
         Self::new(table::THRESHOLDS_UM, table::WEIGHTS_V_PER_UM)
     }
 }
 
-impl CTick<MANY> {
+impl Many {
     pub fn hundred() -> Self {
         Self::new(many_thresholds(), many_weights())
     }
 }
 
 macro_rules! from_c {
-    ($($name:ident: $plays:expr),*) => {
+    ($($name:ident: $state:ty),*) => {
         mod c {
             // SAFETY: as `tick.c` defines them; they read and write the struct alone.
             unsafe extern "C" {
-                $(pub safe fn $name(state: &mut super::CTick<{ $plays }>, code: u32, reference_um: f32) -> u16;)*
+                $(pub safe fn $name(state: &mut $state, code: u16, reference_um: f32) -> u16;)*
             }
         }
     };
 }
 from_c!(
-    c_10: hysteron_firmware::table::PLAYS, c_10_exact: hysteron_firmware::table::PLAYS,
-    c_10_fast: hysteron_firmware::table::PLAYS, c_10_prefix: hysteron_firmware::table::PLAYS,
-    c_10_prefix_exact: hysteron_firmware::table::PLAYS,
-    c_100: super::MANY, c_100_prefix: super::MANY, c_100_prefix_exact: super::MANY
+    c_10: super::Few, c_10_exact: super::Few, c_10_fast: super::Few, c_10_prefix: super::Few, c_10_prefix_exact: super::Few,
+    c_100: super::Many, c_100_prefix: super::Many, c_100_prefix_exact: super::Many
 );
 
-type CCall<const N: usize> = extern "C" fn(&mut CTick<N>, u32, f32) -> u16;
+type CCall<S> = extern "C" fn(&mut S, u16, f32) -> u16;
 
 /// With their names in the table.
-pub const C_10: [(&str, CCall<{ table::PLAYS }>); 5] = [
+pub const C_10: [(&str, CCall<Few>); 5] = [
     ("c 10", c::c_10),
     ("c-exact 10", c::c_10_exact),
     ("c-fast-math 10", c::c_10_fast),
     ("c-prefix 10", c::c_10_prefix),
     ("c-prefix-exact 10", c::c_10_prefix_exact),
 ];
-pub const C_100: [(&str, CCall<MANY>); 3] = [
+pub const C_100: [(&str, CCall<Many>); 3] = [
     ("c 100", c::c_100),
     ("c-prefix 100", c::c_100_prefix),
     ("c-prefix-exact 100", c::c_100_prefix_exact),

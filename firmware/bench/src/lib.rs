@@ -52,14 +52,14 @@ impl Write for Console {
 }
 
 /// A tick under the clock: state, the sensor's code, reference; the converter's code.
-pub type Tick<S> = extern "C" fn(&mut S, u32, f32) -> u16;
+pub type Tick<S> = extern "C" fn(&mut S, u16, f32) -> u16;
 
-extern "C" fn nothing<S>(_: &mut S, _: u32, _: f32) -> u16 {
+extern "C" fn nothing<S>(_: &mut S, _: u16, _: f32) -> u16 {
     0
 }
 
 #[inline(never)]
-fn timed<S>(tick: Tick<S>, state: &mut S, code: u32, reference_um: f32) -> (u32, u16) {
+fn timed<S>(tick: Tick<S>, state: &mut S, code: u16, reference_um: f32) -> (u32, u16) {
     let before = timer::count();
     let dac = tick(state, code, reference_um);
     let counts = timer::count().wrapping_sub(before);

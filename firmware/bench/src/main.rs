@@ -4,9 +4,12 @@
 
 mod contenders;
 
-use contenders::{CTick, RustTick};
+use contenders::{Few, Many, RustTick};
+use core::fmt::Write;
 use cortex_m_rt::entry;
 use counting::{Console, measure};
+use hysteron_core::plays_sum::{Bank, FirstPlays, SumOfPlays};
+use hysteron_firmware::law::Plays;
 use mps2::semihosting;
 
 #[entry]
@@ -15,13 +18,46 @@ fn main() -> ! {
     let (Ok(ten), Ok(hundred)) = (contenders::ten(), contenders::hundred()) else {
         semihosting::exit(false);
     };
+    if !(agree::<1>() && agree::<4>() && agree::<7>() && agree::<10>() && agree::<23>()) {
+        let _ = writeln!(
+            console,
+            "the chip's way of moving plays and the portable one gave different outputs"
+        );
+        semihosting::exit(false);
+    }
     measure(&mut console, "rust 10", RustTick::tick, || ten);
     measure(&mut console, "rust 100", RustTick::tick, || hundred);
     for (name, tick) in contenders::C_10 {
-        measure(&mut console, name, tick, CTick::ten);
+        measure(&mut console, name, tick, Few::ten);
     }
     for (name, tick) in contenders::C_100 {
-        measure(&mut console, name, tick, CTick::hundred);
+        measure(&mut console, name, tick, Many::hundred);
     }
     semihosting::exit(true);
+}
+
+/// Whether a bank of `N` plays has the same outputs and the same sum, bit by bit, moved as the image does it and as any processor can.
+fn agree<const N: usize>() -> bool {
+    let thresholds: [f32; N] = core::array::from_fn(|i| 0.11 * i as f32);
+    let weights: [f32; N] = core::array::from_fn(|i| 0.7 - 0.3 * (i * 7 % 5) as f32);
+    let bank = Bank {
+        thresholds: &thresholds,
+        weights: &weights,
+        offset: 0.3,
+    };
+    let (mut of_chip, mut portable) = ([0.0_f32; N], [0.0_f32; N]);
+    // All at 0: from each play on the offset, or nothing.
+    let sums: [f32; N] = core::array::from_fn(|i| if (N - i) % 2 == 1 { 0.3 } else { 0.0 });
+    let (mut a, mut b) = (sums, sums);
+    let mut seed = 1_u32;
+    (0..2000).all(|_| {
+        seed ^= seed << 13;
+        seed ^= seed >> 17;
+        seed ^= seed << 5;
+        // Few values, so that plays meet their bounds exactly; the envelope opens by up to a tenth.
+        let (input, open) = (0.05 * (seed % 61) as f32, 0.001 * (seed >> 16 & 63) as f32);
+        let sum = Plays::step(&bank, &mut of_chip, &mut a, input - open, input + open);
+        let wanted = FirstPlays::step(&bank, &mut portable, &mut b, input - open, input + open);
+        sum == wanted && of_chip == portable
+    })
 }

@@ -80,7 +80,7 @@ impl Signal {
     }
 
     /// The sensor's code and the reference of a tick.
-    pub fn next(&mut self) -> (u32, f32) {
+    pub fn next(&mut self) -> (u16, f32) {
         self.reference_um = match self.kind {
             Kind::Noise => LOW_UM + RANGE_UM * self.random(),
             Kind::Random => self.towards(),
@@ -95,7 +95,7 @@ impl Signal {
         // A lag of 100 us, and two codes of noise.
         self.position_um += 0.2 * (self.reference_um - self.position_um);
         let codes = (self.position_um - table::ADC_MIN_UM) * (65_535.0 / (table::ADC_TOP_UM - table::ADC_MIN_UM));
-        ((codes + 2.0 * self.random()) as u32, self.reference_um)
+        ((codes + 2.0 * self.random()) as u16, self.reference_um)
     }
 
     fn towards(&mut self) -> f32 {

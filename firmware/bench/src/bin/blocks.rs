@@ -70,7 +70,7 @@ impl Axis {
 
     /// Two of them in a tick, each beside the command of the other.
     #[inline(never)]
-    extern "C" fn both(axes: &mut [Self; 2], code: u32, reference_um: f32) -> u16 {
+    extern "C" fn both(axes: &mut [Self; 2], code: u16, reference_um: f32) -> u16 {
         let [x, y] = axes;
         let (of_x, of_y) = (x.tick(code, reference_um), y.tick(code ^ 1, reference_um));
         core::mem::swap(&mut x.other_v, &mut y.other_v);
@@ -79,10 +79,10 @@ impl Axis {
 
     /// As the application calls it.
     #[inline(never)]
-    extern "C" fn tick(&mut self, code: u32, reference_um: f32) -> u16 {
+    extern "C" fn tick(&mut self, code: u16, reference_um: f32) -> u16 {
         let input = LoopInput {
             reference_ahead: reference_um,
-            measured: self.adc.volts(AdcCode(code as u16)),
+            measured: self.adc.volts(AdcCode(code)),
             voltage2_ahead: self.other_v,
             motion2_ahead: reference_um,
             temperature_c: 0.0,
@@ -109,7 +109,7 @@ fn digest(value: f32) -> u16 {
 macro_rules! parts {
     ($($name:ident($block:ty, $memory:ty), |$b:ident, $m:ident, $code:ident, $reference:ident| $result:expr;)*) => {$(
         #[inline(never)]
-        extern "C" fn $name(part: &mut Part<$block, $memory>, $code: u32, $reference: f32) -> u16 {
+        extern "C" fn $name(part: &mut Part<$block, $memory>, $code: u16, $reference: f32) -> u16 {
             let Part { block: $b, memory: $m } = part;
             $result
         }
@@ -119,7 +119,7 @@ macro_rules! parts {
 type Converters = [Converter<f32>; 2];
 
 /// The error that feedback and hum get: the order of magnitude is enough, they have no branches on it but for their limits.
-fn error_um(code: u32, reference_um: f32) -> f32 {
+fn error_um(code: u16, reference_um: f32) -> f32 {
     reference_um - code as f32 * 1e-3
 }
 
@@ -139,10 +139,12 @@ parts! {
     sensor(SensorInverse<f32>, ()), |b, _m, _code, reference| digest(b.position(reference));
     sensor_lag(Lag<f32>, LagState<f32>), |b, m, _code, reference| digest(b.step(m, reference));
     feedback(Feedback<f32>, FeedbackState<f32>), |b, m, code, reference| {
-        digest(b.step(m, error_um(code, reference), -100.0, 100.0))
+        let asked = b.ask(m, error_um(code, reference));
+        b.take(m, asked, 0.0);
+        digest(asked.output)
     };
     limiter(Limiter<f32>, LimiterState<f32>), |b, m, code, _reference| digest(b.step(m, code as f32 * 1e-3));
-    codes(Converters, ()), |b, _m, code, _reference| b[1].code(b[0].volts(AdcCode(code as u16))).0;
+    codes(Converters, ()), |b, _m, code, _reference| b[1].code(b[0].volts(AdcCode(code))).0;
 }
 
 /// Measures every block, then the law of one axis and of both.
