@@ -4,7 +4,7 @@ use crate::monitor::Fault;
 use crate::trajectory::Shape;
 
 /// First bytes of a hello; another version has others.
-pub const MAGIC: [u8; 8] = *b"HYSTERN7";
+pub const MAGIC: [u8; 8] = *b"HYSTERN8";
 /// Bit of [`Frame::flags`]: the limiter changed the command.
 pub const LIMITED: u16 = 1;
 /// Bit of [`Frame::flags`]: the change that came with this tick is in force.
@@ -28,7 +28,7 @@ pub const SETUP_BYTES: usize = 20;
 /// Length of a frame.
 pub const FRAME_BYTES: usize = 16;
 /// Length of a summary.
-pub const SUMMARY_BYTES: usize = 32;
+pub const SUMMARY_BYTES: usize = 36;
 
 /// What the board says first, once for each table that it holds: which it is, and what the host has to know of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -155,6 +155,8 @@ pub struct Summary {
     pub tick_min: u32,
     /// Longest.
     pub tick_max: u32,
+    /// Longest but for those that start a run.
+    pub running_max: u32,
     /// Sum over all ticks.
     pub tick_sum: u64,
 }
@@ -337,11 +339,12 @@ impl Summary {
             self.latency_max,
             self.tick_min,
             self.tick_max,
+            self.running_max,
         ];
         for (place, value) in bytes.chunks_exact_mut(4).zip(words) {
             place.copy_from_slice(&value.to_le_bytes());
         }
-        bytes[24..].copy_from_slice(&self.tick_sum.to_le_bytes());
+        bytes[28..].copy_from_slice(&self.tick_sum.to_le_bytes());
         bytes
     }
 
@@ -355,7 +358,8 @@ impl Summary {
             latency_max: at(12),
             tick_min: at(16),
             tick_max: at(20),
-            tick_sum: u64::from(at(24)) | u64::from(at(28)) << 32,
+            running_max: at(24),
+            tick_sum: u64::from(at(28)) | u64::from(at(32)) << 32,
         }
     }
 }
@@ -430,6 +434,7 @@ mod tests {
             latency_max: 3,
             tick_min: 4,
             tick_max: 5,
+            running_max: 9,
             tick_sum: (6 << 32) + 7,
         };
         assert_eq!(Summary::from_bytes(&summary.to_bytes()), summary);

@@ -171,7 +171,7 @@ extern "C" fn sample_clock() {
     let control = unsafe { (*LOOP.0.get()).assume_init_mut() };
     tick(&mut control.board, &mut control.axes);
     let cost = control.board.written_at.wrapping_sub(control.board.read_at);
-    control.timing.tick(entry, cost);
+    control.timing.tick(entry, cost, control.board.order == Order::Start);
     #[cfg(feature = "panic-on-purpose")]
     assert!(control.timing.done() < u32::MAX, "on purpose");
     match control.board.order {

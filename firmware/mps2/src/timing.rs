@@ -57,9 +57,10 @@ impl Timing {
         &self.summary
     }
 
-    /// A tick that began with `entry` and took `cost` timer counts; edges that no tick belongs to are lost.
+    /// A tick that began with `entry` and took `cost` timer counts, one that `starts` a run or another; edges that no tick belongs to are
+    /// lost.
     #[inline(always)]
-    pub fn tick(&mut self, entry: Entry, cost: u32) {
+    pub fn tick(&mut self, entry: Entry, cost: u32, starts: bool) {
         let summary = &mut self.summary;
         if self.done > 0 {
             let edges = (entry.edge.wrapping_sub(self.edge) + timer::PERIOD / 2) / timer::PERIOD;
@@ -70,6 +71,9 @@ impl Timing {
         summary.latency_max = summary.latency_max.max(entry.elapsed);
         summary.tick_min = summary.tick_min.min(cost);
         summary.tick_max = summary.tick_max.max(cost);
+        if !starts {
+            summary.running_max = summary.running_max.max(cost);
+        }
         summary.tick_sum += u64::from(cost);
         self.done += 1;
     }

@@ -264,13 +264,15 @@ fn times(outcome: &Outcome, ticks: usize) -> String {
     let (timing, a_count) = (&outcome.summary, outcome.instructions_a_count);
     let instructions = |counts: u32| u64::from(counts) * a_count;
     format!(
-        "{ticks} ticks, {} overruns, {} edges lost, latency {} to {} instructions, tick {} to {}, mean {:.0} (to {a_count})\n",
+        "{ticks} ticks, {} overruns, {} edges lost, latency {} to {} instructions, tick {} to {}, {} but for the one that \
+         starts, mean {:.0} (to {a_count})\n",
         timing.overruns,
         timing.lost,
         instructions(timing.latency_min),
         instructions(timing.latency_max),
         instructions(timing.tick_min),
         instructions(timing.tick_max),
+        instructions(timing.running_max),
         (timing.tick_sum * a_count) as f64 / ticks.max(1) as f64,
     )
 }
