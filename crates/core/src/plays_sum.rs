@@ -77,7 +77,7 @@ pub(crate) fn sums<T: Real, const N: usize>(offset: T, weights: &[T; N], outputs
 ///
 /// # Cost
 /// In instructions of a Cortex-M4F, for each of the first ten plays that moves: 11 where they are pushed up, 8 where they are pushed
-/// down; 4 more for each behind.
+/// down; about 18 for each behind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FirstPlays;
 
