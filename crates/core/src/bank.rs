@@ -23,7 +23,6 @@ pub struct PlayBank<T, const N: usize> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlayState<T, const N: usize> {
     outputs: [T; N],
-
     input: InputState<T>,
 }
 

@@ -36,7 +36,7 @@ pub struct ControlState<T, S> {
 }
 
 impl<T: Real, F: Hysteresis<T>> ControlLaw<T, F> {
-    /// A state at rest with the command at `command` and full feedback.
+    /// A state at rest with the command at `command`.
     pub fn start(&self, feedforward: F::State, command: T) -> ControlState<T, F::State> {
         ControlState {
             feedforward,

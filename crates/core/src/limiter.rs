@@ -18,7 +18,7 @@ pub struct Limiter<T> {
     usual_change: T,
 }
 
-/// The last command that was let through, and what had been asked for.
+/// The last command that was let through, and what had been asked for; for limiters of one range.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LimiterState<T> {
     last: T,

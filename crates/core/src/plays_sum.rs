@@ -5,9 +5,10 @@ use crate::real::Real;
 
 /// Moves a bank of plays by one sample and sums over them, weighted.
 ///
-/// Every implementation gives the same bits: two sums, one of the last play and of every second before it, which the offset begins, and
-/// one of the others, both made towards the first play, every product and every addition rounded, and then added. [`FirstPlays`] runs
-/// anywhere; a processor that loads many registers at once may do better with all of them.
+/// Every implementation gives the same bits: two sums, one of the first play and every second behind it, which begins with the offset,
+/// and one of the others, both made from the last play to the first, every product and every addition rounded, and then added. So plays
+/// that weigh nothing behind the others change no bit. [`FirstPlays`] runs anywhere; a processor that loads many registers at once may do
+/// better with all of them.
 pub trait SumOfPlays<T, const N: usize> {
     /// One sample of a bank in which only the first plays can move: ascending thresholds, `left <= right`, outputs that began equal or
     /// on one side. `sums` is what it remembers beside the outputs: from each play on, the sum over it and every second one behind it.
@@ -25,10 +26,20 @@ pub struct Bank<'a, T, const N: usize> {
     pub offset: T,
 }
 
+/// What the sums from a play behind the last on are, and from the next on.
+#[inline(always)]
+pub fn behind<T: Real>(last: usize, offset: T) -> (T, T) {
+    if last.is_multiple_of(2) {
+        (offset, T::ZERO)
+    } else {
+        (T::ZERO, offset)
+    }
+}
+
 /// The sum over plays that stand, as every [`SumOfPlays`] rounds it. Both slices have the same length.
 #[inline(always)]
 pub fn sum<T: Real>(offset: T, weights: &[T], outputs: &[T]) -> T {
-    let (mut this, mut next) = (offset, T::ZERO);
+    let (mut next, mut this) = behind(weights.len(), offset);
     let pairs = weights.rchunks_exact(2).zip(outputs.rchunks_exact(2));
     for (weight, output) in pairs {
         this += weight[1] * output[1];
@@ -51,7 +62,7 @@ pub fn rest<T: Real, const N: usize>(
     right: T,
 ) -> (T, T) {
     let (thresholds, weights) = (bank.thresholds.iter().skip(first), bank.weights.iter().skip(first));
-    let (mut this, mut next) = (T::ZERO, bank.offset);
+    let (mut this, mut next) = behind(N, bank.offset);
     for ((output, &threshold), &weight) in outputs.iter_mut().skip(first).zip(thresholds).zip(weights).rev() {
         *output = play::enveloped(left, right, *output, threshold);
         (this, next) = (next + weight * *output, this);
@@ -62,7 +73,7 @@ pub fn rest<T: Real, const N: usize>(
 /// From each play on the sum over it and every second one behind it.
 pub(crate) fn sums<T: Real, const N: usize>(offset: T, weights: &[T; N], outputs: &[T; N]) -> [T; N] {
     let mut sums = [T::ZERO; N];
-    let (mut this, mut next) = (T::ZERO, offset);
+    let (mut this, mut next) = behind(N, offset);
     for ((sum, &weight), &output) in sums.iter_mut().zip(weights).zip(outputs).rev() {
         (this, next) = (next + weight * output, this);
         *sum = this;
@@ -108,13 +119,12 @@ impl<T: Real, const N: usize> Plays<'_, T, N> {
     /// Those that stand, from a play on.
     #[inline(always)]
     fn standing(&self, play: usize) -> (T, T) {
-        let behind = if play == N {
-            (T::ZERO, self.bank.offset)
-        } else {
-            (T::ZERO, T::ZERO)
-        };
+        let (this, next) = behind(N, self.bank.offset);
         let sum = |play: usize| self.sums.get(play).copied();
-        (sum(play).unwrap_or(behind.0), sum(play + 1).unwrap_or(behind.1))
+        match sum(play) {
+            Some(of_play) => (of_play, sum(play + 1).unwrap_or(this)),
+            None => (this, next),
+        }
     }
 
     /// With a play that is now at `output`, `behind` it what follows.

@@ -156,6 +156,24 @@ fn val_room_for_more_plays_changes_nothing() {
     }
 }
 
+/// The same of an odd number, as the image has it: the host has room for ten.
+#[test]
+fn val_room_for_more_than_seven_plays_changes_nothing() {
+    let mut table = Table::parse(GOOD).unwrap();
+    table.thresholds_um.truncate(7);
+    table.weights_v_per_um.truncate(7);
+    let ((_, seven), (_, ten)) = (table.inverse::<7>(false).unwrap(), table.inverse::<10>(false).unwrap());
+    let (mut of_seven, mut of_ten) = (PlayState::virgin(), PlayState::virgin());
+    for k in 0..2000_u32 {
+        let input = 0.1 + 2.2 * ((k * k % 997) as f32 / 997.0);
+        assert_eq!(
+            seven.step(&mut of_seven, input).to_bits(),
+            ten.step(&mut of_ten, input).to_bits(),
+            "{k}"
+        );
+    }
+}
+
 #[test]
 fn refuse_a_bad_table_naming_the_field() {
     let mut cases: Vec<(String, &str)> = vec![

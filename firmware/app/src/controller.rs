@@ -40,7 +40,6 @@ pub struct Controller<L: Law> {
     setup: Setup,
     mailbox: Mailbox,
     uploaded: Uploaded,
-    feedback_weight: f32,
     mode: Mode,
     fault: Option<Fault>,
     command_v: f32,
@@ -77,7 +76,6 @@ impl<L: Law> Controller<L> {
             setup: *setup,
             mailbox: Mailbox::default(),
             uploaded,
-            feedback_weight,
             mode: Mode::Off,
             fault: None,
             command_v: parameters.safe_v,
@@ -248,9 +246,9 @@ impl<L: Law> Controller<L> {
         }
         let frequency_hz = setup.frequency_hz(self.parameters.sample_rate_hz);
         self.setup = *setup;
-        self.feedback_weight = feedback_weight(frequency_hz, self.parameters.feedback_up_to_hz);
+        let feedback_weight = feedback_weight(frequency_hz, self.parameters.feedback_up_to_hz);
         let law = &mut self.parameters.law;
-        law.set_parts(setup.feedforward, setup.feedback, self.feedback_weight);
+        law.set_parts(setup.feedforward, setup.feedback, feedback_weight);
         self.monitor = Monitor::new(&self.parameters.scales, setup.half_period());
         self.trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
         self.first_um = self.trajectory.first_um(&self.uploaded);

@@ -8,10 +8,10 @@ use hysteron_core::surroundings::{CompleteLaw, CompleteState, LoopInput};
 use hysteron_core::tracking_law::Feedback;
 
 /// How the chip moves and sums the plays of a bank; the bits are the same on all.
-#[cfg(not(feature = "max-instruction"))]
+#[cfg(not(all(feature = "max-instruction", target_arch = "arm")))]
 pub type Plays = hysteron_core::plays_sum::FirstPlays;
 /// How the chip moves and sums the plays of a bank; the bits are the same on all.
-#[cfg(feature = "max-instruction")]
+#[cfg(all(feature = "max-instruction", target_arch = "arm"))]
 pub type Plays = hysteron_cortex_m7::Fives;
 
 /// How a run begins.

@@ -1,7 +1,7 @@
 /* One control tick as crates/core runs it: MRPI inverse (eq. 13), PI with anti-windup (eq. 14), limiter, converter codes.
  *
  * The same formulas in the same order as core; with -ffp-contract=off it gives the same codes, bit by bit. Compiled several
- * times: PLAYS, NAME and PREFIX are given on the command line. PREFIX touches the first plays only, as core does. */
+ * times: PLAYS, NAME and PREFIX are given on the command line. PREFIX touches the first plays only. */
 #include <stdint.h>
 
 struct tick {
@@ -53,7 +53,7 @@ uint16_t NAME(struct tick *t, uint16_t adc, float reference)
     float sum = t->sums[0] + t->sums[1];
 #else
     for (int i = 0; i < PLAYS; i++) t->outputs[i] = larger(left - t->thresholds[i], smaller(right, t->outputs[i]));
-    float this = 0, next = t->offset;
+    float this = PLAYS % 2 ? 0 : t->offset, next = PLAYS % 2 ? t->offset : 0;
     for (int i = PLAYS - 1; i >= 0; i--) {
         float with = next + t->weights[i] * t->outputs[i];
         next = this;

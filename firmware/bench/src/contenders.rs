@@ -133,9 +133,9 @@ impl<const N: usize, const B: usize> CTick<N, B> {
     fn new(thresholds: [f32; N], weights: [f32; N]) -> Self {
         const { assert!(B == N + 2, "the offset and 0 lie behind the sums") };
         let largest_change = table::SLEW_V_PER_S / table::SAMPLE_RATE_HZ;
-        // At rest at the lowest input; behind the last play is the offset, and none.
+        // At rest at the lowest input; behind the last play the sum with the first play in it is the offset.
         let mut sums = [0.0; B];
-        sums[N + 1] = table::OFFSET_V;
+        sums[N + N % 2] = table::OFFSET_V;
         for i in (0..N).rev() {
             sums[i] = sums[i + 2] + weights[i] * table::INPUT_MIN_UM;
         }

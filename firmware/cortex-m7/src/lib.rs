@@ -32,7 +32,13 @@ impl<const N: usize> SumOfPlays<f32, N> for Fives {
         for number in 0..blocks {
             if number == 0 && N % FIVE == 0 {
                 // SAFETY: each of the arrays has `blocks` times five numbers before the end that the block began at.
-                (this, next) = unsafe { block.last(left, right, bank.offset) };
+                (this, next) = unsafe {
+                    if N % 2 == 0 {
+                        block.last::<true>(left, right, bank.offset)
+                    } else {
+                        block.last::<false>(left, right, bank.offset)
+                    }
+                };
             } else {
                 // SAFETY: as above; of the `blocks` blocks this is one.
                 (this, next) = unsafe { block.before(left, right, this, next) };
@@ -85,28 +91,38 @@ macro_rules! five {
             $($sums)*
             out("s6") _, out("s7") _, out("s8") _, out("s9") _, out("s10") _,
             out("s11") _, out("s12") _, out("s13") _, out("s14") _, out("s15") _,
-            options(nostack, preserves_flags),
+            options(nostack),
         )
     };
 }
 
 impl Block {
-    /// The bank's last five plays.
+    /// The bank's last five plays, of an even number or an odd one: which of the sums begins with the offset.
     ///
     /// # Safety
     /// Five numbers lie before each end, those of the outputs for this alone to write.
     #[inline(always)]
-    unsafe fn last(&mut self, left: f32, right: f32, mut next: f32) -> (f32, f32) {
-        let this: f32;
+    unsafe fn last<const EVEN: bool>(&mut self, left: f32, right: f32, offset: f32) -> (f32, f32) {
+        let (mut this, mut next) = (offset, offset);
         // SAFETY: it reads and writes the numbers named above.
         unsafe {
-            five!(
-                self, left, right,
-                "vmla.f32 {next}, s15, s10",
-                "vmul.f32 {this}, s14, s9",
-                this = out(sreg_low16) this,
-                next = inout(sreg_low16) next,
-            );
+            if EVEN {
+                five!(
+                    self, left, right,
+                    "vmul.f32 {next}, s15, s10",
+                    "vmla.f32 {this}, s14, s9",
+                    this = inout(sreg_low16) this,
+                    next = out(sreg_low16) next,
+                );
+            } else {
+                five!(
+                    self, left, right,
+                    "vmla.f32 {next}, s15, s10",
+                    "vmul.f32 {this}, s14, s9",
+                    this = out(sreg_low16) this,
+                    next = inout(sreg_low16) next,
+                );
+            }
         }
         // An odd number of plays: the sums change places.
         (next, this)
