@@ -62,16 +62,14 @@ impl<T: Real, F: Hysteresis<T>> ControlLaw<T, F> {
             return command;
         }
         rarely();
-        if command.is_finite() {
-            let allowed = self.limiter.limit(&mut state.limiter, command);
-            self.feedback
-                .take_limited(&mut state.feedback, asked, allowed - command);
-            return allowed;
-        }
-        // An error that is not finite, or not far from it, counts as none.
-        let asked = self.feedback.ask(&state.feedback, T::ZERO);
-        let command = feedforward + asked.output;
-        let allowed = self.limiter.step(&mut state.limiter, command);
+        let (asked, command, allowed) = if command.is_finite() {
+            (asked, command, self.limiter.limit(&mut state.limiter, command))
+        } else {
+            // An error that is not finite, or not far from it, counts as none.
+            let asked = self.feedback.ask(&state.feedback, T::ZERO);
+            let command = feedforward + asked.output;
+            (asked, command, self.limiter.step(&mut state.limiter, command))
+        };
         self.feedback
             .take_limited(&mut state.feedback, asked, allowed - command);
         allowed

@@ -36,18 +36,13 @@ pub const LARGEST_ENVELOPE_S: f64 = 1.0;
 /// The paper's eqs 7 to 10 and 13. The offset is the sensor's zero, which the paper leaves out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mrpi<T, const N: usize> {
-    bank: PlayBank<T, N>,
-    coefficients: MpiCoefficients<T, N>,
+    pub(crate) bank: PlayBank<T, N>,
+    pub(crate) coefficients: MpiCoefficients<T, N>,
     /// Of changes from sample to sample.
-    envelope: Envelope<T>,
+    pub(crate) envelope: Envelope<T>,
 }
 
 impl<T: Real, const N: usize> Mrpi<T, N> {
-    /// Bank, coefficients, and the envelope of changes from sample to sample.
-    pub(crate) fn into_parts(self) -> (PlayBank<T, N>, MpiCoefficients<T, N>, Envelope<T>) {
-        (self.bank, self.coefficients, self.envelope)
-    }
-
     /// Builds the model.
     ///
     /// # Errors

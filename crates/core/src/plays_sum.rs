@@ -71,7 +71,7 @@ pub fn rest<T: Real, const N: usize>(
 }
 
 /// From each play on the sum over it and every second one behind it.
-pub(crate) fn sums<T: Real, const N: usize>(offset: T, weights: &[T; N], outputs: &[T; N]) -> [T; N] {
+pub fn sums<T: Real, const N: usize>(offset: T, weights: &[T; N], outputs: &[T; N]) -> [T; N] {
     let mut sums = [T::ZERO; N];
     let (mut this, mut next) = behind(N, offset);
     for ((sum, &weight), &output) in sums.iter_mut().zip(weights).zip(outputs).rev() {
@@ -107,6 +107,13 @@ impl<T: Real, const N: usize> SumOfPlays<T, N> for FirstPlays {
 
 /// Plays whose way is written out one after the other: a counter takes more than what it counts.
 const WRITTEN_OUT: usize = 10;
+
+/// `from_two!` of the first plays around that of the next ones, [`WRITTEN_OUT`] in all, around those behind.
+macro_rules! written_out {
+    ($from_two:ident, $behind:expr) => {
+        $from_two!(0, $from_two!(2, $from_two!(4, $from_two!(6, $from_two!(8, $behind)))))
+    };
+}
 
 /// A bank under way. What its methods return are the sums from a play on and from the one behind it, each over every second play.
 struct Plays<'a, T, const N: usize> {
@@ -151,30 +158,18 @@ impl<T: Real, const N: usize> Plays<'_, T, N> {
                 }
             };
         }
-        macro_rules! from_even {
+        macro_rules! from_two {
             ($play:expr, $behind:expr) => {
                 from!($play, from!($play + 1, $behind))
             };
         }
-        from_even!(
-            0,
-            from_even!(
-                2,
-                from_even!(
-                    4,
-                    from_even!(
-                        6,
-                        from_even!(8, self.push_others(|play, plays| plays.pushed_up(play, left)))
-                    )
-                )
-            )
-        )
+        written_out!(from_two, self.push_others(|play, plays| plays.pushed_up(play, left)))
     }
 
     /// To `h_r`, as far as that is below: where it is below a play, it is below the one before.
     #[inline(always)]
     fn push_down(&mut self, right: T) -> (T, T) {
-        macro_rules! from_even {
+        macro_rules! from_two {
             ($play:expr, $behind:expr) => {
                 if let Some(pushed) = self.pushed_down($play + 1, right) {
                     if let Some(output) = self.outputs.get_mut($play) {
@@ -192,19 +187,7 @@ impl<T: Real, const N: usize> Plays<'_, T, N> {
                 }
             };
         }
-        from_even!(
-            0,
-            from_even!(
-                2,
-                from_even!(
-                    4,
-                    from_even!(
-                        6,
-                        from_even!(8, self.push_others(|play, plays| plays.pushed_down(play, right)))
-                    )
-                )
-            )
-        )
+        written_out!(from_two, self.push_others(|play, plays| plays.pushed_down(play, right)))
     }
 
     /// The plays behind those that are written out.

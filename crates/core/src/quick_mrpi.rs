@@ -1,7 +1,6 @@
 //! The modified rate-dependent model for the chip: what has not moved is not computed again.
 
-use crate::bank::{InputState, PlayBank};
-use crate::envelope::Envelope;
+use crate::bank::InputState;
 use crate::model::{AtRest, Hysteresis};
 use crate::mpi::MpiCoefficients;
 use crate::mrpi::Mrpi;
@@ -28,10 +27,7 @@ use core::marker::PhantomData;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QuickMrpi<T, const N: usize, S = FirstPlays> {
-    bank: PlayBank<T, N>,
-    coefficients: MpiCoefficients<T, N>,
-    /// Of changes from sample to sample.
-    envelope: Envelope<T>,
+    model: Mrpi<T, N>,
     sum_of_plays: PhantomData<S>,
 }
 
@@ -46,11 +42,8 @@ pub struct QuickState<T, const N: usize> {
 impl<T: Real, const N: usize, S> QuickMrpi<T, N, S> {
     /// The same model.
     pub fn new(model: Mrpi<T, N>) -> Self {
-        let (bank, coefficients, envelope) = model.into_parts();
         Self {
-            bank,
-            coefficients,
-            envelope,
+            model,
             sum_of_plays: PhantomData,
         }
     }
@@ -68,11 +61,15 @@ impl<T: Real, const N: usize, S: SumOfPlays<T, N>> Hysteresis<T> for QuickMrpi<T
 
     #[inline(always)]
     fn step(&self, state: &mut QuickState<T, N>, input: T) -> T {
-        let coefficients = &self.coefficients;
-        let (input, change) = self.bank.admit_next(&mut state.input, input);
-        let (left, right) = self.envelope.bounds(input, change);
+        let Mrpi {
+            bank,
+            coefficients,
+            envelope,
+        } = &self.model;
+        let (input, change) = bank.admit_next(&mut state.input, input);
+        let (left, right) = envelope.bounds(input, change);
         let bank = Bank {
-            thresholds: self.bank.thresholds().values(),
+            thresholds: bank.thresholds().values(),
             weights: &coefficients.weights,
             offset: coefficients.offset,
         };
@@ -86,10 +83,11 @@ impl<T: Real, const N: usize, S: SumOfPlays<T, N>> Hysteresis<T> for QuickMrpi<T
 impl<T: Real, const N: usize, S: SumOfPlays<T, N>> AtRest<T> for QuickMrpi<T, N, S> {
     fn at_rest(&self, output: T, last_input: T) -> QuickState<T, N> {
         let outputs = [if output.is_finite() { output } else { T::ZERO }; N];
+        let MpiCoefficients { offset, weights, .. } = &self.model.coefficients;
         QuickState {
-            sums: plays_sum::sums(self.coefficients.offset, &self.coefficients.weights, &outputs),
+            sums: plays_sum::sums(*offset, weights, &outputs),
             outputs,
-            input: self.bank.input_at(last_input),
+            input: self.model.bank.input_at(last_input),
         }
     }
 }

@@ -137,23 +137,27 @@ fn val_many_plays() {
     assert!(error.contains("110 values: a table has 1 to 100 plays"), "{error}");
 }
 
-/// Plays that a table does not have change nothing: the inverse with room for 100 gives the same bits.
-#[test]
-fn val_room_for_more_plays_changes_nothing() {
-    let table = Table::parse(GOOD).unwrap();
-    let ((_, ten), (_, hundred)) = (
-        table.inverse::<10>(false).unwrap(),
-        table.inverse::<100>(false).unwrap(),
+/// The inverse with room for the table's plays and with more gives the same bits.
+fn more_room_changes_nothing<const PLAYS: usize, const MORE: usize>(table: &Table) {
+    let (few, many) = (
+        table.inverse::<PLAYS>(false).unwrap().1,
+        table.inverse::<MORE>(false).unwrap().1,
     );
-    let (mut of_ten, mut of_hundred) = (PlayState::virgin(), PlayState::virgin());
+    let (mut of_few, mut of_many) = (PlayState::virgin(), PlayState::virgin());
     for k in 0..2000_u32 {
         let input = 0.1 + 2.2 * ((k * k % 997) as f32 / 997.0);
         assert_eq!(
-            ten.step(&mut of_ten, input).to_bits(),
-            hundred.step(&mut of_hundred, input).to_bits(),
+            few.step(&mut of_few, input).to_bits(),
+            many.step(&mut of_many, input).to_bits(),
             "{k}"
         );
     }
+}
+
+/// Plays that a table does not have change nothing.
+#[test]
+fn val_room_for_more_plays_changes_nothing() {
+    more_room_changes_nothing::<10, 100>(&Table::parse(GOOD).unwrap());
 }
 
 /// The same of an odd number, as the image has it: the host has room for ten.
@@ -162,16 +166,7 @@ fn val_room_for_more_than_seven_plays_changes_nothing() {
     let mut table = Table::parse(GOOD).unwrap();
     table.thresholds_um.truncate(7);
     table.weights_v_per_um.truncate(7);
-    let ((_, seven), (_, ten)) = (table.inverse::<7>(false).unwrap(), table.inverse::<10>(false).unwrap());
-    let (mut of_seven, mut of_ten) = (PlayState::virgin(), PlayState::virgin());
-    for k in 0..2000_u32 {
-        let input = 0.1 + 2.2 * ((k * k % 997) as f32 / 997.0);
-        assert_eq!(
-            seven.step(&mut of_seven, input).to_bits(),
-            ten.step(&mut of_ten, input).to_bits(),
-            "{k}"
-        );
-    }
+    more_room_changes_nothing::<7, 10>(&table);
 }
 
 #[test]

@@ -10,6 +10,7 @@ use hysteron_core::limiter::Limiter;
 use hysteron_core::model::{AtRest, Hysteresis};
 use hysteron_core::mpi::MpiCoefficients;
 use hysteron_core::pi_controller::PiController;
+use hysteron_core::plays_sum;
 use hysteron_core::thresholds::Thresholds;
 use hysteron_firmware::table;
 
@@ -133,12 +134,10 @@ impl<const N: usize, const B: usize> CTick<N, B> {
     fn new(thresholds: [f32; N], weights: [f32; N]) -> Self {
         const { assert!(B == N + 2, "the offset and 0 lie behind the sums") };
         let largest_change = table::SLEW_V_PER_S / table::SAMPLE_RATE_HZ;
-        // At rest at the lowest input; behind the last play the sum with the first play in it is the offset.
+        let outputs = [table::INPUT_MIN_UM; N];
         let mut sums = [0.0; B];
-        sums[N + N % 2] = table::OFFSET_V;
-        for i in (0..N).rev() {
-            sums[i] = sums[i + 2] + weights[i] * table::INPUT_MIN_UM;
-        }
+        sums[..N].copy_from_slice(&plays_sum::sums(table::OFFSET_V, &weights, &outputs));
+        (sums[N], sums[N + 1]) = plays_sum::behind(N, table::OFFSET_V);
         Self {
             thresholds,
             weights,
@@ -154,12 +153,13 @@ impl<const N: usize, const B: usize> CTick<N, B> {
             output_min: table::OUTPUT_MIN_V,
             output_max: table::OUTPUT_MAX_V,
             largest_change,
-            usual_change: largest_change - 8.0 * f32::EPSILON * table::OUTPUT_MAX_V,
+            // As the core's limiter has it for a range of this size.
+            usual_change: largest_change - 2.0 * f32::EPSILON * table::OUTPUT_MAX_V,
             dac_min: table::DAC_MIN_V,
             codes_per_v: 65_535.0 / (table::DAC_TOP_V - table::DAC_MIN_V),
             adc_min: table::ADC_MIN_UM,
             um_per_code: (table::ADC_TOP_UM - table::ADC_MIN_UM) / 65_535.0,
-            outputs: [table::INPUT_MIN_UM; N],
+            outputs,
             sums,
             last_input: table::INPUT_MIN_UM,
             integral: 0.0,

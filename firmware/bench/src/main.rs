@@ -54,8 +54,7 @@ fn agree<const N: usize>() -> bool {
         offset: 0.3,
     };
     let (mut of_chip, mut every) = ([0.0_f32; N], [0.0_f32; N]);
-    // All at 0: from each play on the offset, or nothing.
-    let mut sums: [f32; N] = core::array::from_fn(|i| if i % 2 == 0 { bank.offset } else { 0.0 });
+    let mut sums = plays_sum::sums(bank.offset, &weights, &of_chip);
     let mut seed = 1_u32;
     (0..2000).all(|_| {
         seed ^= seed << 13;

@@ -97,7 +97,8 @@ macro_rules! five {
 }
 
 impl Block {
-    /// The bank's last five plays, of an even number or an odd one: which of the sums begins with the offset.
+    /// The bank's last five plays, of an even number or an odd one: which of the sums begins with the offset. The other begins with a
+    /// product: a zero to begin with would stay in a register for others to use, and take four instructions more a tick.
     ///
     /// # Safety
     /// Five numbers lie before each end, those of the outputs for this alone to write.
