@@ -241,6 +241,18 @@ fn val_stops_and_drop_outs() {
     );
 }
 
+/// A gain that takes the motion beyond the range the sensor was set to is not cut off there: the top of a sine is round.
+#[test]
+fn val_the_sensor_follows_a_larger_motion() {
+    for seed in [3202, 3265, 3535] {
+        let (case, _) = one(seed, Effect::AmplitudeGain, Strength::Strong, StageFamily::MaxwellSlip);
+        let sine_um = &find(&case, "sine-001hz").position_um;
+        let top_um = sine_um.iter().copied().fold(f64::MIN, f64::max);
+        let at_the_top = sine_um.iter().filter(|&&y| y == top_um).count();
+        assert!(at_the_top < 10, "{at_the_top} of {} samples at {top_um}", sine_um.len());
+    }
+}
+
 /// A pair has both, each sized alone, and the accepted verdicts name both.
 #[test]
 fn val_pairs_have_both() {

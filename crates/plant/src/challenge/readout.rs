@@ -77,8 +77,14 @@ impl Setup {
     }
 }
 
-/// Noise and a converter of 16 bits; the result has five decimals, as a recorder writes it.
+/// Noise and a converter of 16 bits; the result has five decimals, as a recorder writes it. Where the motion goes beyond the converter's
+/// range, the step is as much larger: a sensor that is cut off would be an effect that nobody has hidden.
 pub(super) fn record(positions_um: &mut [Vec<f64>], noise_rms_um: f64, step_um: f64, seed: u64) {
+    let largest_um = positions_um
+        .iter()
+        .flatten()
+        .fold(0.0, |most: f64, y| most.max(y.abs()));
+    let step_um = step_um.max(1.1 * largest_um / 32_767.0);
     let mut rng = Pcg64::seed_from_u64(seed);
     for y in positions_um.iter_mut().flatten() {
         let normal: f64 = StandardNormal.sample(&mut rng);
