@@ -1,8 +1,9 @@
 //! Verdicts on hundreds of stages with hidden effects: the confusion matrix of the README.
 //!
 //! `cargo run --release -p host-tests --example calibrate -- [EACH] [FIRST_SEED] [WORD]`: EACH seeds for every effect and strength (default 4);
-//! with WORD only cases whose hidden effect has it in its name. With `learn` as WORD: EACH stages with two hidden effects, and what
-//! `learn` has in its model at the end. One line a case goes to standard error as they come, the tables to standard output.
+//! with WORD only cases whose hidden effect has it in its name, or `nothing`. With `pairs` as WORD: EACH stages with two hidden effects,
+//! in one diagnosis; with `learn` the same stages, and what `learn` has in its model at the end. One line a case goes to standard error
+//! as they come, the tables to standard output.
 #![expect(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -18,12 +19,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let first_seed = words.next().map_or(Ok(1_000), |word| word.parse::<u64>())?;
     let word = words.next();
     let learns = word.as_deref() == Some("learn");
-    let mut cases = if learns {
+    let two = learns || word.as_deref() == Some("pairs");
+    let mut cases = if two {
         pairs(first_seed, each)
     } else {
         calibration(first_seed, each)
     };
-    if let Some(word) = word.filter(|_| !learns) {
+    if let Some(word) = word.filter(|_| !two) {
         cases.retain(|(_, spec)| match spec.hidden.as_slice() {
             [] => word == "nothing",
             hidden => hidden.iter().any(|asked| asked.effect.name().contains(&word)),

@@ -6,10 +6,20 @@ use hysteron_plant::challenge::{Effect, OUTSIDE, Spec, StageFamily, Strength};
 
 /// On stages of the play class, families in turn.
 fn on_play_class(first_seed: u64, specs: impl IntoIterator<Item = Spec>) -> Vec<Outcome> {
-    let families = StageFamily::ALL
-        .into_iter()
-        .filter(|family| family.is_play_class())
-        .cycle();
+    on(
+        StageFamily::ALL.into_iter().filter(|family| family.is_play_class()),
+        first_seed,
+        specs,
+    )
+}
+
+/// On stages of these families in turn.
+fn on(
+    families: impl IntoIterator<Item = StageFamily, IntoIter: Clone>,
+    first_seed: u64,
+    specs: impl IntoIterator<Item = Spec>,
+) -> Vec<Outcome> {
+    let families = families.into_iter().cycle();
     let cases: Vec<(u64, Spec)> = (first_seed..)
         .zip(specs.into_iter().zip(families))
         .map(|(seed, (spec, family))| {
@@ -45,6 +55,23 @@ fn val_strong_effects_are_named() {
     let outcomes = on_play_class(300, physical.map(|effect| Spec::one(effect, Strength::Strong)));
     let tally = Tally::of(&outcomes);
     assert!(tally.right + tally.in_set >= 9, "{tally:?}");
+}
+
+/// Where a stage's own loops do not saturate, a bend of the voltage and one of the sensor are told from them and from each other.
+#[test]
+fn val_bends_are_told_apart() {
+    let bends = [
+        Effect::Asymmetry,
+        Effect::Asymmetry,
+        Effect::SensorNonlinearity,
+        Effect::SensorNonlinearity,
+    ];
+    let specs = [Strength::Medium, Strength::Strong]
+        .into_iter()
+        .flat_map(|strength| bends.map(|bend| Spec::one(bend, strength)));
+    let outcomes = on([StageFamily::MaxwellSlip, StageFamily::Mrpi], 600, specs);
+    let tally = Tally::of(&outcomes);
+    assert!(tally.right >= 6 && tally.wrong == 0, "{tally:?}");
 }
 
 /// The aim over hundreds of controls is a wrong name in at most 3 %: of eight, none.

@@ -282,6 +282,7 @@ impl Judge {
             let pair = ["delay", "first-order-lag"];
             pair.contains(&verdict) && pair.contains(&r.effect.as_str()) && short(first) && short(r)
         };
+        let error = |r: &RankedEffect| r.identify_percent.hypot(r.validate_percent);
         let as_good = |r: &RankedEffect| {
             (first.statistic - r.statistic).abs() < UNDECIDED
                 || r.statistic > AS_FAR * first.statistic
@@ -292,7 +293,7 @@ impl Judge {
             .filter(|r| r.effect != verdict && r.level == first.level && r.effect != "mains-hum")
             .filter(|r| match r.level {
                 Level::Physical => r.significant && (!free || twins(r) || as_good(r)),
-                Level::Shape => bends(r),
+                Level::Shape => bends(r) && !r.significant && error(r) < AS_GOOD * error(first),
             })
             .map(|r| r.effect.clone())
             .collect()
@@ -301,6 +302,9 @@ impl Judge {
 
 /// Share of what the family lacks from which another bend is as good an explanation of the loops.
 const EQUIVALENT_SHARE: f64 = 0.9;
+
+/// ... unless it leaves this much more than the one that is named, as a ratio of errors.
+const AS_GOOD: f64 = 1.5;
 
 /// Rivals closer than this in the statistic, one record's squared error by a factor of 1.3, are ranked by likelihood: it counts
 /// how white a residual is, which the fall of the squared error does not see (a delay beside a lag of the same length).

@@ -3,6 +3,7 @@
 //! Every candidate is fitted in its place, jointly with a hysteresis of free shape, and judged on records it was not fitted to.
 
 mod bench;
+mod bends;
 mod candidates;
 mod chain;
 mod dead_band;
@@ -629,6 +630,10 @@ fn conclude(
     } else {
         "none".to_owned()
     };
+    if shape.ranking.iter().any(|r| r.significant && r.effect == verdict) {
+        let significant = shape.ranking.iter().filter(|r| r.significant);
+        names.extend(significant.map(|r| r.effect.clone()));
+    }
     ranking.extend(shape.ranking);
     let also_possible = judge.also_possible(&verdict, &ranking, bench.base.shape == Shape::Free);
     let mut unexplained = remains;

@@ -1,0 +1,95 @@
+//! A bend of the voltage or of the position: asymmetry, or the sensor's nonlinearity.
+
+use crate::diagnosis::RankedEffect;
+use crate::missing::bench::{Bench, Trial};
+use crate::missing::chain::{Base, Effect};
+use crate::missing::judge;
+use crate::missing::shape::{self, mean_square_percent};
+use hysteron_identify::{Family, Model};
+use std::slice;
+
+/// A family that lacks less than this without a bend is not bent, percent.
+const LEAST_PERCENT: f64 = 0.25;
+
+/// With the right bend of the voltage the family comes down to the free shape, as a ratio of errors: stages in which nothing is hidden
+/// stay 1.4 times above it or more (`calibrate 12 5000 nothing`).
+const AS_FREE: f64 = 1.25;
+
+/// Turns that a strong bend of the position takes at the most: it is fitted on the position that the last turn found.
+const TURNS: usize = 6;
+
+/// On stages whose own loops saturate nothing comes down to the free shape. A bend of the voltage must take this share of what the
+/// family lacks ...
+const LEAST_SHARE: f64 = 0.9;
+
+/// ... and leave less than this share of what a bend of the position leaves, which the saturating loops make (elements whose outputs
+/// are cut off at both ends made 0.5 where nothing was hidden) ...
+const OF_THE_VOLTAGE: f64 = 0.35;
+
+/// ... or just less, where the model has no bend: a classic Prandtl-Ishlinskii model lacks the stage's own as well.
+const OF_THE_VOLTAGE_UNBENT: f64 = 1.0;
+
+/// Both bends beside the model's own family, with as many plays as the free shape: what is left then is no coarseness of few plays.
+pub(crate) fn bends(model: &Model, bench: &Bench<'_>, last: &Trial) -> Vec<RankedEffect> {
+    let base = Base {
+        thresholds: bench.base.thresholds.clone(),
+        ..shape::of_family(model, bench.traces)
+    };
+    let (fine, start) = Bench::new(bench.traces, base, &last.effects, bench.noise_um);
+    let start = fine.fit(&start.effects, Some(1));
+    let with = |bends: &[Effect]| last.effects.iter().chain(bends).cloned().collect::<Vec<_>>();
+    let (voltage, position) = (Effect::DrivePowers, Effect::SensorPowers);
+    let (of_voltage, (of_position, of_both)) = rayon::join(
+        || fine.fit_to_the_end(&with(slice::from_ref(&voltage))),
+        || {
+            rayon::join(
+                || to_the_end(&fine, &with(slice::from_ref(&position))),
+                || to_the_end(&fine, &with(&[voltage.clone(), position.clone()])),
+            )
+        },
+    );
+    let free = mean_square_percent(last);
+    let above = |trial: &Trial| (mean_square_percent(trial) - free).max(0.0);
+    let better = |trial: &Trial, rival: &Trial| judge::total(&fine, rival, trial) > judge::THRESHOLD;
+    // Two powers that forecast better than the free shape with its three numbers a play: the free shape cannot bend the sum of its
+    // plays, and no stage's own shape that was tried is such a sum, bent.
+    let beats_the_free_shape = |trial: &Trial| judge::total(&fine, last, trial) > judge::UNDECIDED;
+
+    let mut asymmetry = shape::entry("asymmetry", &fine, (&start, last), &of_voltage, Some(&voltage));
+    let mut sensor = shape::entry(
+        "sensor-nonlinearity",
+        &fine,
+        (&start, last),
+        &of_position,
+        Some(&position),
+    );
+    if above(&start).sqrt() > LEAST_PERCENT {
+        let most = if model.family == Family::Pi {
+            OF_THE_VOLTAGE_UNBENT
+        } else {
+            OF_THE_VOLTAGE
+        };
+        let comes_down = mean_square_percent(&of_voltage) < AS_FREE.powi(2) * free;
+        let more_than_the_stages_own = asymmetry.share > LEAST_SHARE && above(&of_voltage) < most * above(&of_position);
+        let both = beats_the_free_shape(&of_both) && better(&of_both, &of_voltage) && better(&of_both, &of_position);
+        asymmetry.significant = both || better(&of_voltage, &of_position) && (comes_down || more_than_the_stages_own);
+        sensor.significant = both || better(&of_position, &of_voltage) && beats_the_free_shape(&of_position);
+    }
+    vec![asymmetry, sensor]
+}
+
+/// A bend of the position, fitted until the position stands still.
+fn to_the_end(fine: &Bench<'_>, effects: &[Effect]) -> Trial {
+    let mut best = fine.fit_to_the_end(effects);
+    for _ in 0..TURNS {
+        let again = fine.referring_to(&best).fit(effects, Some(2));
+        let stands_still = mean_square_percent(&again) > 0.95 * mean_square_percent(&best);
+        if mean_square_percent(&again) < mean_square_percent(&best) {
+            best = again;
+        }
+        if stands_still {
+            break;
+        }
+    }
+    best
+}
