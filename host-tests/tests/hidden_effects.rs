@@ -74,6 +74,22 @@ fn val_bends_are_told_apart() {
     assert!(tally.right >= 6 && tally.wrong == 0, "{tally:?}");
 }
 
+/// A mode at 1630 Hz, where the third harmonic of a sine stands out at 1500 Hz more than the mode itself does.
+#[test]
+fn val_a_mode_is_found_beside_a_harmonic() {
+    let spec = Spec::one(Effect::Resonance, Strength::Strong);
+    let outcomes = on([StageFamily::SigmoidPlays], 51_192, [spec]);
+    assert_eq!(Tally::of(&outcomes).right, 1);
+}
+
+/// The loops of a bent sensor are stiff to a free shape: what follows them only because it was fitted with a weaker ridge is no effect.
+#[test]
+fn val_a_bent_sensor_is_no_rate_dependence() {
+    let spec = Spec::one(Effect::SensorNonlinearity, Strength::Strong);
+    let outcomes = on([StageFamily::MaxwellSlip], 41_125, [spec]);
+    assert_eq!(Tally::of(&outcomes).right, 1);
+}
+
 /// The aim over hundreds of controls is a wrong name in at most 3 %: of eight, none.
 #[test]
 fn val_nothing_hidden_nothing_named() {

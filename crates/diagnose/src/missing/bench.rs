@@ -12,6 +12,8 @@ use rayon::prelude::*;
 #[derive(Debug, Clone)]
 pub(crate) struct Trial {
     pub effects: Vec<Effect>,
+    /// Ridge on the base, chosen with these effects.
+    pub ridge: f64,
     pub coefficients: DVector<f64>,
     /// Measured minus modelled at the rows of each record, fitted to the identification records.
     pub residuals: Vec<DVector<f64>>,
@@ -68,14 +70,12 @@ impl<'a> Bench<'a> {
             coarse,
         };
         bench.weights = bench.weights_of(|_| (0.01 * traces.stroke_um).powi(2));
-        if bench.base.shape == Shape::Free {
-            bench.base.ridge = bench.choose_ridge(given);
-        }
         let mut trial = bench.fit(given, None);
         for _ in 0..2 {
             bench.weights = bench.weights_of(|i| mean_square(&trial.residuals[i]));
             trial = bench.fit(given, None);
         }
+        bench.base.ridge = trial.ridge;
         bench.take_reference(&trial);
         (bench, trial)
     }
@@ -117,36 +117,40 @@ impl<'a> Bench<'a> {
         self.reference_um.get(i).map(Vec::as_slice)
     }
 
-    fn choose_ridge(&self, effects: &[Effect]) -> f64 {
-        let all: Vec<(usize, Gram)> = self.grams_of_identify(effects);
-        let n = chain::width(&self.base, effects);
-        let error = |ridge: f64| -> f64 {
-            (0..all.len())
-                .map(|out| {
-                    let x = self.pooled(&all, Some(out), n).solve(self.base.columns(), ridge, &[]);
+    /// The ridge under which the identification records forecast each other best; `without` pools all of them but one,
+    /// `mean_square` is the error of one under coefficients.
+    fn choose_ridge(
+        &self,
+        without: impl Fn(usize) -> Gram + Sync,
+        mean_square: impl Fn(usize, &DVector<f64>) -> f64 + Sync,
+    ) -> f64 {
+        if self.base.shape != Shape::Free {
+            return self.base.ridge;
+        }
+        let errors: Vec<[f64; RIDGES.len()]> = self
+            .identify()
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(|out| {
+                let others = without(out);
+                RIDGES.map(|ridge| {
+                    let x = others.solve(self.base.columns(), ridge, &[]);
                     // The logarithm: where an effect is missing, the records that it spoils must not choose for the others.
-                    let mean = all[out].1.squared_error(&x) / all[out].1.rows.max(1) as f64;
-                    (self.noise_um.powi(2) + mean).ln()
+                    (self.noise_um.powi(2) + mean_square(out, &x)).ln()
                 })
-                .sum()
-        };
-        let errors: Vec<f64> = RIDGES.par_iter().map(|&r| error(r)).collect();
+            })
+            .collect();
+        let error = |k: usize| errors.iter().map(|each| each[k]).sum::<f64>();
         let best = (0..RIDGES.len())
-            .min_by(|&a, &b| errors[a].total_cmp(&errors[b]))
+            .min_by(|&a, &b| error(a).total_cmp(&error(b)))
             .unwrap_or(2);
         RIDGES[best]
     }
 
-    fn weight_of(&self, record: usize, gram: &Gram) -> f64 {
-        self.weights[record] / gram.rows.max(1) as f64
-    }
-
-    pub(crate) fn pooled(&self, grams: &[(usize, Gram)], without: Option<usize>, n: usize) -> Gram {
+    pub(crate) fn pooled(&self, grams: &[(usize, Gram)], n: usize) -> Gram {
         let mut sum = Gram::zeros(n);
-        for (k, (record, gram)) in grams.iter().enumerate() {
-            if Some(k) != without {
-                sum.add(gram, self.weight_of(*record, gram));
-            }
+        for (record, gram) in grams {
+            sum.add(gram, self.weights[*record] / gram.rows.max(1) as f64);
         }
         sum
     }
@@ -165,7 +169,7 @@ impl<'a> Bench<'a> {
     pub(crate) fn objective(&self, effects: &[Effect]) -> f64 {
         let grams = self.grams_of_identify(effects);
         let n = chain::width(&self.base, effects);
-        let pooled = self.pooled(&grams, None, n);
+        let pooled = self.pooled(&grams, n);
         let x = solve_signed(&pooled, &self.base, effects);
         // The logarithm: a record explained to a tenth counts as much as another one explained to a tenth.
         grams
@@ -182,7 +186,7 @@ impl<'a> Bench<'a> {
     /// Fits a trial exactly: all rows, ridge of its own, weights from its own residuals, each record once left out.
     pub(crate) fn fit(&self, effects: &[Effect], reweigh: Option<usize>) -> Trial {
         let n = chain::width(&self.base, effects);
-        let parts: Vec<(DMatrix<f64>, DVector<f64>, Gram)> = self
+        let systems: Vec<(DMatrix<f64>, DVector<f64>, Gram)> = self
             .traces
             .each
             .par_iter()
@@ -196,41 +200,40 @@ impl<'a> Bench<'a> {
             })
             .collect();
         let identify: Vec<usize> = self.identify().collect();
-        let mut base = self.base.clone();
-        if base.shape == Shape::Free {
-            base.ridge = self.choose_ridge(effects);
-        }
-        let mut weights = self.weights.clone();
         let pool = |weights: &[f64], without: Option<usize>| {
             let mut sum = Gram::zeros(n);
             for &i in identify.iter().filter(|&&i| Some(i) != without) {
-                sum.add(&parts[i].2, weights[i] / parts[i].2.rows.max(1) as f64);
+                let gram = &systems[i].2;
+                sum.add(gram, weights[i] / gram.rows.max(1) as f64);
             }
-            solve_signed(&sum, &base, effects)
+            sum
         };
-        let mut coefficients = pool(&weights, None);
+        let mean = |i: usize, x: &DVector<f64>| systems[i].2.squared_error(x) / systems[i].2.rows.max(1) as f64;
+        let mut weights = self.weights.clone();
+        let mut base = self.base.clone();
+        base.ridge = self.choose_ridge(|i| pool(&weights, Some(i)), mean);
+        let mut coefficients = solve_signed(&pool(&weights, None), &base, effects);
         for _ in 0..reweigh.unwrap_or(0) {
-            for (weight, part) in weights.iter_mut().zip(&parts) {
-                let mean = part.2.squared_error(&coefficients) / part.2.rows.max(1) as f64;
-                *weight = 1.0 / (self.noise_um.powi(2) + mean);
+            for (i, weight) in weights.iter_mut().enumerate() {
+                *weight = 1.0 / (self.noise_um.powi(2) + mean(i, &coefficients));
             }
-            coefficients = pool(&weights, None);
+            coefficients = solve_signed(&pool(&weights, None), &base, effects);
         }
-        let residuals: Vec<DVector<f64>> = parts.iter().map(|(a, y, _)| y - a * &coefficients).collect();
-        let held_out: Vec<f64> = (0..parts.len())
+        let residuals: Vec<DVector<f64>> = systems.iter().map(|(a, y, _)| y - a * &coefficients).collect();
+        let held_out: Vec<f64> = (0..systems.len())
             .into_par_iter()
             .map(|i| {
-                let mean = |x: &DVector<f64>| parts[i].2.squared_error(x) / parts[i].2.rows.max(1) as f64;
                 if identify.contains(&i) && identify.len() > 1 {
-                    mean(&pool(&weights, Some(i))).min(4.0 * mean(&coefficients))
+                    let without = solve_signed(&pool(&weights, Some(i)), &base, effects);
+                    mean(i, &without).min(4.0 * mean(i, &coefficients))
                 } else {
-                    mean(&coefficients)
+                    mean(i, &coefficients)
                 }
             })
             .collect();
         let effective = residuals.iter().map(effective_samples).collect();
         let percent = |role: Role| {
-            let squares: Vec<f64> = (0..parts.len())
+            let squares: Vec<f64> = (0..residuals.len())
                 .filter(|&i| self.traces.each[i].role == role && self.traces.each[i].stroke_um > 0.0)
                 .map(|i| 1e4 * mean_square(&residuals[i]) / self.traces.each[i].stroke_um.powi(2))
                 .collect();
@@ -238,6 +241,7 @@ impl<'a> Bench<'a> {
         };
         Trial {
             effects: effects.to_vec(),
+            ridge: base.ridge,
             identify_percent: percent(Role::Identify),
             validate_percent: percent(Role::Validate),
             coefficients,
@@ -325,7 +329,7 @@ impl<'a> Bench<'a> {
                 (*i, Gram::new(&matrix.select_rows(&rows), &y.select_rows(&rows)))
             })
             .collect();
-        let pooled = self.pooled(&grams, None, chain::width(&self.base, effects));
+        let pooled = self.pooled(&grams, chain::width(&self.base, effects));
         solve_signed(&pooled, &self.base, effects)
     }
 

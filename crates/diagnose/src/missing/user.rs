@@ -344,7 +344,7 @@ impl Search<'_> {
             ridge: 1e-9,
         };
         let columns = chain::width(&bench.base, self.given);
-        let pooled = bench.pooled(&bench.grams_of_identify(self.given), None, columns);
+        let pooled = bench.pooled(&bench.grams_of_identify(self.given), columns);
         let coefficients = solve_signed(&pooled, &bench.base, self.given);
         let stiff = Search {
             bench: &bench,
@@ -562,7 +562,7 @@ impl Search<'_> {
             let grams: Vec<(usize, Gram)> = each
                 .map(|(((i, _), matrix), (_, target))| (*i, Gram::new(matrix, target)))
                 .collect();
-            bench.pooled(&grams, None, n)
+            bench.pooled(&grams, n)
         };
         let beside = |j: usize| {
             let mut shares = here.shares.clone();
