@@ -51,8 +51,8 @@ pub(crate) const PHYSICAL: [Candidate; 9] = [
     },
 ];
 
-/// Largest alpha and beta, seconds: a hundred times the paper's.
-pub(crate) const LARGEST_ENVELOPE_S: f64 = 2e-3;
+/// Largest alpha and beta, seconds: fifty times the paper's.
+pub(crate) const LARGEST_ENVELOPE_S: f64 = 1e-3;
 
 /// Longest delay or lag searched, seconds: slow sensor filters reach 2 ms.
 const LONGEST_S: f64 = 3e-3;
