@@ -1,6 +1,7 @@
 //! Hidden effects: a fixed part of what `cargo run --release -p host-tests --example calibrate` runs by the hundred.
 #![expect(clippy::print_stdout, reason = "a failed count says which cases")]
 
+use host_tests::hidden::generate;
 use host_tests::hidden::score::{Grade, Outcome, Tally, line, score, tool};
 use hysteron_plant::challenge::{Effect, OUTSIDE, Spec, StageFamily, Strength};
 
@@ -103,4 +104,28 @@ fn val_outside_the_catalogue_is_unknown() {
     let outcomes = on_play_class(500, OUTSIDE.map(|effect| Spec::one(effect, Strength::Medium)));
     let unknown = outcomes.iter().filter(|outcome| outcome.grade == Grade::Right).count();
     assert!(unknown >= 7, "{unknown} of {}", outcomes.len());
+}
+
+/// An amplifier whose gain swings by 2 %: after a step the position rings on as long as the voltage stands, as no mode does.
+#[test]
+fn val_a_gain_that_swings_is_no_resonance() {
+    let families = StageFamily::ALL.into_iter().filter(|family| family.is_play_class());
+    for ((seed, family), frequency_hz) in (700..).zip(families).zip([61.0, 137.0, 174.0, 233.0]) {
+        let spec = Spec {
+            family: Some(family),
+            ..Spec::default()
+        };
+        let mut example = generate(seed, &spec).unwrap();
+        for record in &mut example.dataset.records {
+            let turn = std::f64::consts::TAU * frequency_hz * record.period_s;
+            let swing = |(k, y): (usize, &mut f64)| *y *= 1.0 + 0.02 * (turn * k as f64).sin();
+            record.position_um.iter_mut().enumerate().for_each(swing);
+        }
+        assert_eq!(
+            tool(&example).verdict,
+            "unknown",
+            "{} stage, {frequency_hz} Hz",
+            family.name()
+        );
+    }
 }

@@ -232,6 +232,20 @@ fn val_a_stop_and_a_coarse_converter_lose_no_motion() {
     assert!(!lost(&coarse).0);
 }
 
+/// Parts that touch give way: behind the contact this stop moves by 15 % of what pushes against it.
+#[test]
+fn val_a_stop_that_gives_way_is_a_stop() {
+    let mut dataset = dataset(&stage(), 3);
+    let highest = |record: &Record| record.position_um.iter().copied().fold(f64::MIN, f64::max);
+    let contact_um = 0.9 * dataset.records.iter().map(highest).fold(f64::MIN, f64::max);
+    let stopped = |y: &mut f64| *y -= 0.85 * (*y - contact_um).max(0.0);
+    for record in &mut dataset.records {
+        record.position_um.iter_mut().for_each(stopped);
+    }
+    let found = diagnose(&dataset, &model(&dataset), &|_, _| {});
+    assert_eq!(found.verdict, "saturation", "{:#?}", found.ranking);
+}
+
 /// Beside another effect it is named as well, one of the two as the verdict.
 #[test]
 fn val_lost_motion_beside_a_delay() {

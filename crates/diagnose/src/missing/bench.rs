@@ -38,7 +38,12 @@ pub(crate) struct Bench<'a> {
     pub reference_um: Vec<Vec<f64>>,
     /// Identification records on their grids with fewer rows, for searches.
     pub coarse: Vec<(usize, Trace)>,
+    /// Ridge on the base for all trials, where none of their own is wanted.
+    ridge: Option<f64>,
 }
+
+/// A stop gives way by less than this share of what pushes against it; otherwise it is a bend.
+pub(crate) const MOST_COMPLIANT: f64 = 0.5;
 
 /// Rows of a record that a search looks at.
 pub(crate) const SEARCH_ROWS: usize = 300;
@@ -68,6 +73,7 @@ impl<'a> Bench<'a> {
             weights: vec![1.0; traces.each.len()],
             reference_um: Vec::new(),
             coarse,
+            ridge: None,
         };
         bench.weights = bench.weights_of(|_| (0.01 * traces.stroke_um).powi(2));
         let mut trial = bench.fit(given, None);
@@ -91,6 +97,14 @@ impl<'a> Bench<'a> {
         let mut bench = self.clone();
         bench.take_reference(trial);
         bench
+    }
+
+    /// This bench with one ridge for all trials.
+    pub(crate) fn with_ridge(&self, ridge: f64) -> Self {
+        Self {
+            ridge: Some(ridge),
+            ..self.clone()
+        }
     }
 
     /// Takes a trial's hysteresis output as what creep, heat and stops act on.
@@ -126,6 +140,9 @@ impl<'a> Bench<'a> {
     ) -> f64 {
         if self.base.shape != Shape::Free {
             return self.base.ridge;
+        }
+        if let Some(ridge) = self.ridge {
+            return ridge;
         }
         let errors: Vec<[f64; RIDGES.len()]> = self
             .identify()
@@ -338,13 +355,22 @@ impl<'a> Bench<'a> {
         let parts = self.parts_of_identify(given);
         let error = |range: [f64; 2]| -> f64 {
             let x = self.fit_within(&parts, given, range);
-            parts
+            // What the hysteresis does beyond the stop, and what the stage does.
+            let (mut pushes, mut gives) = (0.0, 0.0);
+            let held: Vec<(DVector<f64>, DVector<f64>)> = parts
                 .iter()
                 .map(|(_, matrix, y)| {
-                    let mut modelled = matrix * &x;
-                    modelled.apply(|y| *y = y.clamp(range[0], range[1]));
-                    (self.noise_um.powi(2) + mean_square(&(y - modelled))).ln()
+                    let free = matrix * &x;
+                    let stopped = free.map(|y| y.clamp(range[0], range[1]));
+                    let (beyond, left) = (free - &stopped, y - stopped);
+                    pushes += beyond.norm_squared();
+                    gives += beyond.dot(&left);
+                    (beyond, left)
                 })
+                .collect();
+            let compliance = (gives / pushes.max(f64::MIN_POSITIVE)).clamp(0.0, MOST_COMPLIANT);
+            held.iter()
+                .map(|(beyond, left)| (self.noise_um.powi(2) + mean_square(&(left - beyond * compliance))).ln())
                 .sum()
         };
         ranges_um

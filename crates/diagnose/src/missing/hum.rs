@@ -24,6 +24,9 @@ pub(crate) struct Hum {
 
 const HARMONICS: usize = 5;
 
+/// Share of the lines' power that the first two hold: the mains' own and a rectifier's. A fan may turn at a higher one alone.
+const LOWEST_TWO: f64 = 0.25;
+
 /// Mains deviates by at most 0.5 Hz in large grids.
 const BAND_HZ: f64 = 0.5;
 
@@ -49,7 +52,7 @@ pub(crate) fn find(traces: &Traces, residuals: &[Vec<f64>], noise_um: f64) -> Op
         let of_record = |&i: &usize| {
             let lines = lines(i, f);
             // Relative to the residual: a badly fitted record must not decide.
-            lines.taken() / (lines.all_um2 + noise_um * noise_um)
+            lines.of_the_mains() / (lines.all_um2 + noise_um * noise_um)
         };
         usable.iter().map(of_record).sum()
     };
@@ -63,7 +66,7 @@ pub(crate) fn find(traces: &Traces, residuals: &[Vec<f64>], noise_um: f64) -> Op
     let (mut contrast, mut seen, mut amplitudes) = (0.0f64, 0, Vec::new());
     for &i in &usable {
         let t = &traces.each[i];
-        let taken = lines(i, frequency_hz).taken();
+        let taken = lines(i, frequency_hz).of_the_mains();
         let length_s = (t.len() - t.from) as f64 * t.period_s;
         let beside = beside(|f| lines(i, f).taken(), frequency_hz, length_s);
         let ratio = taken / beside.max(1e-3 * noise_um * noise_um);
@@ -93,7 +96,7 @@ const CONTRAST: f64 = 6.0;
 
 /// A series without the lines of the mains, or as it is where it has none or cannot tell.
 pub(crate) fn taken_out(own: &[f64], period_s: f64) -> Vec<f64> {
-    let power = |f: f64| Lines::fit(own, period_s, f).taken();
+    let power = |f: f64| Lines::fit(own, period_s, f).of_the_mains();
     let powers = candidates().map(|f| (power(f), f));
     let mut humless = own.to_vec();
     if let Some((_, frequency_hz)) = powers.max_by(|a, b| a.0.total_cmp(&b.0)) {
@@ -110,7 +113,7 @@ fn take_out(own: &mut [f64], period_s: f64, frequency_hz: f64) {
     }
     let lines = Lines::fit(own, period_s, frequency_hz);
     let power = |f: f64| Lines::fit(own, period_s, f).taken();
-    if lines.taken() > CONTRAST * beside(power, frequency_hz, length_s) {
+    if lines.of_the_mains() > CONTRAST * beside(power, frequency_hz, length_s) {
         own.iter_mut().enumerate().for_each(|(k, y)| *y -= lines.at(k as f64));
     }
 }
@@ -218,6 +221,17 @@ impl Lines {
             .sum()
     }
 
+    /// Mean square that the lines take, nothing where they are not the mains'.
+    fn of_the_mains(&self) -> f64 {
+        let power = |lines: &[f64]| lines.iter().map(|a| a * a).sum::<f64>();
+        let lowest = self.amplitudes.get(..4).map_or(0.0, power);
+        if lowest > LOWEST_TWO * power(&self.amplitudes) {
+            self.taken()
+        } else {
+            0.0
+        }
+    }
+
     /// Mean square that the lines take.
     fn taken(&self) -> f64 {
         let at = |r: usize| self.at((r * self.stride) as f64).powi(2);
@@ -244,6 +258,14 @@ mod tests {
         assert!(rms < 0.004, "{rms}");
         let quiet: Vec<f64> = (0..2500).map(noise).collect();
         assert_eq!(taken_out(&quiet, 2e-4), quiet);
+    }
+
+    /// 12 020 turns a minute are four times 50.08 Hz.
+    #[test]
+    fn val_a_vibration_at_a_harmonic_alone_is_no_hum() {
+        let fan = |k: usize| 0.2 * (TAU * 200.33 * k as f64 * 2e-4).sin() + ((k * 7919) % 1000) as f64 * 1e-6;
+        let own: Vec<f64> = (0..2500).map(fan).collect();
+        assert_eq!(taken_out(&own, 2e-4), own);
     }
 
     /// 50.028 Hz in 100 samples a second: odd harmonics come back a sample apart in sign, even ones as slow as a drift.

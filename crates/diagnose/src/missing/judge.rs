@@ -9,6 +9,7 @@ use hysteron_data::Dataset;
 use hysteron_data::Role;
 use hysteron_identify::effects::Effect as _;
 use hysteron_identify::family::range;
+use rayon::prelude::*;
 
 /// Coarseness that a hysteresis of free shape leaves where nothing is missing, share of the stroke (0.02 to 0.08 % on Preisach
 /// densities, 0.1 % behind rates): a fall below it proves nothing.
@@ -109,9 +110,27 @@ impl Judge {
         current: &Trial,
         trials: &[(&'static str, Trial)],
     ) -> Vec<(usize, RankedEffect)> {
+        // A trial may come with another ridge than the current one, and gain by that alone: both are compared under the same.
+        let mut ridges: Vec<f64> = trials
+            .iter()
+            .map(|t| t.1.ridge)
+            .filter(|r| *r != current.ridge)
+            .collect();
+        ridges.sort_by(f64::total_cmp);
+        ridges.dedup();
+        let others: Vec<Trial> = ridges
+            .par_iter()
+            .map(|&ridge| bench.with_ridge(ridge).fit_to_the_end(&current.effects))
+            .collect();
         let mut ranked: Vec<(usize, RankedEffect)> = Vec::new();
         for (index, (name, trial)) in trials.iter().enumerate() {
-            let entry = self.entry(bench, current, name, trial);
+            let same_ridge = others.iter().find(|t| t.ridge == trial.ridge).unwrap_or(current);
+            let rival = if total(bench, current, same_ridge) > 0.0 {
+                same_ridge
+            } else {
+                current
+            };
+            let entry = self.entry(bench, rival, name, trial);
             match ranked.iter_mut().find(|r| r.1.effect == *name) {
                 Some(old) if (old.1.significant, old.1.statistic) >= (entry.significant, entry.statistic) => {}
                 Some(old) => *old = (index, entry),
@@ -322,8 +341,7 @@ fn plausible(bench: &Bench<'_>, effect: &Effect, trial: &Trial) -> bool {
     let last = of_effect.last().copied().unwrap_or(0.0);
     match effect {
         Effect::Temperature => moves_the_zero(bench, last),
-        // A stop holds at least half of what pushes against it; otherwise it is a bend.
-        Effect::EndStop { .. } => last > 0.5,
+        Effect::EndStop { .. } => last > 1.0 - super::bench::MOST_COMPLIANT,
         Effect::Mode { zeta, .. } => *zeta < 0.999 * super::candidates::MOST_DAMPING,
         Effect::RateEnvelope { up, down, .. } => up.max(*down) <= super::candidates::LARGEST_ENVELOPE_S,
         Effect::RateShift { up, down, exponent, .. } => {

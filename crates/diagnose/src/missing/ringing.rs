@@ -34,6 +34,9 @@ struct Ring {
 /// What rings before a step as well, by this share of what rings after it, is a vibration.
 const BEFORE: f64 = 0.3;
 
+/// Where more than this of a ring should be left when the drive moves on, nobody can tell whether it dies.
+const CANNOT_TELL: f64 = 0.8;
+
 /// Fewest samples before a step that tell; else the ring must have died down by half within the window.
 const FEWEST_BEFORE: usize = 40;
 
@@ -42,8 +45,27 @@ impl Ring {
         if before.len() < FEWEST_BEFORE {
             return (-self.zeta * TAU * self.frequency_hz * window as f64 * period_s).exp() < 0.5;
         }
-        let still = DVector::from_column_slice(before);
-        squared_error(&still, period_s, Some((self.frequency_hz, 0.0))).1 < BEFORE * self.amplitude_um
+        self.amplitude_in(before, period_s) < BEFORE * self.amplitude_um
+    }
+
+    /// Whether it dies down as its damping says, `own` being the residual from the step on while the drive stands: where the gain is
+    /// modulated it rings on.
+    fn dies(&self, own: &[f64], period_s: f64) -> bool {
+        let a_sample = self.zeta * TAU * self.frequency_hz * period_s;
+        let down_to_a_tenth = (10f64.ln() / a_sample).ceil() as usize;
+        let from = down_to_a_tenth.min(own.len().saturating_sub(WINDOW));
+        let later = &own[from..(from + WINDOW).min(own.len())];
+        let left = (-a_sample * from as f64).exp();
+        left > CANNOT_TELL || self.amplitude_in(later, period_s) < 0.5 * (1.0 + left) * self.amplitude_um
+    }
+
+    fn amplitude_in(&self, own: &[f64], period_s: f64) -> f64 {
+        squared_error(
+            &DVector::from_column_slice(own),
+            period_s,
+            Some((self.frequency_hz, 0.0)),
+        )
+        .1
     }
 }
 
@@ -63,7 +85,10 @@ pub(crate) fn find(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>], left
             if window.len() < 40 || peak_to_peak(&trace.drive[after]) > step {
                 continue;
             }
+            let held = &trace.drive[k + 2..];
+            let standing = held.iter().take_while(|v| (*v - held[0]).abs() <= step).count();
             if let Some(ring) = fit(window, trace.period_s, bench.noise_um)
+                && ring.dies(&residual[k + 2..][..standing], trace.period_s)
                 && ring.is_of_the_step(
                     &residual[k.saturating_sub(WINDOW).max(trace.from)..k],
                     trace.period_s,
@@ -166,4 +191,44 @@ fn squared_error(y: &DVector<f64>, period_s: f64, ring: Option<(f64, f64)>) -> (
     let x = factor.solve(&columns.tr_mul(y));
     let amplitude = if ring.is_some() { x[2].hypot(x[3]) } else { 0.0 };
     ((y - &columns * x).norm_squared(), amplitude)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD_S: f64 = 5e-5;
+
+    /// A sine of 0.1 um at 500 Hz that dies down with its damping, and noise of 1 nm.
+    fn ring(zeta: f64) -> Vec<f64> {
+        (0..4000)
+            .map(|k| {
+                let angle = TAU * 500.0 * f64::from(k) * PERIOD_S;
+                let noise = f64::from(k * 7919 % 1000) * 2e-6 - 1e-3;
+                0.1 * (-zeta * angle).exp() * angle.sin() + noise
+            })
+            .collect()
+    }
+
+    #[test]
+    fn val_a_ring_dies_down_and_a_modulation_does_not() {
+        for (zeta, dies) in [(0.005, true), (0.02, true), (0.06, true), (0.0, false)] {
+            let own = ring(zeta);
+            let found = fit(&own[..WINDOW], PERIOD_S, 1e-3).unwrap();
+            assert_eq!(
+                found.dies(&own, PERIOD_S),
+                dies,
+                "damping {zeta}, fitted {}",
+                found.zeta
+            );
+        }
+    }
+
+    /// The drive moves on before a ring of light damping could have died: that proves nothing against it.
+    #[test]
+    fn bva_a_short_rest_proves_nothing() {
+        let own = ring(0.0);
+        let found = fit(&own[..WINDOW], PERIOD_S, 1e-3).unwrap();
+        assert!(found.dies(&own[..WINDOW], PERIOD_S), "fitted {}", found.zeta);
+    }
 }
