@@ -101,10 +101,39 @@ impl NextRecord {
 /// What the remaining structure is locked to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Lock {
-    /// `time`, `position`, `speed`, `drive`, `temperature`, `record`.
+    /// `time`, `position`, `speed`, `position and speed`, `temperature`, `other axis`, `cycle count`, `record order`, `record`,
+    /// `sample clock`.
     pub to: String,
-    /// Share of the remaining squared error that goes with it, 0 to 1.
+    /// Share of the squared error that goes with it, 0 to 1. Shares overlap: time and temperature may be the same thing.
     pub share: f64,
+    /// What else is known: the frequency of a line, the rms of a jitter, the distance of what returns.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<EffectParameter>,
+}
+
+impl Lock {
+    pub(crate) fn new(to: &str, share: f64) -> Self {
+        Self {
+            to: to.to_owned(),
+            share,
+            parameters: Vec::new(),
+        }
+    }
+}
+
+/// Where the given model fails.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct WhereItFails {
+    /// Records whose drive repeats at least twice; the shares of what repeats are theirs.
+    pub periodic_records: usize,
+    /// Share of the squared error that is the same in every period; `None` without such a record.
+    pub repeats_with_drive: Option<f64>,
+    /// Share that one linear filter of the drive takes, the same for all records.
+    pub linear_in_drive: f64,
+    /// Share that repeats and is not linear.
+    pub nonlinear_in_drive: Option<f64>,
+    /// What the error goes with, the largest share first, single records behind what says more.
+    pub locked_to: Vec<Lock>,
 }
 
 /// What nothing in the catalogue explains.
@@ -114,7 +143,7 @@ pub struct Unexplained {
     pub percent: f64,
     /// Of this, what the sensor noise explains.
     pub noise_percent: f64,
-    /// What it is locked to, largest first.
+    /// What it is locked to, as [`WhereItFails::locked_to`].
     pub locked_to: Vec<Lock>,
 }
 
@@ -154,6 +183,9 @@ pub struct Diagnosis {
     pub known_delay_s: Option<f64>,
     /// Errors of the given model.
     pub before: Before,
+    /// Where it fails.
+    #[serde(default)]
+    pub where_it_fails: WhereItFails,
     /// Error of a hysteresis of free shape, nothing else added, percent of peak to peak.
     pub free_shape: Before,
     /// The candidates, best first.

@@ -82,7 +82,11 @@ fn candidate_lags(drive: &[f64], tolerance: f64) -> Vec<usize> {
     lags
 }
 
-pub(crate) fn autocorrelation(values: &[f64]) -> Vec<f64> {
+/// Sums of products of a series with itself so many samples later, one a lag, from 0 on.
+///
+/// # Cost
+/// O(n log n), by FFT.
+pub fn autocorrelation(values: &[f64]) -> Vec<f64> {
     let size = (2 * values.len()).next_power_of_two();
     let mut planner = RealFftPlanner::<f64>::new();
     let (forward, inverse) = (planner.plan_fft_forward(size), planner.plan_fft_inverse(size));

@@ -194,6 +194,7 @@ pub(crate) async fn diagnosis(State(app): Shared, Query(parameters): Parameters)
         "bounds": bounds,
         "signatures": signatures,
         "verdict": hysteron_report::verdict_sentence(&read),
+        "fails": hysteron_report::failing_lines(&read),
         "lines": hysteron_report::diagnosis_lines(&read),
     }))
     .into_response())

@@ -86,7 +86,7 @@ export async function diagnosePage(lab) {
     return page;
   }
   const found = await ask("diagnosis", { step });
-  const { numbers, verdict, lines } = found;
+  const { numbers, fails, verdict, lines } = found;
   const views = [];
   page.append(
     el("section", { class: numbers.cannot_answer.length ? "panel verdict unsure" : "panel verdict" },
@@ -99,6 +99,7 @@ export async function diagnosePage(lab) {
       [numbers.shape_determined ? "A hysteresis of free shape instead" : "Its plays, fitted anew", percent(numbers.free_shape.validate_percent), "of peak to peak, records not fitted to"],
       ["Left unexplained", percent(numbers.unexplained.percent), "of peak to peak, all records that move"],
       ["Of this, noise", percent(numbers.unexplained.noise_percent), "of peak to peak"]]),
+    el("ul", { id: "fails" }, fails.map((line) => el("li", {}, line))),
     riddle);
   const cards = numbers.ranking.map((effect, index) => [effect, card(lab, found, index, known.find((k) => k.name === effect.effect), views)]);
   const group = (title, wanted) => {

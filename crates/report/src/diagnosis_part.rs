@@ -7,6 +7,7 @@ use crate::canvas::{LegendEntry, Swatch};
 use crate::diagnosis_words::{diagnosis_lines, effect_name, verdict_sentence};
 use crate::equation::equation;
 use crate::figures::{Bar, bars};
+use crate::lock_words::failing_lines;
 use crate::number::{percent, significant, unit_text};
 use crate::page::{Block, Figure, Section, Tile};
 use crate::palette::Ink;
@@ -17,6 +18,9 @@ pub(crate) fn section(diagnosis: &Diagnosis) -> Section {
     let mut section = Section::new("Which effect is missing")
         .with(Block::Text(verdict_sentence(diagnosis)))
         .with(Block::Tiles(tiles(diagnosis)));
+    section = failing_lines(diagnosis)
+        .into_iter()
+        .fold(section, |section, line| section.with(Block::Text(line)));
     let lines = diagnosis_lines(diagnosis);
     section = if diagnosis.cannot_answer.is_empty() {
         lines

@@ -1,5 +1,6 @@
 //! A diagnosis in plain sentences.
 
+use crate::lock_words::left_line;
 use crate::number::significant;
 use hysteron_diagnose::diagnosis::{Diagnosis, Level, RankedEffect};
 
@@ -76,16 +77,7 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
                 .to_owned(),
         );
     }
-    let locked: Vec<String> = diagnosis
-        .unexplained
-        .locked_to
-        .iter()
-        .filter(|lock| lock.share > LOCK_NAMED)
-        .map(|lock| format!("{} ({:.0}\u{a0}%)", lock.to, 100.0 * lock.share))
-        .collect();
-    if !locked.is_empty() {
-        lines.push(format!("What is left unexplained goes with {}.", list(&locked, "and")));
-    }
+    lines.extend(left_line(diagnosis));
     if let Some(next) = &diagnosis.next_record {
         let mut line = format!("Record to take next: {}", next.excitation);
         if !next.separates.is_empty() {
@@ -99,9 +91,6 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
     }
     lines
 }
-
-/// Share of the remaining squared error from which what it goes with is named; as on the command line.
-const LOCK_NAMED: f64 = 0.1;
 
 /// Why records cannot answer, in words.
 pub fn reason_in_words(reason: &str) -> &str {

@@ -18,11 +18,16 @@ pub struct Answer {
     pub also_possible: Vec<String>,
     /// Further effects that were found.
     pub further: Vec<String>,
+    /// What most of the unexplained goes with, or empty.
+    pub locked_to: String,
 }
 
 impl From<Diagnosis> for Answer {
     fn from(diagnosis: Diagnosis) -> Self {
+        let mut locks = diagnosis.unexplained.locked_to.into_iter();
+        let locked_to = locks.next().filter(|lock| lock.share > 0.1);
         Self {
+            locked_to: locked_to.map_or(String::new(), |lock| lock.to),
             verdict: diagnosis.verdict,
             also_possible: diagnosis.also_possible,
             further: diagnosis.further,
@@ -103,6 +108,7 @@ pub fn learned(example: &Example) -> Answer {
                 verdict: effects.next().unwrap_or(learned.diagnosis.verdict),
                 also_possible: Vec::new(),
                 further: effects.collect(),
+                locked_to: String::new(),
             }
         }
         Err(error) => panic!("seed {}: {error}", example.truth.seed),
@@ -271,12 +277,14 @@ pub fn all_found(outcome: &Outcome) -> bool {
     outcome.truth.hidden.iter().all(|hidden| said(hidden.effect.name()))
 }
 
-/// The outcomes as Markdown: the summary, the confusion matrix by effect and strength, and the same by family.
+/// The outcomes as Markdown: the summary, the confusion matrix by effect and strength, the same by family, and what `unknown`
+/// is locked to.
 pub fn markdown(outcomes: &[Outcome]) -> String {
     let mut text = String::new();
     summary(&mut text, outcomes);
     matrix(&mut text, outcomes);
     by_family(&mut text, outcomes);
+    locks(&mut text, outcomes);
     text
 }
 
@@ -367,18 +375,19 @@ fn matrix(text: &mut String, outcomes: &[Outcome]) {
                 cells.push(Tally::of(chosen).cell());
             }
         }
-        let mut said: BTreeMap<&str, usize> = BTreeMap::new();
-        members
-            .iter()
-            .for_each(|o| *said.entry(o.answer.verdict.as_str()).or_default() += 1);
-        let mut said: Vec<_> = said.into_iter().collect();
-        said.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-        let verdicts: Vec<String> = said
-            .iter()
-            .map(|(verdict, count)| format!("{verdict} {count}"))
-            .collect();
-        let _ = writeln!(text, "| {name} | {} | {} |", cells.join(" | "), verdicts.join(", "));
+        let verdicts = counted(members.iter().map(|o| o.answer.verdict.as_str()));
+        let _ = writeln!(text, "| {name} | {} | {verdicts} |", cells.join(" | "));
     }
+}
+
+/// Words and how often each was said, the most frequent first.
+fn counted<'a>(words: impl Iterator<Item = &'a str>) -> String {
+    let mut said: BTreeMap<&str, usize> = BTreeMap::new();
+    words.for_each(|word| *said.entry(word).or_default() += 1);
+    let mut said: Vec<_> = said.into_iter().collect();
+    said.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    let said: Vec<String> = said.iter().map(|(word, count)| format!("{word} {count}")).collect();
+    said.join(", ")
 }
 
 fn by_family(text: &mut String, outcomes: &[Outcome]) {
@@ -402,6 +411,25 @@ fn by_family(text: &mut String, outcomes: &[Outcome]) {
     }
 }
 
+fn locks(text: &mut String, outcomes: &[Outcome]) {
+    let mut rows: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    let unknown = |o: &&Outcome| o.truth.family.is_play_class() && o.answer.verdict == "unknown";
+    for outcome in outcomes.iter().filter(unknown) {
+        if let Some((effect, _)) = single(outcome).filter(|(effect, _)| effect.is_outside()) {
+            let to = outcome.answer.locked_to.as_str();
+            let words = rows.entry(effect.name()).or_default();
+            words.push(if to.is_empty() { "nothing" } else { to });
+        }
+    }
+    if rows.is_empty() {
+        return;
+    }
+    let _ = writeln!(text, "\n| hidden, play class | unknown, locked to |\n|---|---|");
+    for (effect, words) in rows {
+        let _ = writeln!(text, "| {effect} | {} |", counted(words.into_iter()));
+    }
+}
+
 /// One line about an outcome: seed, truth, answer.
 pub fn line(outcome: &Outcome) -> String {
     let truth = &outcome.truth;
@@ -411,7 +439,7 @@ pub fn line(outcome: &Outcome) -> String {
         .map(|hidden| format!("{:.2} %", hidden.contribution_percent))
         .collect();
     format!(
-        "{:?}\tseed {}\t{} ({})\t{}\tfrom {}\t-> {} also [{}] further [{}]",
+        "{:?}\tseed {}\t{} ({})\t{}\tfrom {}\t-> {} also [{}] further [{}] locked to [{}]",
         outcome.grade,
         outcome.seed,
         label(truth),
@@ -421,5 +449,6 @@ pub fn line(outcome: &Outcome) -> String {
         outcome.answer.verdict,
         outcome.answer.also_possible.join(", "),
         outcome.answer.further.join(", "),
+        outcome.answer.locked_to,
     )
 }

@@ -7,7 +7,7 @@ use crate::{output, progress};
 use clap::Args;
 use hysteron_diagnose::diagnosis::{Diagnosis, Level};
 use hysteron_identify::{Direction, Model};
-use hysteron_report::{diagnosis_lines, verdict_sentence};
+use hysteron_report::{diagnosis_lines, failing_lines, verdict_sentence};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -61,6 +61,11 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<Done, CliError> {
 fn text(d: &Diagnosis) -> String {
     let mut text = String::new();
     is_anything_missing(&mut text, d);
+    text.push('\n');
+    for line in failing_lines(d) {
+        text.push_str(&line);
+        text.push('\n');
+    }
     // Writing to a String does not fail.
     let _ = writeln!(text, "\nverdict: {}\n{}", d.verdict, verdict_sentence(d));
     for line in diagnosis_lines(d) {

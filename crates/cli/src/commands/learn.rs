@@ -140,7 +140,12 @@ fn why(learned: &Learned) -> String {
                 unexplained.noise_percent
             );
             if let Some(lock) = unexplained.locked_to.first().filter(|lock| lock.share > 0.1) {
-                let _ = write!(text, "; {:.0} % of it goes with {}", 100.0 * lock.share, lock.to);
+                let _ = write!(
+                    text,
+                    "; {:.0} % of it goes with {}",
+                    100.0 * lock.share,
+                    hysteron_report::lock_in_words(lock)
+                );
             }
             text
         }

@@ -55,6 +55,9 @@ async fn the_way(browser: &Browser, session: &Path, name: &str, model: &str) {
         told == "unknown" || verdict.to_lowercase().contains(&told.replace('-', " ")),
         "{told}: {verdict}"
     );
+    let linear = 100.0 * said["where_it_fails"]["linear_in_drive"].as_f64().unwrap();
+    let fails = browser.see("#fails").await;
+    assert!(fails.contains(&format!("{linear:.0}\u{a0}%")), "{linear} %: {fails}");
     let card = browser.see(&format!("#card-{first} h3")).await;
     assert_eq!(
         card.to_lowercase(),

@@ -10,16 +10,22 @@ mod dead_band;
 mod filters;
 pub(crate) mod hum;
 mod judge;
+mod lines;
+mod locks;
+#[cfg(test)]
+mod made;
 mod next_record;
 mod regression;
 mod remains;
 mod ringing;
+mod sample_clock;
 mod shape;
 mod structure;
 mod traces;
 mod user;
+mod where_it_fails;
 
-use crate::diagnosis::{Before, Diagnosis, RankedEffect};
+use crate::diagnosis::{Before, Diagnosis, RankedEffect, WhereItFails};
 use crate::noise;
 use bench::{Bench, Trial};
 use candidates::PHYSICAL;
@@ -29,6 +35,7 @@ use hysteron_data::{Dataset, Role};
 use hysteron_identify::effects::UserEffect;
 use hysteron_identify::{Family, IdentifyError, Model, Placement, placement};
 use judge::Judge;
+use locks::Courses;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use traces::Traces;
@@ -84,18 +91,18 @@ pub(crate) fn search(
 }
 
 fn answer(
-    dataset: &Dataset,
+    original: &Dataset,
     model: &Model,
     known_delay_s: Option<f64>,
     own: &[UserEffect],
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> Diagnosis {
     progress(0.0, "model");
-    let simulated = traces::initial_states(dataset, model);
+    let simulated = traces::initial_states(original, model);
     let states: Vec<_> = simulated.iter().map(|s| s.0).collect();
-    let before = before(dataset, &simulated);
-    let late = known_delay_s.map(|delay_s| traces::as_late_as_the_controller(dataset, delay_s, &states));
-    let dataset = late.as_ref().unwrap_or(dataset);
+    let before = before(original, &simulated);
+    let late = known_delay_s.map(|delay_s| traces::as_late_as_the_controller(original, delay_s, &states));
+    let dataset = late.as_ref().unwrap_or(original);
     let humless = traces::without_hum(dataset, model);
     let dataset = humless.as_ref().unwrap_or(dataset);
     let floor = noise::noise_floor(dataset);
@@ -108,30 +115,40 @@ fn answer(
             progress(from + (to - from) * done, name);
         })
     };
+    let fails = where_the_model_fails(original, &simulated, &traces);
     let searched = look(&traces, floor.rms_um, (0.02, 0.6));
     let residuals = searched.residuals();
-    let (hum, entry) = match searched.hum(&residuals) {
-        Some((hum, entry)) if entry.significant => (hum, entry),
+    let mut diagnosis = match searched.hum(&residuals) {
+        // All that hums looks like noise beside it: what else is missing is looked for without.
+        Some((hum, entry)) if entry.significant => {
+            let humless = hum::without(dataset, &traces, &residuals, &hum);
+            let floor = noise::noise_floor(&humless);
+            let without = Traces::new(&humless, &states, floor.rms_um, fine);
+            let mut searched = look(&without, floor.rms_um, (0.6, 0.95));
+            searched.judge.without(hum);
+            let residuals = searched.residuals();
+            conclude(model, searched, &residuals, before, reasons, Some(entry), progress)
+        }
         other => {
-            return conclude(
-                model,
-                searched,
-                &residuals,
-                before,
-                reasons,
-                other.map(|o| o.1),
-                progress,
-            );
+            let entry = other.map(|o| o.1);
+            conclude(model, searched, &residuals, before, reasons, entry, progress)
         }
     };
-    // All that hums looks like noise beside it: what else is missing is looked for without.
-    let humless = hum::without(dataset, &traces, &residuals, &hum);
-    let floor = noise::noise_floor(&humless);
-    let without = Traces::new(&humless, &states, floor.rms_um, fine);
-    let mut searched = look(&without, floor.rms_um, (0.6, 0.95));
-    searched.judge.without(hum);
-    let residuals = searched.residuals();
-    conclude(model, searched, &residuals, before, reasons, Some(entry), progress)
+    diagnosis.where_it_fails = fails;
+    diagnosis
+}
+
+/// Where the model fails as it was given, on the records as they are.
+fn where_the_model_fails(
+    dataset: &Dataset,
+    simulated: &[(hysteron_identify::InitialState, Vec<f64>)],
+    traces: &Traces,
+) -> WhereItFails {
+    let errors = |(record, (_, output)): (&hysteron_data::Record, &(_, Vec<f64>))| -> Vec<f64> {
+        record.position_um.iter().zip(output).map(|(y, m)| y - m).collect()
+    };
+    let errors_um: Vec<Vec<f64>> = dataset.records.iter().zip(simulated).map(errors).collect();
+    where_it_fails::where_it_fails(&Courses::new(traces, errors_um.iter().map(Vec::as_slice)))
 }
 
 /// Searches beside the hysteresis that forecasts: one of free shape, or where the records do not determine that, the model's family.
@@ -636,15 +653,13 @@ fn conclude(
     }
     ranking.extend(shape.ranking);
     let also_possible = judge.also_possible(&verdict, &ranking, bench.base.shape == Shape::Free);
-    let mut unexplained = remains;
-    unexplained.locked_to.sort_by(|a, b| b.share.total_cmp(&a.share));
     let next_record = next_record::choose(
         bench,
         &verdict,
         &also_possible,
         &rivals,
         last,
-        unexplained.percent / 100.0 * bench.traces.stroke_um,
+        remains.percent / 100.0 * bench.traces.stroke_um,
     );
     let further = names
         .into_iter()
@@ -661,13 +676,14 @@ fn conclude(
         noise_rms_um: bench.noise_um,
         known_delay_s: None,
         before,
+        where_it_fails: WhereItFails::default(),
         free_shape: Before {
             identify_percent: Some(start.identify_percent),
             validate_percent: Some(start.validate_percent),
         },
         ranking,
         next_record,
-        unexplained,
+        unexplained: remains,
     }
 }
 
