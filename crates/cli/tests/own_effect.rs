@@ -64,7 +64,14 @@ fn val_from_the_file_to_the_model() {
     );
     let page = fs::read_to_string(place.path().join("page.html")).unwrap();
     assert_eq!(page.matches("<figure>").count(), 3);
-    let text = run(&["diagnose", "stage", "model.toml", "--effect", "my-lag.toml", "--json"]);
+    let diagnose = ["diagnose", "stage", "model.toml", "--effect", "my-lag.toml"];
+    let text = run(&[&diagnose[..], &["--json", "--page", "missing.html"]].concat());
+    let page = fs::read_to_string(place.path().join("missing.html")).unwrap();
+    // The shares of all, and a picture of each that counts, the effect of one's own among them.
+    let pictures = page.matches("with it, everything fitted anew").count();
+    assert!((3..=5).contains(&pictures), "{pictures}");
+    assert!(page.contains("without my-lag and with it"), "no picture of my-lag");
+    assert!(page.contains(&format!("hysteron {} --page missing.html", diagnose.join(" "))));
     let json: serde_json::Value = serde_json::from_str(&text).unwrap();
     let entry = json["ranking"]
         .as_array()

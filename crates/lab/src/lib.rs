@@ -17,7 +17,6 @@ mod jobs;
 mod riddle;
 mod series;
 mod session;
-mod signature;
 mod state;
 mod table;
 mod uploads;

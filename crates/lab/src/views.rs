@@ -2,7 +2,6 @@
 
 use crate::api::{Answer, Parameters, Shared, aside, number};
 use crate::error::Refusal;
-use crate::signature::Signature;
 use crate::{explain, series, table, work};
 use axum::Json;
 use axum::extract::{Query, State};
@@ -171,7 +170,7 @@ pub(crate) async fn diagnosis(State(app): Shared, Query(parameters): Parameters)
     let read: hysteron_diagnose::diagnosis::Diagnosis =
         serde_json::from_str(&text).map_err(|error| Refusal::disk(&file, &error))?;
     let read_names: Vec<String> = read.ranking.iter().map(|effect| effect.effect.clone()).collect();
-    let signatures: Vec<Signature> = tokio::fs::read_to_string(&shown)
+    let signatures: Vec<hysteron_diagnose::Signature> = tokio::fs::read_to_string(&shown)
         .await
         .ok()
         .and_then(|text| serde_json::from_str(&text).ok())

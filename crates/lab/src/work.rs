@@ -5,16 +5,19 @@ use crate::error::Refusal;
 use crate::jobs::{self, Progress};
 use crate::session::{Session, model_name};
 use crate::uploads::{self, quoted};
-use crate::{export, folder, signature};
+use crate::{export, folder, series};
 use hysteron_data::{Dataset, Overwrite, write_dataset};
-use hysteron_diagnose::Comparison;
 use hysteron_diagnose::diagnosis::Diagnosis;
+use hysteron_diagnose::{Comparison, Signature, signatures};
 use hysteron_identify::{Direction, Family, FitOptions, Model};
 use std::path::Path;
 use std::sync::Arc;
 
 /// Most plays; as the command line.
 const PLAYS: std::ops::RangeInclusive<usize> = 1..=64;
+
+/// Columns of a card's picture.
+const CARD_COLUMNS: usize = 300;
 
 /// Takes the files that were brought as the session's data.
 pub(crate) fn take_files(app: &Arc<App>) -> Result<(), Refusal> {
@@ -175,14 +178,33 @@ pub(crate) fn diagnose(app: &Arc<App>) -> Result<(), Refusal> {
     jobs::start(app, "diagnosing", move |progress| {
         let diagnosis = diagnosed(&dataset, &model, progress, 0.7);
         let comparison = comparison(&own, number)?;
-        let shown = signature::signatures(&dataset, &model, &comparison, &diagnosis, &|share, effect| {
+        let mut shown = signatures(&dataset, &model, &comparison, &diagnosis, &[], &|share, effect| {
             progress.at(0.7 + 0.3 * share, effect);
         });
+        shown.iter_mut().for_each(for_a_card);
         let shown = serde_json::to_string(&shown).map_err(Refusal::unusable)?;
         let session = own.session();
         folder::write_whole(&session.signatures_file(number), shown.as_bytes())?;
         keep(&session, number, &diagnosis)
     })
+}
+
+/// As many points as a card's picture has columns for.
+fn for_a_card(signature: &mut Signature) {
+    let Signature {
+        time_s, without, with, ..
+    } = &*signature;
+    let points = series::columns(
+        0,
+        time_s.len(),
+        CARD_COLUMNS,
+        |k| time_s[k],
+        &[&|k| without[k], &|k| with[k]],
+    );
+    signature.time_s = points.x;
+    if let Ok([without, with]) = <[Vec<f64>; 2]>::try_from(points.y) {
+        (signature.without, signature.with) = (without, with);
+    }
 }
 
 fn diagnosed(dataset: &Dataset, model: &Model, progress: &Progress, whole: f64) -> Diagnosis {

@@ -1,20 +1,22 @@
 //! The part of a page that says which effect is missing.
 
+use hysteron_diagnose::Signature;
 use hysteron_diagnose::diagnosis::{Diagnosis, Level, RankedEffect};
 use hysteron_identify::effects;
 
-use crate::canvas::{LegendEntry, Swatch};
+use crate::canvas::{LegendEntry, Size, Swatch};
 use crate::diagnosis_words::{diagnosis_lines, effect_name, verdict_sentence};
 use crate::equation::equation;
-use crate::figures::{Bar, bars};
+use crate::figures::{Bar, Line, Lines, bars, lines};
 use crate::lock_words::failing_lines;
-use crate::number::{percent, significant, unit_text};
+use crate::number::{percent, readable_unit, significant};
 use crate::page::{Block, Figure, Section, Tile};
 use crate::palette::Ink;
 use crate::table::{Cell, Table};
 
-/// The section of a diagnosis: verdict, candidates, the effects found in words, the record to take next.
-pub(crate) fn section(diagnosis: &Diagnosis) -> Section {
+/// The section of a diagnosis: verdict, candidates, the effects found in words and those that were added to the data in pictures, the
+/// record to take next.
+pub(crate) fn section(diagnosis: &Diagnosis, signatures: &[Signature]) -> Section {
     let mut section = Section::new("Which effect is missing")
         .with(Block::Text(verdict_sentence(diagnosis)))
         .with(Block::Tiles(tiles(diagnosis)));
@@ -33,8 +35,11 @@ pub(crate) fn section(diagnosis: &Diagnosis) -> Section {
         section = section.with(Block::Figure(figure));
     }
     section = section.with(Block::Table(table(diagnosis)));
-    for effect in diagnosis.ranking.iter().filter(|effect| effect.significant) {
-        section = section.with(card(effect));
+    for effect in &diagnosis.ranking {
+        let signature = signatures.iter().find(|one| one.effect == effect.effect);
+        if effect.significant || signature.is_some() {
+            section = section.with(card(diagnosis, effect, signature));
+        }
     }
     section.with(Block::Text(
         "How often such a verdict is right was counted on simulated stages only: take it as a hint, and take the record it asks for.".to_owned(),
@@ -138,18 +143,28 @@ fn table(diagnosis: &Diagnosis) -> Table {
         })
 }
 
-/// An effect in words, with what was fitted.
-fn card(effect: &RankedEffect) -> Block {
-    let mut facts: Vec<(String, String)> = effect
-        .parameters
-        .iter()
-        .map(|p| {
-            (
-                p.name.replace('_', " "),
-                format!("{} {}", significant(p.value), unit_text(&p.unit)),
-            )
-        })
-        .collect();
+/// An effect in words, with what was fitted, and what it does to the data.
+fn card(diagnosis: &Diagnosis, effect: &RankedEffect, signature: Option<&Signature>) -> Block {
+    let fact = |name: &str, value: f64, error: Option<f64>, unit: &str| {
+        let (factor, unit) = readable_unit(unit, value.abs());
+        let error = error.map_or(String::new(), |error| format!(" ± {}", significant(factor * error)));
+        (
+            name.replace('_', " "),
+            format!("{}{error} {unit}", significant(factor * value)),
+        )
+    };
+    let mut facts: Vec<(String, String)> = match signature {
+        Some(signature) => {
+            let fitted = signature.parameters.iter();
+            fitted
+                .map(|p| fact(&p.name, p.value, p.standard_error, &p.unit))
+                .collect()
+        }
+        None => {
+            let tried = effect.parameters.iter();
+            tried.map(|p| fact(&p.name, p.value, None, &p.unit)).collect()
+        }
+    };
     if let Some(known) = effects::find(&effect.effect) {
         let words = known.description();
         facts.extend([
@@ -161,5 +176,54 @@ fn card(effect: &RankedEffect) -> Block {
             ("compensated by".to_owned(), words.compensated_by.to_owned()),
         ]);
     }
-    Block::Group(effect_name(&effect.effect, true), vec![Block::Facts(facts)])
+    let counts = if effect.significant {
+        "Significant, and large enough to matter.".to_owned()
+    } else if diagnosis.further.contains(&effect.effect) {
+        let first = effect_name(&diagnosis.verdict, false);
+        format!("Counts once {first} is in the model: add that first, then this.")
+    } else {
+        "Does not count: not significant, too small to matter, or another explains the same better.".to_owned()
+    };
+    let mut blocks = vec![Block::Text(counts)];
+    blocks.extend(signature.and_then(picture).map(Block::Figure));
+    blocks.push(Block::Facts(facts));
+    Block::Group(effect_name(&effect.effect, true), blocks)
+}
+
+/// The error of one record without an effect and with it.
+fn picture(signature: &Signature) -> Option<Figure> {
+    let errors = signature.without.iter().chain(&signature.with);
+    let (factor, unit) = readable_unit("um", errors.fold(0.0, |largest, e| largest.max(e.abs())));
+    let length_s = signature.time_s.last()? - signature.time_s.first()?;
+    let (time_factor, time_unit) = readable_unit("s", length_s);
+    let line = |name: &str, errors: &[f64], ink: Ink| Line {
+        name: name.to_owned(),
+        points: (signature.time_s.iter().zip(errors))
+            .map(|(t, e)| (time_factor * t, factor * e))
+            .collect(),
+        ink,
+    };
+    let series = [
+        line("without it", &signature.without, Ink::Noise),
+        line("with it, everything fitted anew", &signature.with, Ink::Residual),
+    ];
+    let axes = Lines {
+        x_title: &format!("time, {time_unit}"),
+        y_title: &format!("measured − model, {unit}"),
+        x_log: false,
+        y_log: false,
+        description: &format!("Error in {} without {} and with it.", signature.file, signature.effect),
+    };
+    let size = Size {
+        width: 1080,
+        height: 260,
+    };
+    let mut caption = format!("{}, where it takes most of the squared error.", signature.file);
+    if let Some(error) = signature.validate_percent {
+        caption += &format!(
+            " Once added, records not fitted to are off by {} of peak to peak.",
+            percent(error)
+        );
+    }
+    lines(&series, &axes, size).map(|drawn| Figure::new(drawn, caption))
 }

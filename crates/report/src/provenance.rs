@@ -3,28 +3,34 @@
 use std::path::{Path, PathBuf};
 
 use hysteron_data::Dataset;
+use hysteron_identify::Model;
 use sha2::{Digest, Sha256};
 
 use crate::comparison_page::Context;
 use crate::report_page::{Findings, report_page};
 
-/// The report with its facts and the commands that make it anew. `files` are data, model and page as a command names them.
-pub fn frozen(files: &[String; 3], dataset: &Dataset, findings: &Findings<'_>, version: &str) -> String {
-    let [data, model_file, output] = files;
-    let model = findings.model;
-    let direction = model.direction.name();
-    let facts = [
+/// What a page is about: data, model, and what that was fitted on. `data` and `model_file` as a command names them.
+pub fn facts(data: &str, model_file: &str, dataset: &Dataset, model: &Model) -> [(&'static str, String); 3] {
+    [
         ("data", format!("{} ({data})", dataset.name)),
         (
             "model",
             format!(
-                "{}, {} plays, {direction} ({model_file})",
+                "{}, {} plays, {} ({model_file})",
                 model.family,
-                model.thresholds.len()
+                model.thresholds.len(),
+                model.direction.name()
             ),
         ),
         ("fitted on", model.fitted_on.dataset.clone()),
-    ];
+    ]
+}
+
+/// The report with its facts and the commands that make it anew. `files` are data, model and page as a command names them.
+pub fn frozen(files: &[String; 3], dataset: &Dataset, findings: &Findings<'_>, version: &str) -> String {
+    let [data, model_file, output] = files;
+    let model = findings.model;
+    let facts = facts(data, model_file, dataset, model);
     let mut command = format!("hysteron compare {data} {model_file}\n");
     if findings.diagnosis.is_some() {
         command.push_str(&format!("hysteron diagnose {data} {model_file}\n"));

@@ -39,7 +39,7 @@ pub fn report_page(title: &str, findings: &Findings<'_>, context: &Context<'_>) 
     if let Some(diagnosis) = findings.diagnosis {
         page = page
             .lead(verdict_sentence(diagnosis))
-            .section(diagnosis_part::section(diagnosis));
+            .section(diagnosis_part::section(diagnosis, &[]));
     }
     // One step is no ladder.
     if let Some(ladder) = hysteron_diagnose::ladder(findings.model).filter(|ladder| ladder.steps.len() > 1) {

@@ -8,7 +8,7 @@ use clap::Args;
 use hysteron_data::{Dataset, Role};
 use hysteron_diagnose::{Comparison, NoiseSource, Pooled};
 use hysteron_identify::Model;
-use hysteron_report::{Context, comparison_page};
+use hysteron_report::{Context, comparison_page, facts};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -51,24 +51,10 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Done, CliError> {
 
 /// The page with pictures.
 fn page(args: &CompareArgs, dataset: &Dataset, model: &Model, comparison: &Comparison) -> String {
-    let direction = model.direction.name();
-    let facts = [
-        ("data", format!("{} ({})", dataset.name, args.data.display())),
-        (
-            "model",
-            format!(
-                "{}, {} plays, {direction} ({})",
-                model.family,
-                model.thresholds.len(),
-                args.model.display()
-            ),
-        ),
-        ("fitted on", model.fitted_on.dataset.clone()),
-    ];
+    let [data, model_file] = [&args.data, &args.model].map(|path| path.display().to_string());
+    let facts = facts(&data, &model_file, dataset, model);
     let command = format!(
-        "hysteron compare {} {} -o {}",
-        args.data.display(),
-        args.model.display(),
+        "hysteron compare {data} {model_file} -o {}",
         args.output.as_deref().unwrap_or(Path::new("page.html")).display()
     );
     let context = Context {

@@ -5,14 +5,17 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
+use hysteron_data::Dataset;
+use hysteron_diagnose::Signature;
 use hysteron_diagnose::diagnosis::{Diagnosis, Level};
 use hysteron_identify::{Direction, Model};
-use hysteron_report::{diagnosis_lines, failing_lines, verdict_sentence};
+use hysteron_report::{Context, diagnosis_lines, diagnosis_page, facts, failing_lines, verdict_sentence};
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hysteron diagnose stage model.toml -o next.csv\n  \
+    hysteron diagnose stage model.toml --page missing.html\n  \
     hysteron diagnose stage model.toml --effect my-effect.toml")]
 pub(crate) struct DiagnoseArgs {
     /// Dataset folder, or one CSV
@@ -22,6 +25,9 @@ pub(crate) struct DiagnoseArgs {
     /// Write the voltage of the record to take next
     #[arg(short, long, value_name = "NEXT.csv")]
     pub output: Option<PathBuf>,
+    /// Write a page with a picture of what each candidate that counts, or each of the first three, does to the data
+    #[arg(long, value_name = "PAGE.html")]
+    pub page: Option<PathBuf>,
     /// An effect file of your own, among the candidates; may be repeated
     #[arg(long, value_name = "FILE.toml")]
     pub effect: Vec<PathBuf>,
@@ -43,8 +49,17 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<Done, CliError> {
     let bar = progress::bar("diagnosing");
     let mut diagnosis = hysteron_diagnose::diagnose_with(&dataset, &model, &own, &|share, effect| {
         bar.set_message(effect.to_owned());
-        progress::advance(&bar, share);
+        progress::advance(&bar, if args.page.is_some() { 0.5 * share } else { share });
     })?;
+    if let Some(path) = &args.page {
+        let pictured = |share: f64, effect: &str| {
+            bar.set_message(format!("{effect}, picture"));
+            progress::advance(&bar, 0.5 + 0.5 * share);
+        };
+        let comparison = hysteron_diagnose::compare(&dataset, &model, &|_| ());
+        let shown = hysteron_diagnose::signatures(&dataset, &model, &comparison, &diagnosis, &own, &pictured);
+        output::write_file(path, &page(args, path, &dataset, &model, &diagnosis, &shown))?;
+    }
     bar.finish_and_clear();
     if let (Some(path), Some(next)) = (&args.output, &mut diagnosis.next_record) {
         output::write_file(path, &next.csv())?;
@@ -53,9 +68,38 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<Done, CliError> {
     if args.json {
         output::print_json(&diagnosis)?;
     } else {
-        output::print(&text(&diagnosis))?;
+        let mut text = text(&diagnosis);
+        if let Some(path) = &args.page {
+            // Writing to a String does not fail.
+            let _ = writeln!(text, "\npage with pictures: {}", path.display());
+        }
+        output::print(&text)?;
     }
     Ok(Done::Answered)
+}
+
+/// The page with pictures.
+fn page(
+    args: &DiagnoseArgs,
+    file: &Path,
+    dataset: &Dataset,
+    model: &Model,
+    diagnosis: &Diagnosis,
+    shown: &[Signature],
+) -> String {
+    let [data, model_file] = [&args.data, &args.model].map(|path| path.display().to_string());
+    let own: String = args
+        .effect
+        .iter()
+        .map(|path| format!(" --effect {}", path.display()))
+        .collect();
+    let context = Context {
+        facts: &facts(&data, &model_file, dataset, model),
+        command: &format!("hysteron diagnose {data} {model_file}{own} --page {}", file.display()),
+        version: env!("CARGO_PKG_VERSION"),
+    };
+    let title = format!("What {} lacks on {}", model.family, dataset.name);
+    diagnosis_page(&title, diagnosis, shown, &context)
 }
 
 fn text(d: &Diagnosis) -> String {

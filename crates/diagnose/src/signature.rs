@@ -1,9 +1,9 @@
 //! What a candidate does to the user's own data: the error of one record without it and with it.
 
-use crate::series;
+use crate::comparison::Comparison;
+use crate::diagnosis::Diagnosis;
 use hysteron_data::{Dataset, Record};
-use hysteron_diagnose::Comparison;
-use hysteron_diagnose::diagnosis::Diagnosis;
+use hysteron_identify::effects::UserEffect;
 use hysteron_identify::{Model, period};
 use serde::{Deserialize, Serialize};
 
@@ -11,64 +11,82 @@ use serde::{Deserialize, Serialize};
 const AT_LEAST: usize = 3;
 /// Most candidates that are shown: each is a fit.
 const AT_MOST: usize = 5;
-/// Columns of a card's picture.
-const COLUMNS: usize = 300;
 
-/// A candidate's trace in one record.
+/// A candidate's trace in one record: of the last two periods, or of the whole record where its drive does not repeat.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Signature {
-    pub(crate) effect: String,
+pub struct Signature {
+    /// Its name in the ranking.
+    pub effect: String,
     /// The record where it takes most of the squared error.
-    pub(crate) file: String,
-    pub(crate) time_s: Vec<f64>,
-    /// Error of the model as it is.
-    pub(crate) without: Vec<f64>,
-    /// Error of the model with the candidate, everything fitted anew.
-    pub(crate) with: Vec<f64>,
+    pub file: String,
+    /// Time, seconds.
+    pub time_s: Vec<f64>,
+    /// Error of the model as it is, micrometres.
+    pub without: Vec<f64>,
+    /// The same with the candidate, everything fitted anew.
+    pub with: Vec<f64>,
     /// Its parameters in that fit.
-    pub(crate) parameters: Vec<Fitted>,
+    pub parameters: Vec<Fitted>,
     /// Pooled errors of the model with the candidate, percent of peak to peak: what a step of the ladder will show.
-    pub(crate) identify_percent: Option<f64>,
-    pub(crate) validate_percent: Option<f64>,
+    pub identify_percent: Option<f64>,
+    /// The same on records it was not fitted to.
+    pub validate_percent: Option<f64>,
 }
 
 /// A parameter of a candidate as `add` fits it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Fitted {
-    pub(crate) name: String,
-    pub(crate) value: f64,
-    pub(crate) unit: String,
-    pub(crate) standard_error: Option<f64>,
+pub struct Fitted {
+    /// Its name.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+    /// Its standard error, where the records determine it.
+    pub standard_error: Option<f64>,
 }
 
-/// The signatures of the candidates that count, or of the first ones. One that cannot be added to these data has none.
-pub(crate) fn signatures(
+/// The signatures of the candidates that count, or of three: those that count beside the verdict before the others. One that cannot be added to these data has none.
+///
+/// `own` are the effects of the user's own among the candidates; `comparison` is the model's as it is.
+///
+/// # Cost
+/// A fit of everything for each of at most five.
+pub fn signatures(
     dataset: &Dataset,
     model: &Model,
     comparison: &Comparison,
     diagnosis: &Diagnosis,
+    own: &[UserEffect],
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> Vec<Signature> {
     let counting = diagnosis.ranking.iter().filter(|effect| effect.significant).count();
     let shown = counting.clamp(AT_LEAST, AT_MOST).min(diagnosis.ranking.len());
-    let order = diagnosis.ranking.iter().enumerate();
-    let mut first: Vec<_> = order
-        .map(|(place, effect)| (!effect.significant, place, effect))
+    let mut names: Vec<(u8, &str)> = diagnosis
+        .ranking
+        .iter()
+        .map(|effect| match effect {
+            effect if effect.significant => (0, effect.effect.as_str()),
+            effect if diagnosis.further.contains(&effect.effect) => (1, effect.effect.as_str()),
+            effect => (2, effect.effect.as_str()),
+        })
         .collect();
-    first.sort_by_key(|&(not, place, _)| (not, place));
-    let candidates = first.iter().take(shown).enumerate();
-    candidates
-        .filter_map(|(done, (_, _, effect))| {
-            let share = |part: f64| (done as f64 + part) / shown as f64;
-            progress(share(0.0), &effect.effect);
-            let added = hysteron_diagnose::add(dataset, model, &effect.effect, &|part| {
-                progress(share(0.8 * part), &effect.effect);
-            });
+    names.sort_by_key(|&(group, _)| group);
+    names
+        .iter()
+        .take(shown)
+        .enumerate()
+        .filter_map(|(done, &(_, name))| {
+            let share = |part: f64| progress((done as f64 + part) / shown as f64, name);
+            share(0.0);
+            let adding = |part: f64| share(0.8 * part);
+            let added = match own.iter().find(|effect| effect.name() == name) {
+                Some(effect) => crate::add_own(dataset, model, *effect, &adding),
+                None => crate::add(dataset, model, name, &adding),
+            };
             let with = added.ok()?.model;
-            let after = hysteron_diagnose::compare(dataset, &with, &|part| {
-                progress(share(0.8 + 0.2 * part), &effect.effect);
-            });
-            signature(dataset, &with, [comparison, &after], &effect.effect)
+            let after = crate::compare(dataset, &with, &|part| share(0.8 + 0.2 * part));
+            signature(dataset, &with, [comparison, &after], name)
         })
         .collect()
 }
@@ -108,15 +126,14 @@ fn signature(dataset: &Dataset, with: &Model, [before, after]: [&Comparison; 2],
     });
     let (_, record, without, with) = traces.max_by(|a, b| a.0.total_cmp(&b.0))?;
     let (first, len) = telling(record);
-    let time = |k: usize| record.start_s + k as f64 * record.period_s;
-    let points = series::columns(first, len, COLUMNS, time, &[&|k| without[k], &|k| with[k]]);
-    let [without, with] = <[Vec<f64>; 2]>::try_from(points.y).ok()?;
+    let time_s = (first..first + len).map(|k| record.start_s + k as f64 * record.period_s);
+    let part = |own: Vec<f64>| own[first..first + len].to_vec();
     Some(Signature {
         effect: effect.to_owned(),
         file: record.file.clone(),
-        time_s: points.x,
-        without,
-        with,
+        time_s: time_s.collect(),
+        without: part(without),
+        with: part(with),
         parameters: parameters.collect(),
         identify_percent: after.identify.map(|pooled| pooled.nrmse_percent),
         validate_percent: after.validate.map(|pooled| pooled.nrmse_percent),
