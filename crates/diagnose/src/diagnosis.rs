@@ -124,13 +124,13 @@ impl Lock {
 /// Where the given model fails.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct WhereItFails {
-    /// Records whose drive repeats at least twice; the shares of what repeats are theirs.
-    pub periodic_records: usize,
-    /// Share of the squared error that is the same in every period; `None` without such a record.
-    pub repeats_with_drive: Option<f64>,
-    /// Share that one linear filter of the drive takes, the same for all records.
+    /// Share of the squared error that a linear filter of the drive takes, lags and a mode, fitted to the other records each time.
     pub linear_in_drive: f64,
-    /// Share that repeats and is not linear.
+    /// Records whose drive repeats at least twice.
+    pub periodic_records: usize,
+    /// Of these, the share that is the same in every period; `None` without such a record.
+    pub repeats_with_drive: Option<f64>,
+    /// Of these, the share that is the same in every period and not linear in the drive.
     pub nonlinear_in_drive: Option<f64>,
     /// What the error goes with, the largest share first, single records behind what says more.
     pub locked_to: Vec<Lock>,

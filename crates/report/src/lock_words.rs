@@ -33,22 +33,22 @@ pub fn failing_lines(diagnosis: &Diagnosis) -> Vec<String> {
         return lines;
     }
     let share = |share: f64| format!("{:.0}\u{a0}%", 100.0 * share);
-    match (fails.repeats_with_drive, fails.nonlinear_in_drive) {
-        (Some(repeats), Some(nonlinear)) => lines.push(format!(
-            "{} of its squared error repeats with the drive ({}); {} is linear in the drive, {} repeats and is not.",
-            share(repeats),
+    let linear = format!(
+        "One linear filter of the drive takes {} of its squared error",
+        share(fails.linear_in_drive)
+    );
+    lines.push(match (fails.repeats_with_drive, fails.nonlinear_in_drive) {
+        (Some(repeats), Some(nonlinear)) => format!(
+            "{linear}. In {} {} repeats with the drive, {} repeats and is not linear.",
             match fails.periodic_records {
-                1 => "in the one periodic record".to_owned(),
-                n => format!("in {n} periodic records"),
+                1 => "the one periodic record".to_owned(),
+                n => format!("{n} periodic records"),
             },
-            share(fails.linear_in_drive),
+            share(repeats),
             share(nonlinear),
-        )),
-        _ => lines.push(format!(
-            "No drive repeats in these records; {} of the squared error is linear in the drive.",
-            share(fails.linear_in_drive)
-        )),
-    }
+        ),
+        _ => format!("{linear}; no drive repeats in these records."),
+    });
     match locked(&fails.locked_to) {
         Some(names) => lines.push(format!("The error goes with {names}.")),
         None => lines.push("The error goes with nothing that was looked at by more than a tenth.".to_owned()),

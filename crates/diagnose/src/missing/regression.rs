@@ -22,6 +22,21 @@ impl Gram {
         }
     }
 
+    /// These normal equations of `columns` with some more columns behind them.
+    pub(crate) fn with(&self, columns: &DMatrix<f64>, more: &DMatrix<f64>, target: &DVector<f64>) -> Self {
+        let (n, m) = (columns.ncols(), more.ncols());
+        let mut wider = Self::zeros(n + m);
+        let across = columns.tr_mul(more);
+        wider.matrix.view_mut((0, 0), (n, n)).copy_from(&self.matrix);
+        wider.matrix.view_mut((0, n), (n, m)).copy_from(&across);
+        wider.matrix.view_mut((n, 0), (m, n)).copy_from(&across.transpose());
+        wider.matrix.view_mut((n, n), (m, m)).copy_from(&more.tr_mul(more));
+        wider.rhs.rows_mut(0, n).copy_from(&self.rhs);
+        wider.rhs.rows_mut(n, m).copy_from(&more.tr_mul(target));
+        (wider.squares, wider.rows) = (self.squares, self.rows);
+        wider
+    }
+
     pub(crate) fn zeros(n: usize) -> Self {
         Self {
             matrix: DMatrix::zeros(n, n),
