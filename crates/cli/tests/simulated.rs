@@ -172,3 +172,46 @@ fn val_help_has_an_example() {
 fn refuse_paper() {
     assert!(refused(&["paper", "--seed", "x"]).contains("invalid value 'x' for '--seed <SEED>'"));
 }
+
+/// What examples/is-rate-dependence-a-delay says: sines of one amplitude cannot tell, with a decaying triangle and a multisine they can.
+#[test]
+fn val_sines_of_one_amplitude_cannot_tell_a_delay_from_a_rate_dependence() {
+    let folder = tempfile::tempdir().unwrap();
+    let answer = |stage: &str, more: &[&str]| -> serde_json::Value {
+        let sines = [
+            "sine:hz=10,periods=3",
+            "sine:hz=100,periods=5",
+            "sine:hz=500,periods=10",
+        ];
+        let judged = ["sine:hz=200,periods=6", "complex-harmonic:hz=100,periods=5"];
+        let identify = sines.iter().chain(more).flat_map(|e| ["--excitation", *e]);
+        let validate = judged.iter().flat_map(|e| ["--validate", *e]);
+        let run = |args: &[&str]| hysteron().current_dir(&folder).args(args).assert().success();
+        let mut simulate = vec!["simulate", "--stage", stage, "--seed", "1", "--overwrite", "-o", "data"];
+        simulate.extend(identify.chain(validate));
+        run(&simulate);
+        run(&["fit", "data", "--model", "mpi", "-o", "model.toml"]);
+        let said = run(&["diagnose", "data", "model.toml", "--json"]);
+        serde_json::from_slice(&said.get_output().stdout).unwrap()
+    };
+    let rivals = ["delay", "first-order-lag", "rate-dependence"];
+    let more = [
+        "decaying-triangle:high_v=26,centre_v=13",
+        "multisine:low_hz=20,high_hz=4000,period_s=0.1,periods=3,bias_v=13,peak_v=4",
+    ];
+    for (stage, told) in [("paper-rate", "rate-dependence"), ("paper-delay", "first-order-lag")] {
+        let said = answer(stage, &[]);
+        let set = said["also_possible"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .chain([&said["verdict"]]);
+        let mut set: Vec<&str> = set.map(|name| name.as_str().unwrap()).collect();
+        set.sort_unstable();
+        assert_eq!(set, rivals, "{stage}");
+        assert_eq!(said["shape_determined"], false, "{stage}");
+        let said = answer(stage, &more);
+        assert_eq!(said["verdict"], told, "{stage}");
+        assert_eq!(said["also_possible"].as_array().map(Vec::len), Some(0), "{stage}");
+    }
+}

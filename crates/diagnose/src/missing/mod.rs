@@ -178,8 +178,7 @@ fn look<'a>(
         Searched::new(model, traces, base, &given_effects, noise_um, own, &told)
     };
     let searched = searching(base, 0.0, 0.8);
-    // Judged with what was found: a free shape bends to an effect that it has not got yet, and forecasts badly for that.
-    let determined = shape::is_determined(before, searched.last());
+    let determined = shape::is_determined(before, &searched.start, searched.last());
     if !determined || searched.is_users_own(own) {
         let stiff = searching(shape::of_family(model, traces), 0.8, 1.0);
         // An effect of the user's own may bend the position: where it does, the hysteresis that forecasts better counts.

@@ -31,11 +31,17 @@ const AS_GOOD: f64 = 1.5;
 /// amplitude leave the inside of the loops open.
 const UNDETERMINED: f64 = 2.0;
 
-/// Whether the records that are fitted determine a free shape well enough to forecast the others.
-pub(crate) fn is_determined(before: &Before, start: &Trial) -> bool {
-    before
-        .validate_percent
-        .is_none_or(|percent| start.validate_percent < UNDETERMINED * percent.max(judge::MATTERS_PERCENT))
+/// The same before anything is found: a free shape bends to an effect that it has not got yet, and forecasts badly for that, but not as
+/// badly as plays of which the records say nothing.
+const WILD: f64 = 10.0;
+
+/// Whether the records that are fitted determine a free shape well enough to forecast the others: before anything is added to it (`start`),
+/// and with what was found.
+pub(crate) fn is_determined(before: &Before, start: &Trial, last: &Trial) -> bool {
+    before.validate_percent.is_none_or(|percent| {
+        let own = percent.max(judge::MATTERS_PERCENT);
+        start.validate_percent < WILD * own && last.validate_percent < UNDETERMINED * own
+    })
 }
 
 /// The model's own family of plays.
