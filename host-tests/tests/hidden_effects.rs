@@ -1,8 +1,8 @@
 //! Hidden effects: a fixed part of what `cargo run --release -p host-tests --example calibrate` runs by the hundred.
 #![expect(clippy::print_stdout, reason = "a failed count says which cases")]
 
-use host_tests::hidden::generate;
-use host_tests::hidden::score::{Grade, Outcome, Tally, line, score, tool};
+use host_tests::hidden::score::{Answer, Grade, Outcome, Tally, line, score, tool};
+use host_tests::hidden::{Example, generate};
 use hysteron_plant::challenge::{Effect, OUTSIDE, Spec, StageFamily, Strength};
 
 /// On stages of the play class, families in turn.
@@ -73,6 +73,19 @@ fn val_bends_are_told_apart() {
     let outcomes = on([StageFamily::MaxwellSlip, StageFamily::Mrpi], 600, specs);
     let tally = Tally::of(&outcomes);
     assert!(tally.right >= 6 && tally.wrong == 0, "{tally:?}");
+}
+
+/// Rayleigh's law is a Prandtl-Ishlinskii model of even density: the start model has it, and nothing is missing. A creep of the same
+/// strength it has not.
+#[test]
+fn val_a_gain_over_the_amplitude_is_taken_in() {
+    let strong = |effect| std::iter::repeat_n(Spec::one(effect, Strength::Strong), 3);
+    let outcomes = on([StageFamily::MaxwellSlip], 900, strong(Effect::AmplitudeGain));
+    assert_eq!(Tally::of(&outcomes).taken_in, 3, "{outcomes:?}");
+    assert!(outcomes.iter().all(|outcome| outcome.answer.verdict == "none"));
+    let silent = |_: &Example| Answer::default();
+    let creeps: Vec<_> = (900..).zip(strong(Effect::Creep)).collect();
+    assert_eq!(Tally::of(&score(&creeps, silent, |_| {})).missed, 3);
 }
 
 /// A mode at 1630 Hz, where the third harmonic of a sine stands out at 1500 Hz more than the mode itself does.

@@ -7,7 +7,7 @@ use crate::chain_start::best_of_starts;
 use crate::chain_trace::Trace;
 use crate::columns::Design;
 use crate::effects::rate_dependence::{OfFamily, RateDependence};
-use crate::effects::{self, Bounds, Effect, Facts, Shape, UserEffect};
+use crate::effects::{self, Bounds, Effect, Facts, Named, Shape, UserEffect};
 use crate::error::IdentifyError;
 use crate::family::{Direction, Family, range};
 use crate::history::{self, record_errors};
@@ -458,9 +458,10 @@ fn assemble(
     new.coefficients.clone_from(&best.coefficients);
     new.standard_errors = standard_errors;
     let links = || best.chain.links.iter().zip(&of_links);
+    let heat_is_known = problem.traces.iter().all(|trace| trace.record.temperature_c.is_some());
     new.effects = links()
         .filter(|(link, _)| !is_of_family(link))
-        .map(|(link, errors)| fitted_effect(link, errors))
+        .map(|(link, errors)| fitted_effect(link, errors, heat_is_known))
         .collect();
     let of_family = links().find(|(link, _)| is_of_family(link));
     new.envelope = of_family.and_then(|(link, _)| link.effect.envelope(&link.values));
@@ -484,8 +485,15 @@ fn assemble(
     new
 }
 
-fn fitted_effect(link: &Link, errors: &[Option<f64>]) -> FittedEffect {
+fn fitted_effect(link: &Link, errors: &[Option<f64>], heat_is_known: bool) -> FittedEffect {
     let description = link.effect.description();
+    let unit = |named: &Named| {
+        if heat_is_known {
+            named.unit
+        } else {
+            link.effect.unit_without_temperature(named)
+        }
+    };
     FittedEffect {
         name: description.name.to_owned(),
         parameters: description
@@ -495,7 +503,7 @@ fn fitted_effect(link: &Link, errors: &[Option<f64>]) -> FittedEffect {
             .zip(errors)
             .map(|((named, &value), &standard_error)| Parameter {
                 name: named.name.to_owned(),
-                unit: named.unit.to_owned(),
+                unit: unit(named).to_owned(),
                 value,
                 standard_error,
             })

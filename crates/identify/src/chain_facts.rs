@@ -2,7 +2,8 @@
 
 use crate::chain_trace::Trace;
 use crate::effects::Facts;
-use crate::family::{Family, range};
+use crate::effects::thermal_drift::rest;
+use crate::family::{Family, peak_to_peak, range};
 use crate::initial;
 use hysteron_data::{Dataset, Record, Role};
 
@@ -40,6 +41,7 @@ pub fn facts(dataset: &Dataset, family: Family) -> Facts {
             ]
         }),
         voltage2_v: (v2_high > v2_low).then_some([v2_low, v2_high]),
+        rests: records().any(|r| peak_to_peak(&r.voltage_v) > 0.0 && rest(&r.voltage_v, 1).is_some()),
         family,
     }
 }

@@ -236,7 +236,9 @@ fn check_effects(found: &[FittedEffect], direction: Direction) -> Result<(), Str
             return Err(format!("effect `{name}` stands twice; a chain has each effect once"));
         }
         let wanted = effect.description().parameters;
-        let named = |p: &Parameter, w: &effects::Named| p.name == w.name && p.unit == w.unit;
+        let named = |p: &Parameter, w: &effects::Named| {
+            p.name == w.name && (p.unit == w.unit || p.unit == effect.unit_without_temperature(w))
+        };
         if fitted.parameters.len() != wanted.len() || !fitted.parameters.iter().zip(wanted).all(|(p, w)| named(p, w)) {
             let list: Vec<String> = wanted.iter().map(|w| format!("{} ({})", w.name, w.unit)).collect();
             return Err(format!(

@@ -484,6 +484,14 @@ fn val_thermal_drift_of_unknown_temperature() {
     assert!(before > 5.0 * floor, "{before} {floor}");
     assert!(after < 1.5 * floor, "{before} -> {after}, without the effect {floor}");
     close(value(&added, "thermal-drift", "rest_share"), 1.0, 0.05);
+    let units: Vec<&str> = added.model.effects[0]
+        .parameters
+        .iter()
+        .map(|p| p.unit.as_str())
+        .collect();
+    assert_eq!(units, ["degC", "s", "um/h", "1/h", ""]);
+    let read = Model::from_toml(&added.model.to_toml(), "m.toml").unwrap();
+    assert_eq!(read.effects, added.model.effects);
 }
 
 #[test]

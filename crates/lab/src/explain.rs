@@ -241,6 +241,7 @@ fn facts(model: &Model, record: &Record) -> Facts {
             [low, t.iter().sum::<f64>() / t.len().max(1) as f64, high]
         }),
         voltage2_v: record.voltage2_v.as_deref().map(|v| range(v.iter().copied()).into()),
+        rests: true,
         family: model.family,
     }
 }

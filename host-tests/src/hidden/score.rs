@@ -44,6 +44,9 @@ pub enum Grade {
     InSet,
     /// No name, or `none` where something is hidden.
     Missed,
+    /// No name, and nothing for one to explain: the start model, fitted, leaves no more than it leaves of the same stage without
+    /// the effect, but for a tenth of what the effect adds.
+    TakenIn,
     /// A name of something that is not there.
     Wrong,
 }
@@ -115,6 +118,35 @@ pub fn learned(example: &Example) -> Answer {
     }
 }
 
+/// A start model that takes in this share of a hidden effect lacks nothing that a diagnosis could name.
+const TAKEN_IN: f64 = 0.9;
+
+/// Whether the fitted start model has taken the one hidden effect in: its error on validation records is, but for a tenth of what the
+/// effect adds to the readings, that on the same stage without the effect. All three in percent of peak to peak.
+fn taken_in(example: &Example, spec: &Spec) -> bool {
+    let [hidden] = example.truth.hidden.as_slice() else {
+        return false;
+    };
+    let bare = Spec {
+        hidden: Vec::new(),
+        ..spec.clone()
+    };
+    let error_percent = |of: &Example| {
+        let model = fit(&of.dataset, &FitOptions::new(example.start), &|_| {}).ok()?.model;
+        hysteron_diagnose::diagnose(&of.dataset, &model, &|_, _| {})
+            .before
+            .validate_percent
+    };
+    let without = generate(example.truth.seed, &bare).ok();
+    match (error_percent(example), without.as_ref().and_then(error_percent)) {
+        (Some(with), Some(without)) => {
+            let adds = (with * with - without * without).max(0.0).sqrt();
+            adds < (1.0 - TAKEN_IN) * hidden.contribution_percent
+        }
+        _ => false,
+    }
+}
+
 /// Makes the cases, asks for answers on all cores, and grades them. A case that no stage of its seed can show is left out.
 pub fn score(
     cases: &[(u64, Spec)],
@@ -127,7 +159,10 @@ pub fn score(
         .filter_map(|(seed, spec)| {
             let example = generate(*seed, spec).ok()?;
             let answer = answer(&example);
-            let grade = grade(&example.truth, &answer);
+            let grade = match grade(&example.truth, &answer) {
+                Grade::Missed if taken_in(&example, spec) => Grade::TakenIn,
+                grade => grade,
+            };
             let outcome = Outcome {
                 seed: *seed,
                 start: example.start.name(),
@@ -199,7 +234,7 @@ fn pair(seed: u64) -> Vec<Asked> {
     }
 }
 
-/// Right, in the set, missed, wrong.
+/// Right, in the set, missed, wrong, and taken in by the start model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Tally {
     /// Verdict right.
@@ -210,6 +245,8 @@ pub struct Tally {
     pub missed: usize,
     /// A wrong name.
     pub wrong: usize,
+    /// No name, and nothing for one to explain.
+    pub taken_in: usize,
 }
 
 impl Tally {
@@ -221,26 +258,30 @@ impl Tally {
                 Grade::InSet => tally.in_set += 1,
                 Grade::Missed => tally.missed += 1,
                 Grade::Wrong => tally.wrong += 1,
+                Grade::TakenIn => tally.taken_in += 1,
             }
             tally
         })
     }
 
-    /// How many.
-    pub fn all(&self) -> usize {
+    /// How many the start model lacks.
+    pub fn lacking(&self) -> usize {
         self.right + self.in_set + self.missed + self.wrong
     }
 
     fn cell(&self) -> String {
-        if self.all() == 0 {
+        if self.lacking() + self.taken_in == 0 {
             return "-".to_owned();
         }
-        let mut text = format!("{}/{}", self.right, self.all());
+        let mut text = format!("{}/{}", self.right, self.lacking());
         if self.in_set > 0 {
             let _ = write!(text, " +{}", self.in_set);
         }
         if self.wrong > 0 {
             let _ = write!(text, ", {} wrong", self.wrong);
+        }
+        if self.taken_in > 0 {
+            let _ = write!(text, ", {} taken in", self.taken_in);
         }
         text
     }
@@ -292,24 +333,30 @@ fn summary(text: &mut String, outcomes: &[Outcome]) {
     let play_class = |o: &&Outcome| o.truth.family.is_play_class();
     let _ = writeln!(
         text,
-        "| | right | right or in the set | wrong name |\n|---|---|---|---|"
+        "| | right | right or in the set | wrong name | taken in |\n|---|---|---|---|---|"
     );
     let mut row = |name: &str, tally: Tally| {
-        let of = |count| Tally::percent(count, tally.all());
+        let of = |count| Tally::percent(count, tally.lacking());
         let _ = writeln!(
             text,
-            "| {name} | {} | {} | {} |",
+            "| {name} | {} | {} | {} | {} |",
             of(tally.right),
             of(tally.right + tally.in_set),
-            of(tally.wrong)
+            of(tally.wrong),
+            tally.taken_in
         );
     };
-    let in_catalogue = |effect: Effect, shape: bool| !effect.is_outside() && effect.is_shape() == shape;
-    for (shape, kind) in [(false, "physical"), (true, "told by the loops alone")] {
+    let kinds: [(&str, fn(Effect) -> bool); 3] = [
+        ("physical", |effect| !effect.is_outside() && !effect.is_shape()),
+        ("told by the loops alone", Effect::is_shape),
+        ("all of the catalogue", |effect| !effect.is_outside()),
+    ];
+    for (kind, belongs) in kinds {
         for strength in Strength::ALL.into_iter().rev() {
-            let chosen = outcomes.iter().filter(play_class).filter(
-                |o| matches!(single(o), Some((effect, found)) if found == strength && in_catalogue(effect, shape)),
-            );
+            let chosen = outcomes
+                .iter()
+                .filter(play_class)
+                .filter(|o| matches!(single(o), Some((effect, found)) if found == strength && belongs(effect)));
             row(&format!("{kind}, {}, play class", strength.name()), Tally::of(chosen));
         }
     }

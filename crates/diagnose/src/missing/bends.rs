@@ -8,8 +8,12 @@ use crate::missing::shape::{self, mean_square_percent};
 use hysteron_identify::{Family, Model};
 use std::slice;
 
-/// A family that lacks less than this without a bend is not bent, percent.
+/// A family that lacks less than this without a bend has none of the voltage, percent.
 const LEAST_PERCENT: f64 = 0.25;
+
+/// A bend of the position is told from less: where nothing is hidden, none that takes nine tenths of what the family lacks forecasts
+/// better than the free shape (`calibrate 12 5000 nothing`, `12 61000 nothing`). It must still be more than the coarseness of many plays.
+const LEAST_OF_THE_POSITION_PERCENT: f64 = 0.1;
 
 /// With the right bend of the voltage the family comes down to the free shape, as a ratio of errors: stages in which nothing is hidden
 /// stay 1.4 times above it or more (`calibrate 12 5000 nothing`).
@@ -63,7 +67,9 @@ pub(crate) fn bends(model: &Model, bench: &Bench<'_>, last: &Trial) -> Vec<Ranke
         &of_position,
         Some(&position),
     );
-    if above(&start).sqrt() > LEAST_PERCENT {
+    let lacks_percent = above(&start).sqrt();
+    let both = beats_the_free_shape(&of_both) && better(&of_both, &of_voltage) && better(&of_both, &of_position);
+    if lacks_percent > LEAST_PERCENT {
         let most = if model.family == Family::Pi {
             OF_THE_VOLTAGE_UNBENT
         } else {
@@ -71,9 +77,11 @@ pub(crate) fn bends(model: &Model, bench: &Bench<'_>, last: &Trial) -> Vec<Ranke
         };
         let comes_down = mean_square_percent(&of_voltage) < AS_FREE.powi(2) * free;
         let more_than_the_stages_own = asymmetry.share > LEAST_SHARE && above(&of_voltage) < most * above(&of_position);
-        let both = beats_the_free_shape(&of_both) && better(&of_both, &of_voltage) && better(&of_both, &of_position);
         asymmetry.significant = both || better(&of_voltage, &of_position) && (comes_down || more_than_the_stages_own);
-        sensor.significant = both || better(&of_position, &of_voltage) && beats_the_free_shape(&of_position);
+    }
+    if lacks_percent > LEAST_OF_THE_POSITION_PERCENT {
+        let alone = sensor.share > LEAST_SHARE && better(&of_position, &of_voltage) && beats_the_free_shape(&of_position);
+        sensor.significant = lacks_percent > LEAST_PERCENT && both || alone;
     }
     vec![asymmetry, sensor]
 }

@@ -421,10 +421,12 @@ pub(crate) fn creep_taus(traces: &Traces) -> Vec<f64> {
 }
 
 fn thermal(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
-    if given
-        .iter()
-        .any(|e| matches!(e, Effect::Temperature | Effect::TemperatureGain | Effect::StartOffset))
-    {
+    if given.iter().any(|e| {
+        matches!(
+            e,
+            Effect::Temperature | Effect::TemperatureGain | Effect::StartOffset | Effect::ElapsedTime
+        )
+    }) {
         return Vec::new();
     }
     let mut forms = Vec::new();
@@ -435,6 +437,9 @@ fn thermal(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
     }
     if bench.traces.each.iter().any(|t| t.start_offset_um != 0.0) {
         forms.push(with(given, Effect::StartOffset));
+    }
+    if bench.traces.each.iter().all(|t| t.temperature_c.is_none()) {
+        forms.push(with(given, Effect::ElapsedTime));
     }
     forms
 }

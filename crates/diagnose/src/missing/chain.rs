@@ -58,6 +58,8 @@ pub(crate) enum Effect {
     Temperature,
     TemperatureGain,
     StartOffset,
+    /// The position goes on with the time since the record's start, alike in all records.
+    ElapsedTime,
     Cross,
     EndStop {
         low_um: f64,
@@ -149,6 +151,7 @@ fn extra_columns(effects: &[Effect]) -> usize {
             | Effect::Temperature
             | Effect::TemperatureGain
             | Effect::StartOffset
+            | Effect::ElapsedTime
             | Effect::Backlash { .. }
             | Effect::EndStop { .. } => 1,
             Effect::SensorPowers => 2,
@@ -472,6 +475,7 @@ fn extra(effect: &Effect, trace: &Trace, reference_um: Option<&[f64]>, push: &mu
             }
         }
         Effect::StartOffset => push(&vec![trace.start_offset_um; n]),
+        Effect::ElapsedTime => push(&elapsed_h(trace)),
         Effect::Cross => cross(trace, push),
         Effect::EndStop { low_um, high_um } => {
             let mut column = reference();
@@ -500,6 +504,14 @@ fn extra(effect: &Effect, trace: &Trace, reference_um: Option<&[f64]>, push: &mu
         }
         _ => {}
     }
+}
+
+/// Hours since the record's start.
+fn elapsed_h(trace: &Trace) -> Vec<f64> {
+    let step_h = trace.period_s / 3600.0;
+    (0..trace.len())
+        .map(|k| (k as f64 - trace.from as f64) * step_h)
+        .collect()
 }
 
 /// A first-order state that follows the position; at rest before the record, at the mean where the record is in periodic state.

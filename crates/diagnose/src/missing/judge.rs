@@ -9,6 +9,7 @@ use hysteron_data::Dataset;
 use hysteron_data::Role;
 use hysteron_identify::effects::Effect as _;
 use hysteron_identify::family::range;
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 /// Coarseness that a hysteresis of free shape leaves where nothing is missing, share of the stroke (0.02 to 0.08 % on Preisach
@@ -32,6 +33,9 @@ const LEAST_HUM: f64 = 0.2;
 
 /// Hum of this share is enough where nothing above the noise is left.
 pub(crate) const HUM_ALONE: f64 = 0.3;
+
+/// Records that must all drift the same way, at the least: nine do so by chance once in 256 times.
+const ALIKE_IN: usize = 9;
 
 /// An error of which more than this is left, percent of peak to peak, hides a medium effect (1 to 2 %) as large as a name.
 const MUCH_LEFT_PERCENT: f64 = 1.2;
@@ -217,6 +221,30 @@ impl Judge {
             } else {
                 LEAST_SHARE
             }
+    }
+
+    /// Whether what is left without a drift that was found goes the same way in every record that moves.
+    pub(crate) fn drifts_alike(&self, start: &Trial, found: &[(&'static str, Trial)]) -> bool {
+        let drifts = |trial: &Trial| trial.effects.contains(&Effect::ElapsedTime);
+        let Some(place) = found
+            .iter()
+            .position(|(_, trial)| drifts(trial))
+            .filter(|_| !drifts(start))
+        else {
+            return false;
+        };
+        let without = place.checked_sub(1).map_or(start, |before| &found[before].1);
+        let slope = |residual: &DVector<f64>| {
+            let middle = (residual.len() as f64 - 1.0) / 2.0;
+            residual
+                .iter()
+                .enumerate()
+                .map(|(k, r)| (k as f64 - middle) * r)
+                .sum::<f64>()
+        };
+        let moving = without.residuals.iter().zip(&self.moves).filter(|(_, moves)| **moves);
+        let rises: Vec<bool> = moving.map(|(residual, _)| slope(residual) > 0.0).collect();
+        rises.len() >= ALIKE_IN && rises.iter().all(|rises_too| *rises_too == rises[0])
     }
 
     /// Hum as an entry of the ranking.
@@ -405,6 +433,7 @@ pub(crate) fn parameters(effect: &Effect, coefficients: &[f64]) -> Vec<EffectPar
         Effect::Temperature => each(&["position_per_kelvin"], "um/K"),
         Effect::TemperatureGain => each(&["gain_per_kelvin"], "1/K"),
         Effect::StartOffset => each(&["share_of_start_offset"], ""),
+        Effect::ElapsedTime => each(&["position_per_hour"], "um/h"),
         Effect::Cross => each(&["coupling"], "um a half span of the other drive"),
         Effect::SensorPowers => each(&["second_power", "third_power"], "um^(1-n)"),
         Effect::DrivePowers => each(&["second_power", "third_power", "fourth_power", "fifth_power"], "um"),

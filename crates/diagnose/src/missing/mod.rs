@@ -464,6 +464,9 @@ fn given(model: &Model, traces: &Traces) -> Vec<Effect> {
             }),
             "thermal-drift" => {
                 given.extend([Effect::Temperature, Effect::TemperatureGain]);
+                if traces.each.iter().all(|t| t.temperature_c.is_none()) {
+                    given.push(Effect::ElapsedTime);
+                }
                 if value("rest_share") > 0.0 {
                     given.push(Effect::StartOffset);
                 }
@@ -625,15 +628,19 @@ fn conclude(
     let verdict = if !reasons.is_empty() {
         "unknown".to_owned()
     } else if let Some(name) = physical {
-        // A ring after a step and a dead band are seen as such, whatever else remains.
+        // A ring after a step, a dead band and a drift that all records share are seen as such, whatever else remains.
         let rings = name == "resonance" && found.is_empty();
-        let stands = names.iter().find(|name| *name == "backlash");
-        match stands {
+        let stands = |name: &&String| match name.as_str() {
+            "backlash" => true,
+            "thermal-drift" => judge.drifts_alike(&start, &found),
+            _ => false,
+        };
+        match names.iter().find(stands) {
             _ if enough || rings => name,
-            Some(backlash) => backlash.clone(),
+            Some(seen) => seen.clone(),
             None => "unknown".to_owned(),
         }
-    } else if !before.exceeds(judge::MATTERS_PERCENT) {
+    } else if !before.exceeds(judge::MATTERS_PERCENT) && shape.ranking.iter().all(|r| !r.significant) {
         // Whatever a free shape without the model's rate dependence would leave.
         "none".to_owned()
     } else if remains.percent > judge::MATTERS_PERCENT && (remains.percent > 2.0 * remains.noise_percent || structured)

@@ -19,7 +19,7 @@ mod run;
 mod saturation;
 mod sensor_nonlinearity;
 mod slew_limit;
-mod thermal_drift;
+pub(crate) mod thermal_drift;
 mod user;
 mod user_file;
 mod user_states;
@@ -180,6 +180,8 @@ pub struct Facts {
     pub temperature_c: Option<[f64; 3]>,
     /// Lowest and highest voltage of the other axis, where any record has one that moves.
     pub voltage2_v: Option<[f64; 2]>,
+    /// Whether any record that moves begins at rest, where its zero shows.
+    pub rests: bool,
     /// The hysteresis model it is added to.
     pub family: Family,
 }
@@ -307,6 +309,11 @@ pub trait Effect: Send + Sync {
         for column in columns {
             self.on_change(values, signals, position_um, column);
         }
+    }
+
+    /// Unit of one of its parameters where no temperature was recorded.
+    fn unit_without_temperature(&self, named: &Named) -> &'static str {
+        named.unit
     }
 
     /// Whether numbers of it belong to one record alone.

@@ -38,7 +38,8 @@ static DESCRIPTION: Description = Description {
         Named {
             name: "rest_share",
             unit: "",
-            what: "s, 0 to 1: how far the rest before a record tells its zero better than the temperature does",
+            what: "s, 0 to 1: how far the rest before a record tells its zero better than the temperature does; 0 where no record \
+                   begins at rest",
         },
     ],
     shows: "The error follows the temperature column, or a straight line in time, whatever the last step was; the quiet \
@@ -60,13 +61,19 @@ impl Effect for ThermalDrift {
             return Err("the position stands still in every record".to_owned());
         }
         let shift = |most: f64| Bounds::new(-most, most, 0.01 * most, 0.0);
+        // Where none shows its zero, a zero of each record's own would explain anything.
+        let rest_share = if facts.rests {
+            Bounds::new(0.0, 1.0, 0.1, 0.0)
+        } else {
+            Bounds::fixed(0.0)
+        };
         Ok(match facts.temperature_c {
             Some([low, mean, high]) if high > low => vec![
                 Bounds::fixed(mean),
                 Bounds::new(0.0, 3600.0, 60.0, 0.0),
                 shift(stroke / (high - low)),
                 shift(0.05),
-                Bounds::new(0.0, 1.0, 0.1, 0.0),
+                rest_share,
             ],
             _ => {
                 let hours = facts.longest_s / 3600.0;
@@ -75,7 +82,7 @@ impl Effect for ThermalDrift {
                     Bounds::fixed(0.0),
                     shift(stroke / hours),
                     shift(0.2 / hours),
-                    Bounds::new(0.0, 1.0, 0.1, 0.0),
+                    rest_share,
                 ]
             }
         })
@@ -88,7 +95,8 @@ impl Effect for ThermalDrift {
             &[0.0]
         };
         let start = |share: f64| move |&tau: &f64| vec![bounds[0].neutral, tau, 0.0, 0.0, share];
-        taus.iter().map(start(0.0)).chain(taus.iter().map(start(1.0))).collect()
+        let shares = if facts.rests { &[0.0, 1.0][..] } else { &[0.0] };
+        shares.iter().flat_map(|&share| taus.iter().map(start(share))).collect()
     }
 
     fn acts(&self) -> Acts {
@@ -108,6 +116,14 @@ impl Effect for ThermalDrift {
         }
     }
 
+    fn unit_without_temperature(&self, named: &Named) -> &'static str {
+        match named.name {
+            "shift" => "um/h",
+            "gain" => "1/h",
+            _ => named.unit,
+        }
+    }
+
     fn has_own_numbers(&self) -> bool {
         true
     }
@@ -115,13 +131,9 @@ impl Effect for ThermalDrift {
     /// Where the record finds the stage: a body warms while nothing is recorded, and one that lags its temperature is not
     /// where that says. A record that starts in motion has its zero in its mean.
     fn settle(&self, _: &[f64], signals: &Signals<'_>, unexplained: &[f64], every: usize) -> Vec<f64> {
-        let drive = &signals.at_stack_v[signals.run_in..];
-        let (low, high) = range(drive.iter().copied());
-        let rests = |v: &&f64| (**v - drive[0]).abs() <= RESTS * (high - low);
-        let resting = drive.iter().step_by(every).take_while(rests).take(LONGEST_REST);
-        let looked_at = match resting.count() {
-            n if n >= LEAST_REST => n.min(unexplained.len()),
-            _ => unexplained.len(),
+        let looked_at = match rest(&signals.at_stack_v[signals.run_in..], every) {
+            Some(samples) => samples.min(unexplained.len()),
+            None => unexplained.len(),
         };
         vec![unexplained[..looked_at].iter().sum::<f64>() / looked_at.max(1) as f64]
     }
@@ -135,6 +147,14 @@ const LEAST_REST: usize = 3;
 
 /// Samples of a rest that are looked at: what it drifts in a longer one is the effect itself.
 const LONGEST_REST: usize = 200;
+
+/// Samples of the rest with which a drive begins, every so many of the series one; `None` where it begins in motion.
+pub(crate) fn rest(drive: &[f64], every: usize) -> Option<usize> {
+    let (low, high) = range(drive.iter().copied());
+    let rests = |v: &&f64| (**v - drive[0]).abs() <= RESTS * (high - low);
+    let samples = drive.iter().step_by(every).take_while(rests).take(LONGEST_REST).count();
+    (samples >= LEAST_REST).then_some(samples)
+}
 
 /// `d`: how much warmer the body is than the reference, or hours since the start.
 fn warmer(values: &[f64], signals: &Signals<'_>, n: usize) -> Vec<f64> {

@@ -258,15 +258,15 @@ pub fn generate(seed: u64, spec: &Spec) -> Result<(Case, Truth), StageError> {
     ))
 }
 
-/// The model to start from: one in four PI, one in four MPI, else MRPI, as far as it lacks what is hidden. With nothing hidden
-/// it is not PI, which has no asymmetry while stages do: it would lack something.
+/// The model to start from: one in four PI, one in four MPI, else MRPI, as far as it lacks what is hidden. With nothing hidden but what
+/// the loops alone tell it is not PI, which has no asymmetry while stages do: it would lack something else as well.
 fn start(spec: &Spec, rng: &mut Pcg64) -> Start {
     let drawn = [Start::Pi, Start::Mpi, Start::Mrpi, Start::Mrpi][rng.random_range(0..4_usize)];
     let hides = |effect| spec.hidden.iter().any(|asked| asked.effect == effect);
     match drawn {
         _ if hides(Effect::Asymmetry) => Start::Pi,
         Start::Mrpi if hides(Effect::RateDependence) => Start::Mpi,
-        Start::Pi if spec.hidden.is_empty() => Start::Mpi,
+        Start::Pi if spec.hidden.iter().all(|asked| asked.effect.is_shape()) => Start::Mpi,
         drawn => drawn,
     }
 }
