@@ -83,7 +83,10 @@ fn val_a_gain_over_the_amplitude_is_taken_in() {
     let outcomes = on([StageFamily::MaxwellSlip], 900, strong(Effect::AmplitudeGain));
     assert_eq!(Tally::of(&outcomes).taken_in, 3, "{outcomes:?}");
     assert!(outcomes.iter().all(|outcome| outcome.answer.verdict == "none"));
-    let silent = |_: &Example| Answer::default();
+    let silent = |_: &Example| Answer {
+        verdict: "none".to_owned(),
+        ..Answer::default()
+    };
     let creeps: Vec<_> = (900..).zip(strong(Effect::Creep)).collect();
     assert_eq!(Tally::of(&score(&creeps, silent, |_| {})).missed, 3);
 }

@@ -80,7 +80,8 @@ pub(crate) fn bends(model: &Model, bench: &Bench<'_>, last: &Trial) -> Vec<Ranke
         asymmetry.significant = both || better(&of_voltage, &of_position) && (comes_down || more_than_the_stages_own);
     }
     if lacks_percent > LEAST_OF_THE_POSITION_PERCENT {
-        let alone = sensor.share > LEAST_SHARE && better(&of_position, &of_voltage) && beats_the_free_shape(&of_position);
+        let alone =
+            sensor.share > LEAST_SHARE && better(&of_position, &of_voltage) && beats_the_free_shape(&of_position);
         sensor.significant = lacks_percent > LEAST_PERCENT && both || alone;
     }
     vec![asymmetry, sensor]
