@@ -53,6 +53,18 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
             significant(value("largest_width"))
         ));
     }
+    let drift = diagnosis
+        .ranking
+        .iter()
+        .find(|r| r.effect == "thermal-drift" && r.significant);
+    let rate = drift.and_then(|drift| drift.parameters.iter().find(|p| p.name == "position_per_hour"));
+    if let Some(rate) = rate {
+        lines.push(format!(
+            "The position drifts by {}\u{a0}um/h, one rate for all records. No temperature was recorded, so heat is not told from what a \
+             stage or its amplifier does after it is switched on: record the temperature, and a long rest at 0\u{a0}V.",
+            significant(rate.value)
+        ));
+    }
     if let Some(known_s) = diagnosis.known_delay_s {
         let us = |seconds: f64| 1e6 * seconds;
         let more = diagnosis.delay_s().map_or(String::new(), |more_s| {

@@ -438,7 +438,7 @@ fn thermal(bench: &Bench<'_>, given: &[Effect]) -> Vec<Vec<Effect>> {
     if bench.traces.each.iter().any(|t| t.start_offset_um != 0.0) {
         forms.push(with(given, Effect::StartOffset));
     }
-    if bench.traces.each.iter().all(|t| t.temperature_c.is_none()) {
+    if bench.traces.without_temperature() {
         forms.push(with(given, Effect::ElapsedTime));
     }
     forms

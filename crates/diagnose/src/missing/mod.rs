@@ -464,7 +464,7 @@ fn given(model: &Model, traces: &Traces) -> Vec<Effect> {
             }),
             "thermal-drift" => {
                 given.extend([Effect::Temperature, Effect::TemperatureGain]);
-                if traces.each.iter().all(|t| t.temperature_c.is_none()) {
+                if traces.without_temperature() {
                     given.push(Effect::ElapsedTime);
                 }
                 if value("rest_share") > 0.0 {

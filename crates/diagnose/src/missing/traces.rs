@@ -111,6 +111,11 @@ impl Traces {
             stroke_um,
         }
     }
+
+    /// Whether no record has a temperature: then heat shows as time.
+    pub(crate) fn without_temperature(&self) -> bool {
+        self.each.iter().all(|t| t.temperature_c.is_none())
+    }
 }
 
 /// The state in which each record finds the plays, as the model sees it.
