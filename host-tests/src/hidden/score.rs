@@ -346,7 +346,8 @@ fn summary(text: &mut String, outcomes: &[Outcome]) {
             tally.taken_in
         );
     };
-    let kinds: [(&str, fn(Effect) -> bool); 3] = [
+    type Kind = (&'static str, fn(Effect) -> bool);
+    let kinds: [Kind; 3] = [
         ("physical", |effect| !effect.is_outside() && !effect.is_shape()),
         ("told by the loops alone", Effect::is_shape),
         ("all of the catalogue", |effect| !effect.is_outside()),
