@@ -3,6 +3,8 @@
 
 use host_tests::hidden::score::{Answer, Grade, Outcome, Tally, line, score, tool};
 use host_tests::hidden::{Example, generate};
+use hysteron_diagnose::{add, diagnose};
+use hysteron_identify::{FitOptions, fit};
 use hysteron_plant::challenge::{Effect, OUTSIDE, Spec, StageFamily, Strength};
 
 /// On stages of the play class, families in turn.
@@ -73,6 +75,39 @@ fn val_bends_are_told_apart() {
     let outcomes = on([StageFamily::MaxwellSlip, StageFamily::Mrpi], 600, specs);
     let tally = Tally::of(&outcomes);
     assert!(tally.right >= 6 && tally.wrong == 0, "{tally:?}");
+}
+
+/// Where they do, no two minor loops of a bent sensor have the same shape, which a Preisach plane of any density gives them.
+#[test]
+fn val_a_bent_sensor_is_told_from_loops_that_saturate() {
+    let specs = [Strength::Medium, Strength::Strong, Strength::Strong, Strength::Medium]
+        .map(|strength| Spec::one(Effect::SensorNonlinearity, strength));
+    let outcomes = on([StageFamily::Preisach, StageFamily::SigmoidPlays], 700, specs);
+    assert_eq!(Tally::of(&outcomes).right, 4);
+}
+
+/// A model that has the sensor's bend does not lack it.
+#[test]
+fn val_a_bend_that_was_added_is_not_named_again() {
+    for (seed, family) in (700..).zip([StageFamily::MaxwellSlip, StageFamily::Mrpi]) {
+        let spec = Spec {
+            family: Some(family),
+            ..Spec::one(Effect::SensorNonlinearity, Strength::Strong)
+        };
+        let Example { dataset, start, .. } = generate(seed, &spec).expect("a stage");
+        let model = fit(&dataset, &FitOptions::new(start), &|_| {}).expect("a fit").model;
+        let with = add(&dataset, &model, "sensor-nonlinearity", &|_| {})
+            .expect("a fit")
+            .model;
+        let diagnosis = diagnose(&dataset, &with, &|_, _| {});
+        let named = [&diagnosis.also_possible, &diagnosis.further];
+        assert!(
+            ["none", "hysteresis-shape"].contains(&diagnosis.verdict.as_str())
+                && named.iter().all(|names| names.is_empty()),
+            "{family:?}: {} {named:?}",
+            diagnosis.verdict
+        );
+    }
 }
 
 /// Rayleigh's law is a Prandtl-Ishlinskii model of even density: the start model has it, and nothing is missing. A creep of the same

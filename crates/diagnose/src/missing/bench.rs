@@ -138,7 +138,7 @@ impl<'a> Bench<'a> {
         without: impl Fn(usize) -> Gram + Sync,
         mean_square: impl Fn(usize, &DVector<f64>) -> f64 + Sync,
     ) -> f64 {
-        if self.base.shape != Shape::Free {
+        if !matches!(self.base.shape, Shape::Free | Shape::Plane) {
             return self.base.ridge;
         }
         if let Some(ridge) = self.ridge {

@@ -114,7 +114,12 @@ pub(crate) enum Shape {
     Mpi,
     /// g to the third order, a weight a play: too stiff to follow a ripple of the reading.
     Stiff,
+    /// g to the fifth order, each play through a polynomial of the seventh.
+    Plane,
 }
+
+/// Polynomials that a play is turned into in [`Shape::Plane`].
+const DEGREES: usize = 7;
 
 /// The hysteresis.
 #[derive(Debug, Clone)]
@@ -137,6 +142,7 @@ impl Base {
             Shape::Pi => 2 + n,
             Shape::Mpi => 3 + n,
             Shape::Stiff => 4 + n,
+            Shape::Plane => 6 + DEGREES * n,
         }
     }
 }
@@ -184,7 +190,7 @@ fn for_each_column(
     let mut columns = Columns::new(effects, trace, bend, rows, visit);
     columns.hand_on(0, |_| 1.0);
     let powers: &[usize] = match base.shape {
-        Shape::Free => &[1, 2, 3, 4, 5],
+        Shape::Free | Shape::Plane => &[1, 2, 3, 4, 5],
         Shape::Pi => &[1],
         Shape::Mpi => &[1, 3],
         Shape::Stiff => &[1, 2, 3],
@@ -192,7 +198,7 @@ fn for_each_column(
     // The family's cubic bends about zero volts, not about the middle of what was driven.
     let zero = match base.shape {
         Shape::Mpi => -trace.scales.middle_v / trace.scales.unit_v,
-        Shape::Free | Shape::Pi | Shape::Stiff => 0.0,
+        Shape::Free | Shape::Pi | Shape::Stiff | Shape::Plane => 0.0,
     };
     columns.pass(1, 1, powers.len(), |k| {
         let mut product = 1.0;
@@ -213,6 +219,13 @@ fn for_each_column(
             columns.pass(next + 1, 3, count, |k| plays[k].map(|w| w * w));
             columns.pass(next + 2, 3, count, |k| plays[k].map(|w| w * w * w));
             next += 3 * count;
+        } else if base.shape == Shape::Plane {
+            for degree in 1..=DEGREES {
+                columns.pass(next + degree - 1, DEGREES, count, |k| {
+                    plays[k].map(|w| chebyshev(degree, w))
+                });
+            }
+            next += DEGREES * count;
         } else {
             columns.pass(next, 1, count, |k| plays[k]);
             next += count;
@@ -224,6 +237,15 @@ fn for_each_column(
             next += 1;
         });
     }
+}
+
+/// Chebyshev's polynomial of the first kind.
+fn chebyshev(degree: usize, x: f64) -> f64 {
+    let (mut last, mut this) = (1.0, x);
+    for _ in 1..degree {
+        (last, this) = (this, 2.0 * x * this - last);
+    }
+    this
 }
 
 /// The commanded drive after delay and amplifier.

@@ -2,7 +2,7 @@
 
 use crate::diagnosis::{Before, Level, RankedEffect};
 use crate::missing::bench::{Bench, Trial};
-use crate::missing::bends::bends;
+use crate::missing::bends::{self, bends};
 use crate::missing::chain::{Base, Effect, Shape};
 use crate::missing::judge;
 use crate::missing::traces::Traces;
@@ -101,8 +101,9 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
         };
     }
     let base = of_family(model, bench.traces);
-    let (plays, start) = Bench::new(bench.traces, base, &last.effects, bench.noise_um);
-    let start = plays.fit(&start.effects, Some(1));
+    let effects: Vec<Effect> = last.effects.iter().cloned().chain(bends::own(model)).collect();
+    let (plays, start) = Bench::new(bench.traces, base, &effects, bench.noise_um);
+    let start = bends::start(&plays, start);
     let lacks = (mean_square_percent(&start) - mean_square_percent(last))
         .max(0.0)
         .sqrt();
@@ -113,7 +114,7 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
     let slack = slacks
         .par_iter()
         .map(|slack| {
-            let effects: Vec<Effect> = last.effects.iter().chain([slack]).cloned().collect();
+            let effects: Vec<Effect> = start.effects.iter().chain([slack]).cloned().collect();
             let trial = plays.fit_to_the_end(&effects);
             let mut entry = entry("backlash", &plays, (&start, last), &trial, Some(slack));
             entry.significant = entry.share > LEAST_SHARE
@@ -122,7 +123,7 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
             entry
         })
         .max_by(|a, b| a.share.total_cmp(&b.share));
-    let mut ranking = bends(model, bench, last);
+    let mut ranking = bends(model, bench, &effects, last);
     ranking.extend(slack);
     let denser = Base {
         // The span is two of these units.
@@ -130,11 +131,12 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
         ..plays.base.clone()
     };
     if denser.thresholds.len() > plays.base.thresholds.len() {
-        let denser = Bench::new(bench.traces, denser, &last.effects, bench.noise_um).0;
+        let denser = Bench::new(bench.traces, denser, &effects, bench.noise_um).0;
         let trial = denser.fit_to_the_end(&start.effects);
         // Every piezo ceramic's gain grows with the stroke: more plays tell of no effect beside the hysteresis.
         ranking.push(entry("amplitude-gain", &plays, (&start, last), &trial, None));
     }
+    ranking.retain(|entry| !model.effects.iter().any(|effect| effect.name == entry.effect));
     ranking.sort_by(|a, b| {
         (b.significant, b.share)
             .partial_cmp(&(a.significant, a.share))
