@@ -140,7 +140,7 @@ fn carry_out(
     name: &str,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Added {
-    let before = history::present(dataset, model);
+    let before = history::present_step(dataset, model);
     progress(0.05);
     let mut new = search(dataset, model, plan, progress);
     let after = history::step(change, name.to_owned(), record_errors(dataset, &new));

@@ -7,7 +7,7 @@ use hysteron_data::{Dataset, Role};
 use rayon::prelude::*;
 
 /// The step at which a model stands, with its errors on this dataset.
-pub(crate) fn present(dataset: &Dataset, model: &Model) -> Step {
+pub fn present_step(dataset: &Dataset, model: &Model) -> Step {
     let (change, what) = model.history.last().map_or_else(
         || (Change::Fitted, model.family.name().to_owned()),
         |step| (step.change, step.what.clone()),

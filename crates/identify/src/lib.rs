@@ -40,7 +40,7 @@ pub use core_model::CoreModel;
 pub use error::IdentifyError;
 pub use family::{Direction, Family};
 pub use fit::{FitOptions, FitReport, Method, fit};
-pub use history::record_errors;
+pub use history::{present_step, record_errors};
 pub use initial::InitialState;
 pub use model::{Change, FittedEffect, Model, Parameter, RecordError, Step};
 pub use placement::Placement;

@@ -1,10 +1,9 @@
 //! Verdicts against truths: who was right, by effect, strength and family.
 
 use super::{Example, generate};
-use hysteron_data::Role;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_diagnose::learn;
-use hysteron_identify::{FitOptions, fit, record_errors};
+use hysteron_identify::{FitOptions, fit, present_step};
 use hysteron_plant::challenge::{Asked, CATALOGUE, Effect, OUTSIDE, Spec, StageFamily, Strength, Truth};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -134,12 +133,7 @@ fn taken_in(example: &Example, spec: &Spec) -> bool {
     };
     let error_percent = |of: &Example| {
         let model = fit(&of.dataset, &FitOptions::new(example.start), &|_| {}).ok()?.model;
-        let squares: Vec<f64> = record_errors(&of.dataset, &model)
-            .into_iter()
-            .filter(|error| error.role == Role::Validate)
-            .filter_map(|error| error.percent.map(|percent| percent.powi(2)))
-            .collect();
-        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+        present_step(&of.dataset, &model).validate_percent
     };
     let without = generate(example.truth.seed, &bare).ok();
     match (error_percent(example), without.as_ref().and_then(error_percent)) {

@@ -142,9 +142,14 @@ fn not_congruent(bench: &Bench<'_>, start: &Trial, last: &Trial) -> Option<Ranke
         return None;
     }
     // The bend may come with another ridge, and gain by that alone.
-    let gain = [straight.ridge, bent.ridge]
-        .map(|ridge| judge::total(&plane, &plane.with_ridge(ridge).fit_to_the_end(&last.effects), &bent))
+    let mut ridges = vec![straight.ridge, bent.ridge];
+    ridges.dedup();
+    let gain = ridges
         .into_iter()
+        .map(|ridge| {
+            let without = plane.with_ridge(ridge).fit_to_the_end(&last.effects);
+            judge::total(&plane, &without, &bent)
+        })
         .fold(f64::INFINITY, f64::min);
     (gain > NOT_CONGRUENT).then(|| RankedEffect {
         statistic: gain,
