@@ -349,3 +349,33 @@ fn val_board_run_records_either_of_both_axes() {
     let said = refused(&[&common[..], &alone, &["--cross", "0.01"], &nowhere].concat());
     assert!(said.contains("two shares of the other's motion"), "{said}");
 }
+
+/// `--format c` of a table: compiles as it is, under the name of its file, and what cannot be is refused.
+#[test]
+fn val_an_export_as_c_compiles() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let table = concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware/tables/tracking-8k.toml");
+    let said = answered(&["export", table, "--format", "c", "-o", &at("my-stage.c")]);
+    assert!(said.contains("call my_stage_step once a sample"), "{said}");
+    let cc = std::process::Command::new("cc")
+        .args([
+            "-std=c99",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-ffp-contract=off",
+            "-c",
+            "my-stage.c",
+        ])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert!(cc.status.success(), "{}", String::from_utf8_lossy(&cc.stderr));
+    let header = std::fs::read_to_string(at("my_stage.h")).unwrap();
+    assert!(header.contains("#define MY_STAGE_SAMPLES_AHEAD 16"), "{header}");
+    let said = refused(&["export", table, "--format", "c", "-o", &at("law.txt")]);
+    assert!(said.contains("must end in .c"), "{said}");
+    let said = refused(&["export", table, "--format", "c", "-o", &at("8k.c")]);
+    assert!(said.contains("name = 8k: must be a letter"), "{said}");
+}

@@ -83,6 +83,11 @@ impl<T: Real, const N: usize> PlayBank<T, N> {
         self.sample_rate_hz
     }
 
+    /// Lowest and highest input.
+    pub fn range(&self) -> [T; 2] {
+        [self.input_min, self.input_max]
+    }
+
     /// The thresholds.
     pub fn thresholds(&self) -> &Thresholds<T, N> {
         &self.thresholds

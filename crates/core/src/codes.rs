@@ -113,6 +113,11 @@ impl<T: ToCode> Converter<T> {
         DacCode(((volts - self.min_v) * self.codes_per_v + T::from_f64(0.5)).to_code())
     }
 
+    /// Voltage of code 0, volts a code, codes a volt.
+    pub fn coefficients(&self) -> [T; 3] {
+        [self.min_v, self.v_per_code, self.codes_per_v]
+    }
+
     /// The voltage of a code.
     #[inline(always)]
     pub fn volts(&self, code: AdcCode) -> T {

@@ -82,6 +82,16 @@ impl<T: Real, const N: usize> CornerMrpi<T, N> {
         })
     }
 
+    /// For each play the sums up to it of the weights, and of the weights times the thresholds.
+    pub fn sums(&self) -> [[T; 2]; N] {
+        self.corners.sums().map(|sum| [sum.weight, sum.moment])
+    }
+
+    /// Alpha and beta times the sample rate.
+    pub fn envelope_a_sample(&self) -> [T; 2] {
+        [self.envelope.alpha_s, self.envelope.beta_s]
+    }
+
     /// The plays' outputs, for comparison: O(N).
     pub fn outputs(&self, state: &CornerState<T, N>) -> [T; N] {
         self.corners.outputs(state)

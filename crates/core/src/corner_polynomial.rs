@@ -98,6 +98,25 @@ impl<T: Real, const N: usize> CornerPolynomial<T, N> {
         })
     }
 
+    /// The bank of plays.
+    pub fn bank(&self) -> &PlayBank<T, N> {
+        &self.corners.bank
+    }
+
+    /// Constant, and coefficients of the input's powers from the first on.
+    pub fn input_function(&self) -> (T, &[T; INPUT_DEGREE]) {
+        (self.offset, &self.input_function)
+    }
+
+    /// For each play the sum of the cubics up to it: by v, v^2, v^3 where all of these plays are at v, by 1, v, v^2, v^3 where each is at
+    /// v less its threshold.
+    pub fn sums(&self) -> [([T; 3], [T; 4]); N] {
+        self.corners.sums().map(|sum| {
+            let ([first, second, third], right) = (sum.left, sum.right);
+            (right, [first, second, third, right[2]])
+        })
+    }
+
     /// The plays' outputs, for comparison: O(N).
     pub fn outputs(&self, state: &CornerState<T, N>) -> [T; N] {
         self.corners.outputs(state)

@@ -67,6 +67,11 @@ impl<T: Real, S: Sums<T>, const N: usize> Corners<T, S, N> {
         }
     }
 
+    /// For each play, over the plays up to it.
+    pub(crate) fn sums(&self) -> &[S; N] {
+        &self.sums
+    }
+
     /// Moves the plays to the bounds of a sample (`left <= right`) and returns the sum over all of them.
     #[inline(always)]
     pub(crate) fn step(&self, state: &mut CornerState<T, N>, left: T, right: T) -> T {

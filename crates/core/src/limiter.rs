@@ -58,6 +58,11 @@ impl<T: Real> Limiter<T> {
         })
     }
 
+    /// Lowest and highest output, and its largest change a sample.
+    pub fn limits(&self) -> [T; 3] {
+        [self.min, self.max, self.largest_change]
+    }
+
     /// State with the output at a value (brought into the range).
     pub fn start_at(&self, value: T) -> LimiterState<T> {
         let last = self.min.select_max(value).select_min(self.max);

@@ -64,6 +64,11 @@ impl<T: Real> PiController<T> {
         })
     }
 
+    /// Proportional gain, and integral gain a sample.
+    pub fn gains(&self) -> [T; 2] {
+        [self.proportional, self.integral_a_sample]
+    }
+
     /// A controller that does nothing: both gains 0.
     pub fn none() -> Self {
         Self {

@@ -64,6 +64,11 @@ impl<T: Real, const TAPS: usize> Preview<T, TAPS> {
         })
     }
 
+    /// The number that the newest reference is multiplied by, and that of each step from sample to sample, the newest first.
+    pub fn coefficients(&self) -> (T, &[T; TAPS]) {
+        (self.total, &self.tails)
+    }
+
     /// How many samples ahead the reference comes in.
     pub fn ahead(&self) -> usize {
         self.ahead

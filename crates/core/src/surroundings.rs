@@ -43,6 +43,12 @@ impl<T: Real> SensorInverse<T> {
         })
     }
 
+    /// Middle, and the curve's quadratic and cubic coefficient.
+    pub fn coefficients(&self) -> [T; 3] {
+        let [quadratic, cubic] = self.curve.coefficients();
+        [self.middle, quadratic, cubic]
+    }
+
     /// The position of a reading.
     #[inline(always)]
     pub fn position(&self, reading: T) -> T {

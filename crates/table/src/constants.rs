@@ -1,5 +1,6 @@
 //! A table as Rust constants in `f32`.
 
+use crate::check::refuse;
 use crate::{CORNERS_ABOVE, Family, Table, TableError, hash};
 #[cfg(doc)]
 use hysteron_core::law_numbers::LawNumbers;
@@ -134,6 +135,10 @@ impl Table {
     /// As [`Table::check`].
     pub fn constants(&self, text: &str) -> Result<String, TableError> {
         let sweep = self.sweep()?;
+        if self.controller.as_ref().is_some_and(|part| part.heat.is_some()) {
+            let reason = "boards have no thermometer; leave it out";
+            return Err(refuse("controller.heat", "present", reason));
+        }
         let slopes = sweep.slopes_v_per_um.map(|slope| slope as f32);
         let mut source = String::new();
         let scalars = [

@@ -51,6 +51,9 @@ pub struct Controller {
     /// The sensor's curve: middle (um), quadratic (1/um), cubic (1/um^2).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<[f64; 3]>,
+    /// Heat: reference (degC), time constant (s), shift (um/K), gain (1/K); only for code in C, since boards have no thermometer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heat: Option<[f64; 4]>,
     /// Feedback; none in open loop.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub feedback: Option<Feedback>,
@@ -124,6 +127,7 @@ impl Table {
                 coupling: law.coupling,
                 cross_um_per_um: law.cross_um_per_um,
                 sensor: law.sensor,
+                heat: None,
                 feedback: law.feedback.map(|feedback| Feedback {
                     integral_v_per_um_s: feedback.integral_v_per_um_s,
                     series: feedback.series,
@@ -188,9 +192,20 @@ impl Table {
                 learning_s: hum.learning_s,
                 largest_um: hum.largest_um,
             }),
-            heat: None,
+            heat: part.heat,
             sensor: part.sensor,
         }))
+    }
+
+    /// Coefficients of the input's powers, from the first on.
+    pub(crate) fn input_function(&self) -> [f64; 5] {
+        [
+            self.linear_v_per_um,
+            self.quadratic_v_per_um2,
+            self.cubic_v_per_um3,
+            self.quartic_v_per_um4,
+            self.quintic_v_per_um5,
+        ]
     }
 
     fn inverse_numbers(&self, part: &Controller) -> Result<InverseNumbers, TableError> {
@@ -199,13 +214,7 @@ impl Table {
             max_um: part.inverse_max_um,
             thresholds_um: exactly::<PLAYS>("thresholds_um", &self.thresholds_um)?,
             offset_v: self.offset_v,
-            input_function: [
-                self.linear_v_per_um,
-                self.quadratic_v_per_um2,
-                self.cubic_v_per_um3,
-                self.quartic_v_per_um4,
-                self.quintic_v_per_um5,
-            ],
+            input_function: self.input_function(),
             linear: exactly("weights_v_per_um", &self.weights_v_per_um)?,
             quadratic: exactly("weights_quadratic_v_per_um2", &self.weights_quadratic_v_per_um2)?,
             cubic: exactly("weights_cubic_v_per_um3", &self.weights_cubic_v_per_um3)?,
@@ -323,6 +332,7 @@ impl Controller {
         list("creep_tau_s", &self.creep_tau_s);
         list("coupling", &self.coupling.unwrap_or_default());
         list("sensor", &self.sensor.unwrap_or_default());
+        list("heat", &self.heat.unwrap_or_default());
         if let Some(feedback) = &self.feedback {
             list("feedback.integral_v_per_um_s", &[feedback.integral_v_per_um_s]);
             list("feedback.series", feedback.series.as_flattened());

@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod banks;
+mod c;
 mod check;
 mod constants;
 mod controller;
@@ -11,6 +12,7 @@ pub mod gains;
 mod inverse;
 
 pub use banks::{MOST_BANKS, constants_of_banks};
+pub use c::CCode;
 pub use check::Sweep;
 pub use controller::{Controller, Feedback, Hum};
 pub use inverse::Inverse;
@@ -174,6 +176,12 @@ impl Table {
         let table: Self = toml::from_str(text).map_err(|error| TableError::Syntax(error.to_string()))?;
         table.check()?;
         Ok(table)
+    }
+
+    /// Whether a text is that of a table, good or not.
+    pub fn is_one(text: &str) -> bool {
+        toml::from_str::<toml::Table>(text)
+            .is_ok_and(|table| table.get("format").and_then(toml::Value::as_str) == Some(FORMAT))
     }
 
     /// The table as a file.

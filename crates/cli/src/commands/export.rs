@@ -1,12 +1,13 @@
 //! `hysteron export`.
 
+mod c_code;
 mod controller;
 
 use crate::commands::simulate::StageName;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
-use clap::{Args, Parser};
+use clap::{Args, Parser, ValueEnum};
 pub(crate) use controller::SLEW_RANGES_PER_S as SLEW_OF_A_LAW;
 use hysteron_identify::{Direction, Model};
 use hysteron_plant::{Amplifier, Converter, Sensor, StageConfig};
@@ -14,20 +15,21 @@ use hysteron_table::gains::{Design, LoopData, design};
 use hysteron_table::{FORMAT, Family, Table, TableError};
 use hysteron_tracking::design::Controller;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hysteron fit stage --model mrpi --direction inverse -o inverse.toml\n  \
     hysteron export inverse.toml -o firmware/tables/mine.toml --mode 8000 --damping 0.02 --latency-us 30\n  \
     hysteron export inverse.toml -o firmware/tables/paper-rate-mrpi.toml --stage paper-rate\n  \
-    hysteron export controller.toml -o firmware/tables/tracking-8k.toml --stage 8k\n\n\
+    hysteron export controller.toml -o firmware/tables/tracking-8k.toml --stage 8k\n  \
+    hysteron export controller.toml --stage 8k --format c -o law.c      # and law.h; a table does as well\n\n\
     A controller of `hysteron design` becomes a table with its complete law: preview, creep, lead, modes, mains, sensor, feedback.\n\
     Of a model the integral gain is designed for a phase margin of 60 degrees at the latency and a gain margin of 2 at the first mode,\n\
     and is 0 where neither is given. Converters and amplifier are by default those of the paper's bench."
 )]
 pub(crate) struct ExportArgs {
-    /// A direct inverse (`hysteron fit --direction inverse`) without effects, or a controller (`hysteron design`)
+    /// A direct inverse (`hysteron fit --direction inverse`) without effects, or a controller (`hysteron design`); a table with `--format c`
     #[arg(value_name = "MODEL")]
     pub model: PathBuf,
     /// A built-in stage: converters, amplifier, latency and first mode are its own
@@ -74,9 +76,21 @@ pub(crate) struct ExportArgs {
     /// axis' sensor
     #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
     pub cross: Option<f64>,
-    /// The table
+    /// What is written
+    #[arg(long, value_enum, default_value_t = Format::Table)]
+    pub format: Format,
+    /// The table, or the C file, whose name begins the names in it; its header goes beside it
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
+}
+
+/// What an export is written as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// The table that the firmware's build takes
+    Table,
+    /// The law as one C99 file and its header: for a Simulink S-function, dSPACE, LabVIEW, another microcontroller
+    C,
 }
 
 fn range(text: &str) -> Result<[f64; 2], String> {
@@ -92,6 +106,10 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Done, CliError> {
         path: args.model.clone(),
         source,
     };
+    if args.format == Format::C && Table::is_one(&read(&args.model)?) {
+        let text = read(&args.model)?;
+        return c_code::write_both(&Table::parse(&text).map_err(refused)?, &text, args, "");
+    }
     let (table, said) = if Controller::is_one(&args.model) {
         let designed = Controller::read(&args.model)?;
         let table = controller::table(&designed, args)?;
@@ -103,12 +121,26 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Done, CliError> {
         (table, said)
     };
     let text = table.to_toml().map_err(refused)?;
-    std::fs::write(&args.output, &text).map_err(|source| CliError::Write {
-        path: args.output.clone(),
-        source,
-    })?;
+    if args.format == Format::C {
+        return c_code::write_both(&table, &text, args, &said);
+    }
+    write(&args.output, &text)?;
     output::print(&format!("{said}written to {}\n", args.output.display()))?;
     Ok(Done::Answered)
+}
+
+fn read(path: &Path) -> Result<String, CliError> {
+    std::fs::read_to_string(path).map_err(|source| CliError::Read {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+fn write(path: &Path, text: &str) -> Result<(), CliError> {
+    std::fs::write(path, text).map_err(|source| CliError::Write {
+        path: path.to_owned(),
+        source,
+    })
 }
 
 /// The command as the workbench gives it.

@@ -54,6 +54,13 @@ impl<T: Real> Coupling<T> {
     }
 }
 
+impl<T: Real> Coupling<T> {
+    /// Gain, gain of the difference from sample to sample, weight and threshold of the play.
+    pub fn coefficients(&self) -> [T; 4] {
+        [self.gain, self.difference_gain, self.play_weight, self.threshold]
+    }
+}
+
 impl<T: Real> Block<T> for Coupling<T> {
     type State = CouplingState<T>;
 

@@ -155,6 +155,25 @@ pub struct CreepInverse<T, const FAST: usize, const SLOW: usize> {
     at_once: T,
 }
 
+/// The numbers that a step of [`CreepInverse`] computes with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CreepInverseCoefficients<T, const FAST: usize, const SLOW: usize> {
+    /// Share of a wanted position that is there at once.
+    pub at_once: T,
+    /// What each fast element has still to give.
+    pub fast_shares: [T; FAST],
+    /// How far it goes in a sample.
+    pub fast_approach: [T; FAST],
+    /// What each slow element has still to give.
+    pub slow_shares: [T; SLOW],
+    /// How far it goes in a step.
+    pub slow_approach: [T; SLOW],
+    /// Samples a step of the slow elements.
+    pub divider: u32,
+    /// One over that.
+    pub share_of_a_sample: T,
+}
+
 /// State of [`CreepInverse`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CreepInverseState<T, const FAST: usize, const SLOW: usize> {
@@ -196,6 +215,19 @@ impl<T: Real, const FAST: usize, const SLOW: usize> CreepInverse<T, FAST, SLOW> 
             slow: Creep::new(slow_shares, slow_tau_s, sample_rate_hz, divider)?,
             at_once: T::from_f64(1.0 / arriving),
         })
+    }
+
+    /// The numbers of a step.
+    pub fn coefficients(&self) -> CreepInverseCoefficients<T, FAST, SLOW> {
+        CreepInverseCoefficients {
+            at_once: self.at_once,
+            fast_shares: self.fast_shares,
+            fast_approach: self.fast_approach,
+            slow_shares: self.slow.shares,
+            slow_approach: self.slow.approach,
+            divider: self.slow.divider,
+            share_of_a_sample: self.slow.share_of_a_sample,
+        }
     }
 
     /// Rest at `input` for ever, or at 0 where the stage has just been put at rest.

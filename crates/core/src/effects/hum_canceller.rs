@@ -95,6 +95,11 @@ impl<T: Real, const N: usize> HumCanceller<T, N> {
         })
     }
 
+    /// Sine and cosine of each line's turn a sample, what an error moves each line by, and the most that is learned of one.
+    pub fn coefficients(&self) -> (&[[T; 2]; N], &[[T; 2]; N], T) {
+        (&self.turns, &self.rates, self.largest)
+    }
+
     /// Nothing learned yet.
     pub fn start(&self) -> HumCancellerState<T, N> {
         HumCancellerState {

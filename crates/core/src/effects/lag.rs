@@ -54,6 +54,11 @@ impl<T: Real> Lag<T> {
         })
     }
 
+    /// Shares of a step that its beginning and its ramp leave in the output.
+    pub fn coefficients(&self) -> [T; 2] {
+        [self.approach, self.through]
+    }
+
     /// What a step leaves of the state, `exp(-T / tau)`.
     pub fn memory(&self) -> T {
         T::ONE - self.approach
@@ -136,6 +141,11 @@ impl<T: Real> HeldLagInverse<T> {
         Ok(Self {
             lead: T::from_f64(1.0 / approach),
         })
+    }
+
+    /// How many times a wanted step the command goes.
+    pub fn lead(&self) -> T {
+        self.lead
     }
 
     /// One sample: the command that brings the lag's output from the last wanted value to this one.

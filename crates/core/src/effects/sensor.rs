@@ -41,6 +41,11 @@ impl<T: Real> SensorCurve<T> {
         })
     }
 
+    /// Quadratic and cubic coefficient.
+    pub fn coefficients(&self) -> [T; 2] {
+        [self.quadratic, self.cubic]
+    }
+
     /// The reading at a position.
     #[inline(always)]
     pub fn reading(&self, position: T) -> T {

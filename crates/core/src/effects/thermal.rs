@@ -92,6 +92,18 @@ impl<T: Real> Heat<T> {
         Self { thermal }
     }
 
+    /// Shift (um/K), gain (1/K), reference (degC), and the body's two shares of a step, as [`Lag::coefficients`].
+    pub fn coefficients(&self) -> [T; 5] {
+        let Thermal {
+            shift_um_per_k,
+            gain_per_k,
+            reference_c,
+            body,
+        } = self.thermal;
+        let [approach, through] = body.coefficients();
+        [shift_um_per_k, gain_per_k, reference_c, approach, through]
+    }
+
     /// State of a body that has taken this temperature.
     pub fn settled_at(&self, temperature_c: T) -> HeatState<T> {
         HeatState {

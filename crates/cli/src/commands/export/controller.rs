@@ -1,6 +1,6 @@
 //! The table of a controller that `hysteron design` wrote.
 
-use super::{Ends, ExportArgs, top};
+use super::{Ends, ExportArgs, Format, top};
 use crate::commands::simulate::StageName;
 use crate::error::CliError;
 use hysteron_core::law_numbers::LawNumbers;
@@ -61,7 +61,12 @@ pub(super) fn table(controller: &Controller, args: &ExportArgs) -> Result<Table,
         adc_top_um,
         ..super::empty(Family::PlayPolynomial)
     };
-    Ok(bare.with_law(&numbers))
+    let mut table = bare.with_law(&numbers);
+    // Where C runs there may be a thermometer.
+    if let (Format::C, Some(part)) = (args.format, &mut table.controller) {
+        part.heat = numbers.heat;
+    }
+    Ok(table)
 }
 
 /// Steps of the sweep: the table's own check takes as many.
@@ -118,7 +123,8 @@ pub(super) fn said(table: &Table, controller: &Controller) -> String {
         ),
         None => writeln!(text, "open loop: the controller has no feedback"),
     };
-    if controller.model.around.heat.is_some() {
+    let taken = table.controller.as_ref().is_some_and(|part| part.heat.is_some());
+    if controller.model.around.heat.is_some() && !taken {
         text.push_str("heat is left out: boards have no thermometer; the feedback takes what it can of it\n");
     }
     text
