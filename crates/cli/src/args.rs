@@ -3,8 +3,9 @@
 use crate::commands::{
     add::AddArgs, board::BoardArgs, challenge::ChallengeArgs, compare::CompareArgs, control::design::DesignArgs,
     control::record::CampaignArgs, control::rehearse::RehearseArgs, control::track::TrackArgs, demo::DemoArgs,
-    diagnose::DiagnoseArgs, explain::ExplainArgs, export::ExportArgs, fit::FitArgs, import::ImportArgs, lab::LabArgs,
-    ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs, report::ReportArgs, simulate::SimulateArgs,
+    diagnose::DiagnoseArgs, example::ExampleArgs, explain::ExplainArgs, export::ExportArgs, fit::FitArgs,
+    import::ImportArgs, lab::LabArgs, ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs, report::ReportArgs,
+    simulate::SimulateArgs,
 };
 use clap::{Parser, Subcommand};
 
@@ -60,6 +61,8 @@ pub(crate) enum Command {
     Export(ExportArgs),
     /// Run the firmware and record what it does
     Board(BoardArgs),
+    /// Make a small dataset that every command runs on, or list them
+    Example(ExampleArgs),
     /// Run the main job on the simulated stage and leave a page with pictures
     Demo(DemoArgs),
 }

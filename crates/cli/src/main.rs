@@ -39,6 +39,7 @@ fn main() -> ExitCode {
         Command::Paper(args) => commands::paper::run(&args),
         Command::Export(args) => commands::export::run(&args),
         Command::Board(args) => commands::board::run(&args),
+        Command::Example(args) => commands::example::run(&args),
         Command::Demo(args) => commands::demo::run(&args),
     };
     exit::code(done)

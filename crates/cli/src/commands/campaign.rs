@@ -25,18 +25,20 @@ const RISE_S: f64 = 0.02;
 
 /// What is recorded when nothing is asked for: three decades of rate at full stroke, small loops, a rich signal, a rest;
 /// and for judging, other waveforms at other frequencies and strokes. Frequencies are no divisors of mains or of each
-/// other.
-pub(crate) fn default_campaign(seed: u64) -> Vec<Planned> {
+/// other. `full_v` is the highest voltage.
+pub(crate) fn default_campaign(full_v: f64, seed: u64) -> Vec<Planned> {
+    // Written for the paper's 26 V.
+    let scale = full_v / 26.0;
     let sine = |frequency_hz: f64, low_v: f64, high_v: f64, seconds: f64| Sine {
         frequency_hz,
-        low_v,
-        high_v,
+        low_v: scale * low_v,
+        high_v: scale * high_v,
         periods: (seconds * frequency_hz).round(),
     };
     let triangle = Triangle {
         frequency_hz: 31.0,
-        low_v: 6.0,
-        high_v: 18.0,
+        low_v: scale * 6.0,
+        high_v: scale * 18.0,
         periods: 6.0,
     };
     let multisine = Multisine {
@@ -44,26 +46,26 @@ pub(crate) fn default_campaign(seed: u64) -> Vec<Planned> {
         high_hz: 400.0,
         period_s: 0.1,
         periods: 2,
-        bias_v: 13.0,
-        peak_v: 11.0,
+        bias_v: scale * 13.0,
+        peak_v: scale * 11.0,
         seed,
     };
     let rest = Steps {
-        levels_v: vec![13.0],
+        levels_v: vec![scale * 13.0],
         hold_s: 0.1,
         transition_s: 0.0,
     };
     let harmonic = MultiHarmonic {
         frequency_hz: 53.0,
-        full_v: 26.0,
+        full_v,
         periods: 6.0,
     };
     let noise = BandNoise {
         bandwidth_hz: 300.0,
         duration_s: 0.2,
-        rms_v: 4.0,
-        low_v: 1.0,
-        high_v: 25.0,
+        rms_v: scale * 4.0,
+        low_v: scale * 1.0,
+        high_v: scale * 25.0,
         seed: seed.wrapping_add(1),
     };
     vec![

@@ -35,7 +35,7 @@ struct Judged {
 pub(crate) fn run(args: &DemoArgs) -> Result<Done, CliError> {
     let bar = progress::bar("simulating the stage");
     let stage = preset::paper_rate();
-    let plan = default_campaign(args.seed);
+    let plan = default_campaign(stage.hysteresis.reference_v, args.seed);
     let dataset = record(
         "paper-rate",
         &stage,

@@ -65,7 +65,7 @@ fn starts() -> Vec<StartingPoint> {
         command: "hysteron demo -o demo && cp -r demo/stage data".to_owned(),
         make: Box::new(|folder, progress| {
             let stage = preset::paper_rate();
-            let plan = default_campaign(SEED);
+            let plan = default_campaign(stage.hysteresis.reference_v, SEED);
             let dataset = record("paper-rate", &stage, &plan, stage.sample_period_s, SEED, &|share| {
                 progress(share)
             })

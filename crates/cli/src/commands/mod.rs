@@ -8,6 +8,7 @@ pub(crate) mod compare;
 pub(crate) mod control;
 pub(crate) mod demo;
 pub(crate) mod diagnose;
+pub(crate) mod example;
 pub(crate) mod excitation;
 pub(crate) mod explain;
 pub(crate) mod export;

@@ -134,7 +134,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<Done, CliError> {
 /// What was asked for, or the default campaign; files of one kind get numbers.
 fn plan(args: &SimulateArgs) -> Vec<Planned> {
     if args.excitation.is_empty() && args.validate.is_empty() {
-        return default_campaign(args.seed);
+        return default_campaign(args.stage.config().hysteresis.reference_v, args.seed);
     }
     let mut taken: HashMap<String, usize> = HashMap::new();
     let identify = args.excitation.iter().map(|choice| (Role::Identify, choice));

@@ -1,0 +1,159 @@
+//! `hysteron example`: small datasets of simulated stages, for README, book and first steps.
+
+mod catalogue;
+mod scope;
+
+use crate::error::CliError;
+use crate::exit::Done;
+use crate::{output, progress};
+pub(crate) use catalogue::ExampleName;
+use catalogue::Made;
+use clap::{Args, ValueEnum};
+use hysteron_data::{Overwrite, write_dataset};
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  hysteron example\n  hysteron example hidden-creep -o stage\n\n\
+    Every example is simulated from a fixed seed: the same files on every machine, in a few seconds."
+)]
+pub(crate) struct ExampleArgs {
+    /// The example; without a name all of them are listed
+    #[arg(value_enum)]
+    pub name: Option<ExampleName>,
+    /// Folder of the new dataset [default: the example's name]
+    #[arg(short, long, value_name = "FOLDER", requires = "name")]
+    pub output: Option<PathBuf>,
+    /// Replace a dataset that is there already
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Print the answer as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// An example in `--json`.
+#[derive(Serialize)]
+struct Told {
+    name: String,
+    about: &'static str,
+    /// The folder it was written to; none in the list.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    folder: Option<PathBuf>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    files: Vec<String>,
+    /// The simulated truth in words; none in the list.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    truth: Option<String>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    next: Vec<String>,
+}
+
+pub(crate) fn run(args: &ExampleArgs) -> Result<Done, CliError> {
+    let Some(name) = args.name else {
+        list(args.json)?;
+        return Ok(Done::Answered);
+    };
+    let folder = args.output.clone().unwrap_or_else(|| PathBuf::from(name.name()));
+    let bar = progress::bar(&format!("simulating {}", name.name()));
+    let made = name.make(&|share| progress::advance(&bar, share))?;
+    bar.finish_and_clear();
+    let (files, truth) = match made {
+        Made::Dataset { dataset, truth } => {
+            let overwrite = if args.overwrite {
+                Overwrite::Allow
+            } else {
+                Overwrite::Refuse
+            };
+            write_dataset(&dataset, &folder, overwrite)?;
+            (dataset.records.into_iter().map(|record| record.file).collect(), truth)
+        }
+        Made::Files { files, truth } => (write_raw(files, &folder, args.overwrite)?, truth),
+    };
+    let next = next_commands(name, &folder);
+    if args.json {
+        output::print_json(&Told {
+            name: name.name().to_owned(),
+            about: name.about(),
+            folder: Some(folder),
+            files,
+            truth: Some(truth),
+            next,
+        })?;
+    } else {
+        let mut text = format!(
+            "{}: {}\n{} files written to {}\nthe truth: {truth}\nnext:\n",
+            name.name(),
+            name.about(),
+            files.len(),
+            folder.display()
+        );
+        for command in next {
+            // Writing to a String does not fail.
+            let _ = writeln!(text, "  {command}");
+        }
+        output::print(&text)?;
+    }
+    Ok(Done::Answered)
+}
+
+/// All examples, one a line.
+fn list(json: bool) -> Result<(), CliError> {
+    let all = ExampleName::value_variants();
+    if json {
+        let told = all.iter().map(|example| Told {
+            name: example.name().to_owned(),
+            about: example.about(),
+            folder: None,
+            files: Vec::new(),
+            truth: None,
+            next: Vec::new(),
+        });
+        return output::print_json(&told.collect::<Vec<_>>());
+    }
+    let mut text = String::new();
+    for example in all {
+        // Writing to a String does not fail.
+        let _ = writeln!(text, "{:<18} {}", example.name(), example.about());
+    }
+    text.push_str("\nnext: hysteron example hidden-creep -o stage\n");
+    output::print(&text)
+}
+
+/// Writes files of an instrument, none of them over one that is there.
+fn write_raw(files: Vec<(String, String)>, folder: &Path, overwrite: bool) -> Result<Vec<String>, CliError> {
+    if let Some((taken, _)) = files.iter().find(|(name, _)| folder.join(name).exists())
+        && !overwrite
+    {
+        return Err(CliError::Option(format!(
+            "{}: is there already; give another folder with -o, or --overwrite",
+            folder.join(taken).display()
+        )));
+    }
+    let mut names = Vec::with_capacity(files.len());
+    for (name, text) in files {
+        output::write_file(&folder.join(&name), &text)?;
+        names.push(name);
+    }
+    Ok(names)
+}
+
+fn next_commands(name: ExampleName, folder: &Path) -> Vec<String> {
+    let folder = folder.display();
+    match name {
+        ExampleName::Scope => vec![
+            scope::import_command(&folder.to_string()),
+            "hysteron fit stage --model mrpi -o model.toml".to_owned(),
+        ],
+        ExampleName::PaperStage => vec![
+            format!("hysteron fit {folder} --model mrpi -o model.toml"),
+            format!("hysteron compare {folder} model.toml -o page.html"),
+        ],
+        _ => vec![
+            format!("hysteron learn {folder} -o model.toml --page ladder.html"),
+            format!("hysteron compare {folder} model.toml -o page.html"),
+        ],
+    }
+}
