@@ -42,3 +42,11 @@ pub(crate) fn write_file(path: &Path, text: &str) -> Result<(), CliError> {
     std::fs::write(&beside, text).map_err(failed)?;
     std::fs::rename(&beside, path).map_err(failed)
 }
+
+/// How the program was started, for commands that it prints: by cargo from its sources, or by its name.
+pub(crate) fn program() -> &'static str {
+    match std::env::var_os("CARGO_MANIFEST_DIR") {
+        None => "hysteron",
+        Some(_) => "cargo run --release --",
+    }
+}

@@ -9,6 +9,8 @@ use std::path::Path;
 fn hysteron(folder: &Path) -> Command {
     let mut command = Command::cargo_bin("hysteron").unwrap();
     command.current_dir(folder);
+    // Commands are printed for a program on the path, not for `cargo run`.
+    command.env_remove("CARGO_MANIFEST_DIR");
     command
 }
 

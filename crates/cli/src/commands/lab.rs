@@ -1,6 +1,6 @@
 //! `hysteron lab`.
 
-use crate::commands::campaign::{default_campaign, record};
+use crate::commands::example::paper_stage;
 use crate::commands::export;
 use crate::error::CliError;
 use crate::exit::Done;
@@ -9,7 +9,6 @@ use clap::Args;
 use hysteron_challenge::Setting;
 use hysteron_data::{Overwrite, write_dataset};
 use hysteron_lab::{Lab, Options, StartingPoint};
-use hysteron_plant::preset;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -30,9 +29,6 @@ pub(crate) struct LabArgs {
     #[arg(long, value_name = "DIR", default_value = "hysteron-lab")]
     pub session: PathBuf,
 }
-
-/// Seed of the demo stage, as `hysteron demo` has it.
-const SEED: u64 = 1;
 
 pub(crate) fn run(args: &LabArgs) -> Result<Done, CliError> {
     let lab = Lab::open(Options {
@@ -62,14 +58,9 @@ fn starts() -> Vec<StartingPoint> {
         title: "The demo stage".to_owned(),
         about: "A simulated piezo stage with rate-dependent hysteresis: nine records, three of them to judge by."
             .to_owned(),
-        command: "hysteron demo -o demo && cp -r demo/stage data".to_owned(),
+        command: "hysteron example paper-stage -o data".to_owned(),
         make: Box::new(|folder, progress| {
-            let stage = preset::paper_rate();
-            let plan = default_campaign(stage.hysteresis.reference_v, SEED);
-            let dataset = record("paper-rate", &stage, &plan, stage.sample_period_s, SEED, &|share| {
-                progress(share)
-            })
-            .map_err(|error| error.to_string())?;
+            let dataset = paper_stage(&|share| progress(share)).map_err(|error| error.to_string())?;
             write_dataset(&dataset, folder, Overwrite::Refuse).map_err(|error| error.to_string())
         }),
     };

@@ -218,7 +218,7 @@ fn val_the_whole_way_on_the_demo_stage() {
         browser.accessible("start").await;
         browser.picture("demo-start").await;
         browser.click("#start-demo").await;
-        browser.see_text("The data: paper-rate").await;
+        browser.see_text("The data: paper-stage").await;
         browser.picture("demo-data").await;
         browser.accessible("data").await;
         the_way(&browser, &session, "demo", "mpi").await;

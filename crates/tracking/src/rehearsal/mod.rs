@@ -93,6 +93,11 @@ impl Rehearsal {
         [7.0, 11.0, 13.0, 17.0, 19.0][number % 5]
     }
 
+    /// Sample period of the controller, seconds.
+    pub fn period_s(&self) -> f64 {
+        PERIOD_S
+    }
+
     /// Seed of the noise of a record.
     pub fn noise_seed(&self, number: u64) -> u64 {
         seed_of(self.seed, number)

@@ -5,6 +5,7 @@ use crate::complete::track_beside;
 use crate::design::Controller;
 use crate::error::TrackingError;
 use crate::reference::Reference;
+use crate::run::Tracked;
 use hysteron_plant::StageConfig;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -31,17 +32,12 @@ impl Rehearsal {
     /// # Errors
     /// A stage or controller that cannot be run.
     pub fn errors(&self, stage: &StageConfig, controller: &Controller) -> Result<BTreeMap<String, f64>, TrackingError> {
-        let law = controller.law::<f64>()?;
         let [low_um, high_um] = self.range_um();
         REFERENCES
             .into_par_iter()
             .enumerate()
             .map(|(number, (name, kind))| {
-                let reference = self.reference(kind);
-                let beside_v = self.beside_v(stage, reference.samples_um.len());
-                let seed = !self.noise_seed(number as u64);
-                let run = track_beside(stage, seed, &law, &reference, &beside_v)?;
-                let judged = run.from(reference.judged_from);
+                let judged = self.followed(stage, controller, number, kind)?;
                 let squares: f64 = judged
                     .reference_um
                     .iter()
@@ -52,6 +48,29 @@ impl Rehearsal {
                 Ok((name.to_owned(), 100.0 * rms_um / (high_um - low_um)))
             })
             .collect()
+    }
+
+    /// The judged part of the hold among the references: 4 s at the top of the range, sample by sample.
+    ///
+    /// # Errors
+    /// As [`Self::errors`].
+    pub fn hold(&self, stage: &StageConfig, controller: &Controller) -> Result<Tracked, TrackingError> {
+        self.followed(stage, controller, REFERENCES.len() - 1, Kind::Hold)
+    }
+
+    fn followed(
+        &self,
+        stage: &StageConfig,
+        controller: &Controller,
+        number: usize,
+        kind: Kind,
+    ) -> Result<Tracked, TrackingError> {
+        let law = controller.law::<f64>()?;
+        let reference = self.reference(kind);
+        let beside_v = self.beside_v(stage, reference.samples_um.len());
+        let seed = !self.noise_seed(number as u64);
+        let run = track_beside(stage, seed, &law, &reference, &beside_v)?;
+        Ok(run.from(reference.judged_from))
     }
 
     /// The other axis' command beside a reference of so many samples; empty without one.

@@ -1,137 +1,127 @@
-//! The page of `hysteron demo`.
+//! The page of `hysteron demo`: six pictures, each with a sentence that says what to see.
 
-use super::{DemoArgs, Judged, best, next_commands, validated};
-use hysteron_data::{Dataset, Role};
-use hysteron_diagnose::Comparison;
-use hysteron_identify::Family;
-use hysteron_plant::opening::loop_opening;
-use hysteron_report::figures::{Bar, LoopData, OverlayData, bars, loop_plot, overlay};
+use super::way::{Followed, Way};
+use hysteron_data::Role;
+use hysteron_diagnose::RecordComparison;
+use hysteron_report::figures::{Bar, Line, Lines, LoopData, OverlayData, bars, lines, loop_plot, overlay};
 use hysteron_report::{
-    Block, Cell, Figure, Ink, LegendEntry, Page, Picture, Section, Size, Swatch, Table, Tile, significant,
+    Block, Figure, Ink, LegendEntry, Page, Picture, Section, Size, Swatch, significant, verdict_sentence,
 };
+use hysteron_tracking::run::Tracked;
 
-const SQUARE: Size = Size {
-    width: 344,
-    height: 330,
+/// Width of a picture, two of which stand side by side, pixels.
+const WIDTH: u32 = 526;
+const TALL: Size = Size {
+    width: WIDTH,
+    height: 400,
 };
-const WIDE: Size = Size {
-    width: 1080,
-    height: 420,
+const HOLD: Size = Size {
+    width: WIDTH,
+    height: 250,
 };
-/// Records whose loops show what hysteresis is.
-const LOOPS: [&str; 4] = [
-    "sine-011hz.csv",
-    "sine-503hz.csv",
-    "triangle-031hz.csv",
-    "complex-harmonic-053hz.csv",
-];
-/// The full-stroke sines, slowest first.
-const SINES: [&str; 3] = ["sine-011hz.csv", "sine-097hz.csv", "sine-503hz.csv"];
+/// The record whose loop is shown: the slowest one at full stroke.
+const LOOP_RECORD: &str = "sine-001hz.csv";
+/// Candidates that are shown.
+const CANDIDATES: usize = 6;
 
 /// The page as HTML.
-pub(super) fn page(dataset: &Dataset, judged: &[Judged], args: &DemoArgs) -> String {
+pub(super) fn page(way: &Way, next: &[String]) -> String {
     let mut page = Page::new(
-        "A piezo stage, its hysteresis and five models of it",
+        "One effect hidden in a piezo stage: found, modelled, undone",
         env!("CARGO_PKG_VERSION"),
     )
-    .fact("Stage", "paper-rate: simulated, 2.6 µm at 26 V, sampled at 50 kHz")
-    .fact("Seed", args.seed.to_string());
-    for sentence in lead(judged) {
+    .fact("Stage", stage(way))
+    .fact("Hidden", way.rehearsal.truth.clone())
+    .fact("Seed", way.rehearsal.seed.to_string());
+    for sentence in lead(way) {
         page = page.lead(sentence);
     }
     page = page
-        .section(stage(dataset, judged))
-        .section(from_model_to_model(judged));
-    if let Some(best) = best(judged) {
-        page = page.section(where_it_is(best));
-    }
-    let next = next_commands(args, judged).into_iter().map(Block::Command);
+        .section(recordings(way))
+        .section(missing(way))
+        .section(tracked(way));
+    let next = next.iter().cloned().map(Block::Command);
     page.section(next.fold(Section::new("What to type next"), Section::with))
         .render()
 }
 
-/// How far the models are off, in two sentences.
-fn lead(judged: &[Judged]) -> Vec<String> {
-    let error = |one: &Judged| validated(one).map(|pooled| pooled.nrmse_percent);
-    let (Some(first), Some(best)) = (judged.first(), best(judged)) else {
-        return Vec::new();
-    };
-    let (Some(worst), Some(least)) = (error(first), error(best)) else {
-        return Vec::new();
-    };
-    let mut sentences = vec![format!(
-        "On records they were not fitted to, the models are off by {} % of peak to peak ({}) down to {} % ({}).",
-        significant(worst),
-        first.model.family,
-        significant(least),
-        best.model.family
-    )];
-    let noise_um = best.comparison.noise_rms_um;
-    if let Some(pooled) = validated(best)
-        && noise_um > 0.0
+fn stage(way: &Way) -> String {
+    format!(
+        "simulated, {} µm at {:.0} V, {} recordings",
+        significant(way.rehearsal.stage.hysteresis.stroke_um),
+        way.rehearsal.full_v(),
+        way.records.records.len()
+    )
+}
+
+/// The error of the first model and of the last, percent of peak to peak.
+fn fall(way: &Way) -> Option<(f64, f64)> {
+    Some((way.steps().first()?.percent()?, way.steps().last()?.percent()?))
+}
+
+/// The result in two sentences.
+fn lead(way: &Way) -> Vec<String> {
+    let mut sentences = Vec::new();
+    if let Some((first, last)) = fall(way) {
+        sentences.push(format!(
+            "{} The model's error falls from {} to {} % of peak to peak on recordings that it was not fitted to.",
+            verdict_sentence(&way.diagnosis),
+            significant(first),
+            significant(last)
+        ));
+    }
+    if let Ok(tracked) = &way.tracked
+        && let Some((name, without, with)) = worst(tracked)
     {
         sentences.push(format!(
-            "The sensor's noise is {} nm rms; the best model is off by {} nm, {} times that: the rest is physics it does not have.",
-            significant(1e3 * noise_um),
-            significant(1e3 * pooled.rms_um),
-            significant(pooled.rms_um / noise_um)
+            "A controller that undoes it tracks a {name} to {} % of the range in open loop; without that part, {} %.",
+            significant(with),
+            significant(without)
+        ));
+    }
+    if !way.found() {
+        sentences.push(format!(
+            "The hidden effect, {}, is not in the model.",
+            way.rehearsal.hidden.name()
         ));
     }
     sentences
 }
 
-/// The stage's loops, and what was recorded.
-fn stage(dataset: &Dataset, judged: &[Judged]) -> Section {
-    let openings: Vec<(f64, String)> = SINES
-        .iter()
-        .filter_map(|file| {
-            let record = dataset.records.iter().find(|record| record.file == *file)?;
-            let opening = 100.0 * loop_opening(&record.voltage_v, &record.position_um).ok()?;
-            Some((
-                opening,
-                format!(
-                    "{} % of the stroke in {}",
-                    significant(opening),
-                    record.file.trim_end_matches(".csv")
-                ),
-            ))
-        })
-        .collect();
-    let grows = openings.windows(2).all(|pair| pair[1].0 > pair[0].0);
-    let openings: Vec<String> = openings.into_iter().map(|(_, text)| text).collect();
-    let mrpi = judged.iter().find(|one| one.model.family == Family::Mrpi);
-    let figures = LOOPS
-        .iter()
-        .filter_map(|file| Some(Figure::new(loop_picture(&mrpi?.comparison, file)?, *file)));
-    let table = dataset.records.iter().fold(
-        Table::new("What was recorded", &["Record", "Role", "Excitation", "Samples"]),
-        |table, record| {
-            let role = match record.role {
-                Role::Identify => "identify: models are fitted to it",
-                Role::Validate => "validate: models are judged on it",
-            };
-            let samples = hysteron_report::count(record.len());
-            table.row(vec![
-                Cell::text(&record.file),
-                Cell::text(role),
-                Cell::text(&record.excitation),
-                Cell::Number(samples),
-            ])
-        },
-    );
-    Section::new("The stage")
-        .with(Block::Text(format!(
-            "Voltage goes in, position comes out, and the way up is not the way down. The loop between the two is {} wide{} \
-             Below, measured loops and the MRPI model's.",
-            openings.join(", "),
-            if grows { ": it grows with the frequency." } else { "." }
-        )))
-        .with(Block::Gallery(figures.collect()))
-        .with(Block::Details("All records".to_owned(), vec![Block::Table(table)]))
+/// The reference that the compensator helps most.
+fn worst(tracked: &Followed) -> Option<(String, f64, f64)> {
+    let errors = tracked.errors().into_iter();
+    errors.max_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)))
 }
 
-fn loop_picture(comparison: &Comparison, file: &str) -> Option<Picture> {
-    let record = comparison.records.iter().find(|record| record.file == file)?;
+/// The recordings beside the first model.
+fn recordings(way: &Way) -> Section {
+    let of = |file: &str| way.compared.records.iter().find(|record| record.file == file);
+    let judged = way.compared.records.iter().filter(|r| r.role == Role::Validate);
+    let percent = |record: &RecordComparison| record.nrmse_percent.unwrap_or(0.0);
+    let worst = judged.max_by(|a, b| percent(a).total_cmp(&percent(b)));
+    let mut pair = Vec::new();
+    if let Some(picture) = of(LOOP_RECORD).and_then(loop_picture) {
+        pair.push(Figure::new(
+            picture,
+            "A slow sine. The way up is not the way down: that is the hysteresis, and the first model has nothing else.",
+        ));
+    }
+    if let Some((record, picture)) = worst.and_then(|record| Some((record, error_picture(way, record)?))) {
+        pair.push(Figure::new(
+            picture,
+            format!(
+                "{}, the recording where the first model fails most ({} % of peak to peak). See the lower panel: the error \
+                 is no noise.",
+                record.file,
+                significant(percent(record))
+            ),
+        ));
+    }
+    Section::new("The recordings and the first model").with(Block::Gallery(pair))
+}
+
+fn loop_picture(record: &RecordComparison) -> Option<Picture> {
     let data = LoopData {
         input: &record.series.input,
         measured: &record.series.measured,
@@ -140,103 +130,173 @@ fn loop_picture(comparison: &Comparison, file: &str) -> Option<Picture> {
         input_unit: "V",
         output_name: "position",
         output_unit: "um",
-        name: file,
+        name: &record.file,
     };
-    loop_plot(&data, SQUARE)
+    loop_plot(&data, TALL)
 }
 
-/// What each model adds, in words.
-fn adds(family: Family) -> &'static str {
-    match family {
-        Family::Pi => "ten play operators: symmetric loops of one width at all rates",
-        Family::Mpi => "a cubic of the input: loops that bend",
-        Family::Wrpi => "weights that change with the rate",
-        Family::Mrpi => "plays whose edges move with the rate: two parameters for the whole rate dependence",
-        Family::PlayPolynomial => "a cubic of each play's output: loops that change with the bias; no rate dependence",
-    }
+fn error_picture(way: &Way, record: &RecordComparison) -> Option<Picture> {
+    let data = OverlayData {
+        time_s: &record.series.time_s,
+        measured: &record.series.measured,
+        modelled: &record.series.modelled,
+        output: "position",
+        unit: "um",
+        noise_rms: way.compared.noise_rms_um,
+        name: &record.file,
+    };
+    overlay(&data, TALL)
 }
 
-/// Errors of all models.
-fn from_model_to_model(judged: &[Judged]) -> Section {
-    let mut rows = Vec::new();
-    let columns = [
-        "Model",
-        "Parameters",
-        "Error, fitted to, %",
-        "Error, not fitted to, %",
-        "What it has",
+/// The candidates beside the error that fell.
+fn missing(way: &Way) -> Section {
+    let pair = [
+        (
+            candidates_picture(way),
+            "Every effect of the catalogue was fitted in its place, and judged on recordings that it was not fitted to. \
+             See how far the shortest bar stands apart from the others: that is how sure the name is.",
+        ),
+        (
+            fall_picture(way),
+            "The error after each step, everything fitted anew. See the last step beside the noise of the sensor: \
+             nothing below it can be told.",
+        ),
     ];
-    let mut table = Table::new("Errors of the models", &columns);
-    for one in judged {
-        let name = one.model.family.name();
-        let pooled = [
-            (one.comparison.identify.as_ref(), Ink::Identify),
-            (validated(one), Ink::Validate),
-        ];
-        for (pooled, ink) in pooled {
-            let Some(pooled) = pooled else { continue };
-            rows.push(Bar {
-                label: name.to_owned(),
-                value: pooled.nrmse_percent,
-                text: format!("{} %", significant(pooled.nrmse_percent)),
-                reference: None,
-                ink,
-            });
-        }
-        table = table.row(vec![
-            Cell::text(name),
-            Cell::Number(one.model.parameters().len().to_string()),
-            Cell::number(pooled[0].0.map(|pooled| pooled.nrmse_percent)),
-            Cell::number(pooled[1].0.map(|pooled| pooled.nrmse_percent)),
-            Cell::text(adds(one.model.family)),
-        ]);
-    }
+    let figures = pair
+        .into_iter()
+        .filter_map(|(picture, caption)| Some(Figure::new(picture?, caption)));
+    Section::new("The missing effect, and the error once it is added")
+        .with(Block::Text(verdict_sentence(&way.diagnosis)))
+        .with(Block::Gallery(figures.collect()))
+}
+
+/// The error that each candidate would leave.
+fn candidates_picture(way: &Way) -> Option<Picture> {
+    let now = way.diagnosis.before.validate_percent;
+    let candidates = way.diagnosis.ranking.iter().take(CANDIDATES);
+    let rows: Vec<Bar> = candidates
+        .map(|candidate| Bar {
+            label: candidate.effect.replace('-', " "),
+            value: candidate.validate_percent,
+            text: format!("{} %", significant(candidate.validate_percent)),
+            reference: now,
+            ink: Ink::Validate,
+        })
+        .collect();
     let legend = vec![
-        LegendEntry::new("records it was fitted to", Ink::Identify, Swatch::Bar),
-        LegendEntry::new("records it was not fitted to", Ink::Validate, Swatch::Bar),
+        LegendEntry::new("error with this effect added", Ink::Validate, Swatch::Bar),
+        LegendEntry::new("error of the first model", Ink::Text, Swatch::Stroke),
     ];
-    Section::new("From model to model")
-        .with_picture(
-            bars(&rows, "error, % of peak to peak", legend, 1080),
-            "Rms error of a free simulation over all records of a kind. The second bar is the one that counts.",
-        )
-        .with(Block::Table(table))
+    bars(&rows, "error, % of peak to peak", legend, WIDTH)
 }
 
-/// Where the best model is off.
-fn where_it_is(best: &Judged) -> Section {
-    let comparison = &best.comparison;
-    let mut tiles: Vec<Tile> = Vec::new();
-    let worst = comparison
-        .records
-        .iter()
-        .filter(|record| record.role == Role::Validate)
-        .filter_map(|record| Some((record.nrmse_percent?, record)))
-        .max_by(|a, b| a.0.total_cmp(&b.0));
-    let mut section = Section::new(format!("Where the error of {} is", best.model.family));
-    if let Some((percent, record)) = worst {
-        tiles.push(Tile {
-            label: "Worst record it was not fitted to".to_owned(),
-            value: format!("{} %", significant(percent)),
-            note: record.file.clone(),
-        });
-        let data = OverlayData {
-            time_s: &record.series.time_s,
-            measured: &record.series.measured,
-            modelled: &record.series.modelled,
-            output: "position",
-            unit: "um",
-            noise_rms: comparison.noise_rms_um,
-            name: &record.file,
-        };
-        section = section.with(Block::Tiles(tiles)).with_picture(
-            overlay(&data, WIDE),
-            format!("{}: measured and modelled; below, what is left.", record.file),
-        );
-    }
-    let findings = comparison.r#where.iter().map(|breakdown| {
-        let finding = breakdown.finding.replace(" um", " µm");
-        (format!("By {}", breakdown.by), finding)
+/// The error of each step as a bar, the sensor's noise below.
+fn fall_picture(way: &Way) -> Option<Picture> {
+    let steps = way.steps().iter().filter_map(|step| {
+        let percent = step.percent()?;
+        Some(Bar {
+            label: step.name(),
+            value: percent,
+            text: format!("{} %", significant(percent)),
+            reference: None,
+            ink: Ink::Validate,
+        })
     });
-    section.with(Block::Facts(findings.collect()))
+    let noise = way.noise_percent().map(|percent| Bar {
+        label: "noise floor".to_owned(),
+        value: percent,
+        text: format!("{} %", significant(percent)),
+        reference: None,
+        ink: Ink::Noise,
+    });
+    let rows: Vec<Bar> = steps.chain(noise).collect();
+    let legend = vec![
+        LegendEntry::new("error, recordings not fitted to", Ink::Validate, Swatch::Bar),
+        LegendEntry::new("noise of the sensor alone", Ink::Noise, Swatch::Bar),
+    ];
+    bars(
+        &rows,
+        "error, % of peak to peak, recordings not fitted to",
+        legend,
+        WIDTH,
+    )
+}
+
+/// The same as a file of its own, on white paper: for a README or a slide.
+pub(super) fn fall_svg(way: &Way) -> String {
+    let svg = fall_picture(way).map_or_else(String::new, |picture| picture.svg().to_owned());
+    match svg.split_once('>') {
+        Some((opening, rest)) => format!("{opening}><rect width=\"100%\" height=\"100%\" fill=\"#FFFFFF\"/>{rest}\n"),
+        None => svg,
+    }
+}
+
+/// The references with the compensator and without.
+fn tracked(way: &Way) -> Section {
+    let section = Section::new("A reference tracked");
+    let tracked = match &way.tracked {
+        Ok(tracked) => tracked,
+        Err(reason) => return section.with(Block::Text(format!("No controller was designed: {reason}"))),
+    };
+    let period_s = way.rehearsal.period_s();
+    let series = [
+        ("without its compensator", &tracked.hold_without, Ink::Series(1)),
+        ("with it", &tracked.hold_with, Ink::Series(0)),
+    ]
+    .map(|(name, run, ink)| Line {
+        name: name.to_owned(),
+        points: error_nm(run, period_s),
+        ink,
+    });
+    let axes = Lines {
+        x_title: "time, s",
+        y_title: "error, nm",
+        x_log: false,
+        y_log: false,
+        description: "Error of the true position while one position is held, with the compensator and without",
+    };
+    let rows: Vec<Bar> = tracked
+        .errors()
+        .into_iter()
+        .flat_map(|(name, without, with)| {
+            [
+                (format!("{name}, without"), without, Ink::Series(1)),
+                (format!("{name}, with"), with, Ink::Series(0)),
+            ]
+        })
+        .map(|(label, value, ink)| Bar {
+            label,
+            value,
+            text: format!("{} %", significant(value)),
+            reference: None,
+            ink,
+        })
+        .collect();
+    let legend = vec![
+        LegendEntry::new("without its compensator", Ink::Series(1), Swatch::Bar),
+        LegendEntry::new("with it", Ink::Series(0), Swatch::Bar),
+    ];
+    let pair = [
+        (
+            lines(&series, &axes, HOLD),
+            "One position held for four seconds in open loop: reference minus true position. The line near zero is the \
+             controller that undoes the effect.",
+        ),
+        (
+            bars(&rows, "tracking error, rms, % of the range", legend, WIDTH),
+            "Four references. Both controllers have the same inverse hysteresis and no feedback; they differ in one \
+             compensator.",
+        ),
+    ];
+    let figures = pair
+        .into_iter()
+        .filter_map(|(picture, caption)| Some(Figure::new(picture?, caption)));
+    section.with(Block::Gallery(figures.collect()))
+}
+
+/// Reference minus true position over time.
+fn error_nm(run: &Tracked, period_s: f64) -> Vec<(f64, f64)> {
+    let both = run.reference_um.iter().zip(&run.true_um).enumerate();
+    both.map(|(k, (reference, position))| (k as f64 * period_s, 1e3 * (reference - position)))
+        .collect()
 }

@@ -11,8 +11,6 @@ use std::fmt::Write;
 
 /// Seed of every example: stage, programme and noise.
 const SEED: u64 = 1;
-/// Sample period of the records of [`ExampleName::Stage739hz`], seconds: 25 samples a period of its second mode.
-const PERIOD_739_S: f64 = 20e-6;
 
 /// The datasets that `hysteron example` makes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
@@ -94,16 +92,15 @@ impl ExampleName {
     /// As the simulated stage; none for the fixed seed.
     pub(super) fn make(self, progress: &dyn Fn(f64)) -> Result<Made, CliError> {
         match self {
-            Self::PaperStage => {
-                let stage = preset::paper_rate();
-                let truth = "rate-dependent hysteresis, amplifier lag of 20 us, mode at 8 kHz, 0.8 nm of noise";
-                preset_records(self, &stage, stage.sample_period_s, truth, progress)
-            }
-            Self::Stage739hz => {
-                let truth =
-                    "amplifier lag of 60 us, creep of 1.5 % a decade, modes at 739 Hz and 2.29 kHz, 1 nm of noise";
-                preset_records(self, &preset::tracking_739(), PERIOD_739_S, truth, progress)
-            }
+            Self::PaperStage => Ok(Made::Dataset {
+                dataset: Box::new(paper_stage(progress)?),
+                truth: "rate-dependent hysteresis, amplifier lag of 20 us, mode at 8 kHz, 0.8 nm of noise".to_owned(),
+            }),
+            Self::Stage739hz => Ok(Made::Dataset {
+                dataset: Box::new(of_preset(self, &preset::tracking_739(), progress)?),
+                truth: "amplifier lag of 60 us, creep of 1.5 % a decade, modes at 739 Hz and 2.29 kHz, 1 nm of noise"
+                    .to_owned(),
+            }),
             Self::HiddenCreep => hidden(self, &[Effect::Creep]),
             Self::HiddenDelay => hidden(self, &[Effect::Delay]),
             Self::HiddenResonance => hidden(self, &[Effect::Resonance]),
@@ -118,18 +115,14 @@ impl ExampleName {
     }
 }
 
-fn preset_records(
-    example: ExampleName,
-    stage: &StageConfig,
-    period_s: f64,
-    truth: &str,
-    progress: &dyn Fn(f64),
-) -> Result<Made, CliError> {
+/// The dataset of [`ExampleName::PaperStage`]; the workbench begins with it as well.
+pub(crate) fn paper_stage(progress: &dyn Fn(f64)) -> Result<Dataset, CliError> {
+    of_preset(ExampleName::PaperStage, &preset::paper_rate(), progress)
+}
+
+fn of_preset(example: ExampleName, stage: &StageConfig, progress: &dyn Fn(f64)) -> Result<Dataset, CliError> {
     let plan = default_campaign(stage.hysteresis.reference_v, SEED);
-    Ok(Made::Dataset {
-        dataset: Box::new(record(example.name(), stage, &plan, period_s, SEED, progress)?),
-        truth: truth.to_owned(),
-    })
+    record(example.name(), stage, &plan, stage.sample_period_s, SEED, progress)
 }
 
 /// A stage of the challenges with these effects, strong, in plays with sigmoid outputs, which no model here has.

@@ -6,8 +6,8 @@ mod scope;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
-pub(crate) use catalogue::ExampleName;
-use catalogue::Made;
+pub(crate) use catalogue::paper_stage;
+use catalogue::{ExampleName, Made};
 use clap::{Args, ValueEnum};
 use hysteron_data::{Overwrite, write_dataset};
 use serde::Serialize;
@@ -118,7 +118,7 @@ fn list(json: bool) -> Result<(), CliError> {
         // Writing to a String does not fail.
         let _ = writeln!(text, "{:<18} {}", example.name(), example.about());
     }
-    text.push_str("\nnext: hysteron example hidden-creep -o stage\n");
+    let _ = writeln!(text, "\nnext: {} example hidden-creep -o stage", output::program());
     output::print(&text)
 }
 
@@ -141,19 +141,15 @@ fn write_raw(files: Vec<(String, String)>, folder: &Path, overwrite: bool) -> Re
 }
 
 fn next_commands(name: ExampleName, folder: &Path) -> Vec<String> {
-    let folder = folder.display();
+    let (program, folder) = (output::program(), folder.display());
+    let learned = format!("{program} learn {folder} -o model.toml --page ladder.html");
+    let compared = format!("{program} compare {folder} model.toml -o page.html");
     match name {
         ExampleName::Scope => vec![
-            scope::import_command(&folder.to_string()),
-            "hysteron fit stage --model mrpi -o model.toml".to_owned(),
+            format!("{program} {}", scope::import_command(&folder.to_string())),
+            format!("{program} fit stage --model mrpi -o model.toml"),
         ],
-        ExampleName::PaperStage => vec![
-            format!("hysteron fit {folder} --model mrpi -o model.toml"),
-            format!("hysteron compare {folder} model.toml -o page.html"),
-        ],
-        _ => vec![
-            format!("hysteron learn {folder} -o model.toml --page ladder.html"),
-            format!("hysteron compare {folder} model.toml -o page.html"),
-        ],
+        ExampleName::PaperStage => vec![format!("{program} fit {folder} --model mrpi -o model.toml"), compared],
+        _ => vec![learned, compared],
     }
 }

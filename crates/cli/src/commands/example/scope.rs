@@ -25,10 +25,10 @@ const BEFORE_TRIGGER_S: f64 = 0.02;
 pub(super) const TRUTH: &str = "the paper's stage, 2.6 um at 26 V; CH1 is the amplifier's monitor, 1 V for 10 V; CH2 is the \
     sensor's, 1 V for 2 um, with 4 nm of noise";
 
-/// How to import the captures of a folder.
+/// Command and arguments that import the captures of a folder.
 pub(super) fn import_command(folder: &str) -> String {
     format!(
-        "hysteron import {folder}/slow.csv {folder}/fast.csv --validate {folder}/mixed.csv \
+        "import {folder}/slow.csv {folder}/fast.csv --validate {folder}/mixed.csv \
          --column 'voltage=CH1:V*{AMPLIFIER_V_PER_V}' --column 'position=CH2:um*{SENSOR_UM_PER_V}' -o stage"
     )
 }
