@@ -33,7 +33,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let floor = hysteron_diagnose::compare(&without.dataset, &bare, &|_| ());
             let model = fit(&with.dataset, &options, &|_| ())?.model;
             let started = Instant::now();
-            let added = match hysteron_identify::add_effect(&with.dataset, &model, effect.name(), &|_| ()) {
+            let id = effect.name().parse()?;
+            let added = match hysteron_identify::add_effect(&with.dataset, &model, id, &|_| ()) {
                 Ok(added) => added,
                 Err(refused) => {
                     println!("{:<20} {seed:>5}  {refused}", effect.name());

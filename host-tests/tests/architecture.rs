@@ -42,7 +42,8 @@ fn val_data_flows_one_way() {
     check("core", &[]);
     check("data", &[]);
     check("plant", &["data"]);
-    check("identify", &["core", "data"]);
+    check("effects", &["core"]);
+    check("identify", &["core", "data", "effects"]);
     check("diagnose", &["core", "data", "identify"]);
     check("tracking", &["core", "data", "identify", "plant"]);
     check("table", &["core"]);
@@ -55,6 +56,7 @@ fn val_data_flows_one_way() {
         "data",
         "plant",
         "challenge",
+        "effects",
         "identify",
         "diagnose",
         "tracking",

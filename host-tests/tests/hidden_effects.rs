@@ -4,7 +4,7 @@
 use host_tests::hidden::score::{Answer, Grade, Outcome, Tally, line, score, tool};
 use host_tests::hidden::{Example, generate};
 use hysteron_diagnose::{add, diagnose};
-use hysteron_identify::{FitOptions, fit};
+use hysteron_identify::{EffectId, FitOptions, fit};
 use hysteron_plant::challenge::{Effect, OUTSIDE, Spec, StageFamily, Strength};
 
 /// On stages of the play class, families in turn.
@@ -98,7 +98,7 @@ fn val_a_bend_that_was_added_is_not_named_again() {
         };
         let Example { dataset, start, .. } = generate(seed, &spec).expect("a stage");
         let model = fit(&dataset, &FitOptions::new(start), &|_| {}).expect("a fit").model;
-        let with = add(&dataset, &model, "sensor-nonlinearity", &|_| {})
+        let with = add(&dataset, &model, EffectId::SensorNonlinearity, &|_| {})
             .expect("a fit")
             .model;
         let diagnosis = diagnose(&dataset, &with, &|_, _| {});

@@ -5,6 +5,7 @@ use host_tests::hidden::own::{Subject, start};
 use host_tests::hidden::{Example, generate};
 use hysteron_diagnose::{compare, diagnose, diagnose_with};
 use hysteron_identify::add_own_effect;
+use hysteron_identify::effects::Effect as _;
 use hysteron_plant::challenge::{Spec, StageFamily, Strength};
 
 /// What ten plays leave at the least on stages in which nothing is missing.
@@ -37,10 +38,10 @@ fn found(seed: u64, family: StageFamily, subject: Subject, unknown_without: bool
         assert_eq!(without.verdict, "unknown", "seed {seed}");
     }
     let with = diagnose_with(&hidden.dataset, &model, &[own], &|_, _| {}).expect("no column is missing");
-    assert_eq!(with.verdict, own.name(), "seed {seed}: {:#?}", with.ranking);
+    assert_eq!(with.verdict, own.description().name, "seed {seed}: {:#?}", with.ranking);
     let entry = &with.ranking[0];
     assert!(
-        entry.effect == own.name() && entry.significant && entry.parameters.len() == 3,
+        entry.effect == own.description().name && entry.significant && entry.parameters.len() == 3,
         "{entry:?}"
     );
     let added = add_own_effect(&hidden.dataset, &model, own, &|_| {}).expect("an effect to add");
@@ -75,7 +76,7 @@ fn val_nothing_hidden_no_file_is_named() {
         with.verdict
     );
     for own in own {
-        let entry = with.ranking.iter().find(|entry| entry.effect == own.name());
+        let entry = with.ranking.iter().find(|entry| entry.effect == own.description().name);
         assert!(entry.is_some_and(|entry| !entry.significant), "{entry:?}");
     }
 }

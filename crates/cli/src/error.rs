@@ -2,6 +2,7 @@
 
 use hysteron_data::DataError;
 use hysteron_identify::IdentifyError;
+use hysteron_identify::effects::{EffectError, UnknownEffect};
 use std::path::PathBuf;
 
 /// Everything a command can end with but an answer.
@@ -13,6 +14,9 @@ pub(crate) enum CliError {
     /// A model that cannot be fitted, read or written.
     #[error(transparent)]
     Identify(#[from] IdentifyError),
+    /// An effect that the catalogue does not have, or an effect file that is refused.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
     /// A simulated stage or an excitation that is refused.
     #[error(transparent)]
     Plant(#[from] hysteron_plant::StageError),
@@ -63,4 +67,10 @@ pub(crate) enum CliError {
     /// An answer that cannot be turned into JSON.
     #[error("cannot write JSON: {0}")]
     Json(#[from] serde_json::Error),
+}
+
+impl From<UnknownEffect> for CliError {
+    fn from(unknown: UnknownEffect) -> Self {
+        Self::Effect(unknown.into())
+    }
 }

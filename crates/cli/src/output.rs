@@ -50,3 +50,9 @@ pub(crate) fn program() -> &'static str {
         Some(_) => "cargo run --release --",
     }
 }
+
+/// Names with commas between them.
+pub(crate) fn list<T: std::fmt::Display>(names: &[T]) -> String {
+    let names: Vec<String> = names.iter().map(ToString::to_string).collect();
+    names.join(", ")
+}

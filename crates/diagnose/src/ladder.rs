@@ -3,7 +3,7 @@
 use crate::noise::noise_floor;
 use hysteron_data::{Dataset, Role};
 use hysteron_identify::effects::UserEffect;
-use hysteron_identify::{Added, Change, IdentifyError, Model, RecordError, Step};
+use hysteron_identify::{Added, Change, EffectId, EffectName, IdentifyError, Model, RecordError, Step};
 use serde::Serialize;
 
 /// A model's history, measured against the noise floor.
@@ -12,7 +12,7 @@ pub struct Ladder {
     /// Family of the hysteresis as it is now.
     pub model: String,
     /// The effects around it, in the order of the chain.
-    pub effects: Vec<String>,
+    pub effects: Vec<EffectName>,
     /// What it was fitted on.
     pub dataset: String,
     /// Noise floor, micrometres rms.
@@ -46,7 +46,7 @@ impl Rung {
     /// The step in a few characters: `mpi`, `+ delay`, `- delay`.
     pub fn name(&self) -> String {
         match self.step.change {
-            Change::Fitted => self.step.what.clone(),
+            Change::Fitted => self.step.what.to_string(),
             Change::Added => format!("+ {}", self.step.what),
             Change::Removed => format!("- {}", self.step.what),
         }
@@ -67,7 +67,7 @@ impl Ladder {
 pub fn add(
     dataset: &Dataset,
     model: &Model,
-    effect: &str,
+    effect: EffectId,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Added, IdentifyError> {
     let mut added = hysteron_identify::add_effect(dataset, model, effect, progress)?;
@@ -95,7 +95,7 @@ pub fn add_own(
 /// # Example
 /// ```
 /// # fn show(dataset: &hysteron_data::Dataset, model: &hysteron_identify::Model) -> Result<(), hysteron_identify::IdentifyError> {
-/// let added = hysteron_diagnose::add(dataset, model, "delay", &|_| ())?;
+/// let added = hysteron_diagnose::add(dataset, model, hysteron_identify::EffectId::Delay, &|_| ())?;
 /// let ladder = hysteron_diagnose::ladder(&added.model).expect("a step was just added");
 /// assert_eq!(ladder.steps[1].name(), "+ delay");
 /// # Ok(())

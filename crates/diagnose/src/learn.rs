@@ -5,7 +5,7 @@ use crate::learner::Learner;
 use crate::noise::noise_floor;
 use hysteron_data::Dataset;
 use hysteron_identify::effects::UserEffect;
-use hysteron_identify::{FitOptions, IdentifyError, Model, fit};
+use hysteron_identify::{EffectName, FitOptions, IdentifyError, Model, check_own_effect, fit};
 use serde::Serialize;
 
 /// What `learn` did, and why it stopped.
@@ -27,11 +27,11 @@ pub struct Learned {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Attempt {
     /// The effect that was tried.
-    pub effect: String,
+    pub effect: EffectName,
     /// Added, or taken out again as a later one made it superfluous.
     pub change: hysteron_identify::Change,
     /// Effects that a diagnosis of these records cannot tell from it; it left least on the validation records.
-    pub also_possible: Vec<String>,
+    pub also_possible: Vec<EffectName>,
     /// Pooled error on validation records before, percent of peak to peak.
     pub before_percent: Option<f64>,
     /// The same after.
@@ -62,12 +62,12 @@ pub enum Stop {
     /// An effect is named, but the validation records do not confirm it.
     NotConfirmed {
         /// The effect.
-        effect: String,
+        effect: EffectName,
     },
     /// An effect is named that the model cannot be given: it has it already, or cannot have it.
     CannotAdd {
         /// The effect.
-        effect: String,
+        effect: EffectName,
         /// Why.
         reason: String,
     },
@@ -105,7 +105,7 @@ pub fn learn_with(
     own: &[UserEffect],
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<Learned, IdentifyError> {
-    own.iter().try_for_each(|effect| effect.check(dataset))?;
+    own.iter().try_for_each(|effect| check_own_effect(*effect, dataset))?;
     let model = fit(dataset, options, &|share| progress("fitting", share))?.model;
     Ok(go_on(dataset, model, own, progress))
 }

@@ -5,8 +5,10 @@ use crate::ladder::percent;
 use crate::learn::{Attempt, Stop};
 use crate::missing::{controllers_delay_s, physical, search};
 use hysteron_data::{Dataset, Role};
-use hysteron_identify::effects::UserEffect;
-use hysteron_identify::{Added, IdentifyError, Model, Step, add_effect, add_own_effect, remove_effect};
+use hysteron_identify::effects::{Effect as _, UserEffect};
+use hysteron_identify::{
+    Added, EffectId, EffectName, IdentifyError, Model, Step, add_effect, add_own_effect, remove_effect,
+};
 use rayon::prelude::*;
 
 /// A step must bring the pooled validation error below this share of what it was; less does not matter.
@@ -31,7 +33,7 @@ pub(crate) struct Learner<'a> {
     pub(crate) attempts: Vec<Attempt>,
     pub(crate) rungs: Vec<Model>,
     /// Effects that were taken out, each with the one that made it superfluous.
-    displaced: Vec<[String; 2]>,
+    displaced: Vec<[EffectName; 2]>,
     trial: Option<Trial>,
 }
 
@@ -76,24 +78,27 @@ impl<'a> Learner<'a> {
     pub(crate) fn take_the_controllers_delay(&mut self) {
         if controllers_delay_s(self.dataset, &self.model).is_some() {
             // Where the records do not confirm it, it does not matter.
-            let _ = self.add_and_prune(&["delay".to_owned()]);
+            let _ = self.add_and_prune(&[EffectId::Delay.into()]);
         }
     }
 
     /// Adds what a diagnosis names: its verdict, then what it says is missing beside that.
     pub(crate) fn follow(&mut self, diagnosis: &Diagnosis) -> Result<(), Stop> {
-        let mut named = vec![diagnosis.verdict.clone()];
-        named.extend(diagnosis.also_possible.iter().cloned());
+        let named: Vec<EffectName> = [&diagnosis.verdict]
+            .into_iter()
+            .chain(&diagnosis.also_possible)
+            .map(|name| EffectName::of(name))
+            .collect();
         let verdict = self.add_and_prune(&named);
         let mut kept = matches!(verdict, Ok(true));
         // What stands behind the verdict is a weaker claim: where it fails, the next diagnosis decides.
-        for effect in &diagnosis.further {
-            kept |= !self.has(effect) && matches!(self.add_and_prune(std::slice::from_ref(effect)), Ok(true));
+        for effect in diagnosis.further.iter().map(|name| EffectName::of(name)) {
+            kept |= !self.has(&effect) && matches!(self.add_and_prune(std::slice::from_ref(&effect)), Ok(true));
         }
         if kept || self.enrich(diagnosis) {
             return Ok(());
         }
-        let effect = diagnosis.verdict.clone();
+        let effect = EffectName::of(&diagnosis.verdict);
         Err(match verdict {
             Err(error) => Stop::CannotAdd {
                 effect,
@@ -104,7 +109,7 @@ impl<'a> Learner<'a> {
     }
 
     /// As [`Self::add_best`], then takes out what the new effect makes superfluous; whether one was kept.
-    fn add_and_prune(&mut self, named: &[String]) -> Result<bool, IdentifyError> {
+    fn add_and_prune(&mut self, named: &[EffectName]) -> Result<bool, IdentifyError> {
         let added = self.add_best(named)?;
         if let Some(effect) = &added {
             self.prune(effect);
@@ -115,8 +120,10 @@ impl<'a> Learner<'a> {
     /// The diagnosis judges effects beside a hysteresis of free shape, the model must do with its own plays: where these are
     /// too poor, they hide what the effect brings, and the shape goes first.
     fn enrich(&mut self, diagnosis: &Diagnosis) -> bool {
-        let shape = ["hysteresis-shape".to_owned()];
-        diagnosis.shape_too_poor && diagnosis.verdict != shape[0] && matches!(self.add_best(&shape), Ok(Some(_)))
+        let shape = EffectName::from(EffectId::HysteresisShape);
+        diagnosis.shape_too_poor
+            && diagnosis.verdict != shape.as_str()
+            && matches!(self.add_best(&[shape]), Ok(Some(_)))
     }
 
     /// Where no diagnosis names anything: a richer shape where that is wanting, then what makes the model forecast far better.
@@ -128,15 +135,16 @@ impl<'a> Learner<'a> {
     /// bend less. What a trial so begins is kept if it leaves nothing unexplained, see [`Self::take_back`].
     fn try_without_a_name(&mut self, diagnosis: &Diagnosis) -> bool {
         // Drift and hum have numbers of every record's own to hide behind, and are seen without any model.
-        let effects: Vec<&str> = physical()
-            .filter(|effect| !SEEN_WITHOUT_A_MODEL.contains(effect) && !self.has(effect))
+        let effects: Vec<EffectName> = physical()
+            .map(EffectName::of)
+            .filter(|effect| !SEEN_WITHOUT_A_MODEL.iter().any(|seen| effect == seen) && !self.has(effect))
             .collect();
         let tried: Vec<Option<Added>> = effects
             .par_iter()
             .with_max_len(1)
             .map(|effect| self.added(effect).ok())
             .collect();
-        let mut best: Option<(&str, Added)> = None;
+        let mut best: Option<(EffectName, Added)> = None;
         for (effect, added) in effects.into_iter().zip(tried) {
             let Some(added) = added else { continue };
             if best.as_ref().is_none_or(|(_, best)| left(&added) < left(best)) {
@@ -153,7 +161,7 @@ impl<'a> Learner<'a> {
             attempts: self.attempts.len(),
             diagnosis: diagnosis.clone(),
         });
-        self.note(effect, Vec::new(), added, true);
+        self.note(&effect, Vec::new(), added, true);
         true
     }
 
@@ -171,10 +179,10 @@ impl<'a> Learner<'a> {
     /// Steps were chosen while the shape was too poor for a fair comparison: what was taken out is tried again, beside what
     /// displaced it and in its place; what moves the plays in time, in the place of what looks like it. Whether one is back.
     pub(crate) fn put_back(&mut self) -> bool {
-        let mut pairs: Vec<([String; 2], bool)> = self.displaced.drain(..).map(|pair| (pair, true)).collect();
+        let mut pairs: Vec<([EffectName; 2], bool)> = self.displaced.drain(..).map(|pair| (pair, true)).collect();
         for holder in IN_TIME {
             let rivals = IN_TIME.iter().filter(|rival| **rival != holder);
-            pairs.extend(rivals.map(|rival| ([(*rival).to_owned(), holder.to_owned()], false)));
+            pairs.extend(rivals.map(|rival| ([(*rival).into(), holder.into()], false)));
         }
         let mut back = false;
         for ([rival, holder], may_stand_beside) in pairs {
@@ -198,22 +206,22 @@ impl<'a> Learner<'a> {
         back
     }
 
-    fn has(&self, effect: &str) -> bool {
-        self.model.effects.iter().any(|fitted| fitted.name == effect)
+    fn has(&self, effect: &EffectName) -> bool {
+        self.model.effects.iter().any(|fitted| fitted.name == *effect)
     }
 
     /// The model with another effect.
-    fn added(&self, effect: &str) -> Result<Added, IdentifyError> {
+    fn added(&self, effect: &EffectName) -> Result<Added, IdentifyError> {
         let progress = |share| (self.progress)(&format!("adding {effect}"), share);
-        match self.own.iter().find(|own| own.name() == effect) {
+        match self.own.iter().find(|own| own.name() == *effect) {
             Some(own) => add_own_effect(self.dataset, &self.model, *own, &progress),
-            None => add_effect(self.dataset, &self.model, effect, &progress),
+            None => add_effect(self.dataset, &self.model, effect.as_str().parse()?, &progress),
         }
     }
 
     /// Tries effects that a diagnosis cannot tell apart and keeps the one that leaves least on the validation records, if
     /// these confirm it; its name.
-    fn add_best(&mut self, named: &[String]) -> Result<Option<String>, IdentifyError> {
+    fn add_best(&mut self, named: &[EffectName]) -> Result<Option<EffectName>, IdentifyError> {
         let mut tried = Vec::new();
         let mut refused = None;
         for effect in named {
@@ -233,8 +241,8 @@ impl<'a> Learner<'a> {
     }
 
     /// Takes out every earlier effect that the model does not need any more, the newest kept.
-    fn prune(&mut self, newest: &str) {
-        let earlier: Vec<String> = self.model.effects.iter().map(|effect| effect.name.clone()).collect();
+    fn prune(&mut self, newest: &EffectName) {
+        let earlier: Vec<EffectName> = self.model.effects.iter().map(|effect| effect.name.clone()).collect();
         for effect in earlier.iter().filter(|name| *name != newest) {
             let without = remove_effect(self.dataset, &self.model, effect, &|share| {
                 (self.progress)(&format!("without {effect}"), share);
@@ -246,14 +254,14 @@ impl<'a> Learner<'a> {
                 .is_some_and(|(b, a)| as_good(b, a))
             {
                 self.note(effect, Vec::new(), without, true);
-                self.displaced.push([effect.clone(), newest.to_owned()]);
+                self.displaced.push([effect.clone(), newest.clone()]);
             }
         }
     }
 
-    fn note(&mut self, effect: &str, also_possible: Vec<String>, step: Added, kept: bool) {
+    fn note(&mut self, effect: &EffectName, also_possible: Vec<EffectName>, step: Added, kept: bool) {
         self.attempts.push(Attempt {
-            effect: effect.to_owned(),
+            effect: effect.clone(),
             change: step.after.change,
             also_possible,
             before_percent: step.before.validate_percent,
@@ -269,10 +277,10 @@ impl<'a> Learner<'a> {
 }
 
 /// Effects that are not tried without a name.
-const SEEN_WITHOUT_A_MODEL: [&str; 2] = ["thermal-drift", "mains-hum"];
+const SEEN_WITHOUT_A_MODEL: [EffectId; 2] = [EffectId::ThermalDrift, EffectId::MainsHum];
 
 /// Effects that look like each other where plays are too few: all of them delay a slow sine by the same time.
-const IN_TIME: [&str; 3] = ["delay", "first-order-lag", "rate-dependence"];
+const IN_TIME: [EffectId; 3] = [EffectId::Delay, EffectId::FirstOrderLag, EffectId::RateDependence];
 
 /// What a step leaves on the records it was not fitted to.
 fn left(step: &Added) -> f64 {

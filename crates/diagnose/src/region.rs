@@ -1,6 +1,7 @@
 //! What the error of a stretch of a record goes with.
 
 use crate::comparison::RecordComparison;
+use hysteron_identify::EffectId;
 use serde::Serialize;
 use std::ops::Range;
 
@@ -33,11 +34,11 @@ pub struct GoesWith {
     /// Share of the squared error that one coefficient of it takes away, percent.
     pub share_percent: f64,
     /// Effects of the catalogue that could make it.
-    pub effects: &'static [&'static str],
+    pub effects: &'static [EffectId],
 }
 
 /// Name, effects, value at a sample.
-type Quantity<'a> = (&'static str, &'static [&'static str], Box<dyn Fn(usize) -> f64 + 'a>);
+type Quantity<'a> = (&'static str, &'static [EffectId], Box<dyn Fn(usize) -> f64 + 'a>);
 
 /// The error of a record in a range of samples; `None` where the range holds fewer than eight.
 ///
@@ -66,30 +67,44 @@ pub fn region(record: &RecordComparison, range: Range<usize>, noise_rms: f64) ->
     let quantities: [Quantity<'_>; 5] = [
         (
             "speed",
-            &["delay", "first-order-lag", "rate-dependence", "slew-limit"],
+            &[
+                EffectId::Delay,
+                EffectId::FirstOrderLag,
+                EffectId::RateDependence,
+                EffectId::SlewLimit,
+            ],
             Box::new(smooth),
         ),
         (
             "acceleration",
-            &["resonance", "first-order-lag", "delay"],
+            &[EffectId::Resonance, EffectId::FirstOrderLag, EffectId::Delay],
             Box::new(bend),
         ),
         (
             "position",
             &[
-                "amplitude-gain",
-                "sensor-nonlinearity",
-                "thermal-drift",
-                "cross-coupling",
+                EffectId::AmplitudeGain,
+                EffectId::SensorNonlinearity,
+                EffectId::ThermalDrift,
+                EffectId::CrossCoupling,
             ],
             Box::new(|k| series.modelled[k]),
         ),
         (
             "curvature",
-            &["asymmetry", "saturation", "sensor-nonlinearity", "hysteresis-shape"],
+            &[
+                EffectId::Asymmetry,
+                EffectId::Saturation,
+                EffectId::SensorNonlinearity,
+                EffectId::HysteresisShape,
+            ],
             Box::new(move |k| (series.modelled[k] - middle).powi(2)),
         ),
-        ("time", &["creep", "thermal-drift"], Box::new(|k| k as f64)),
+        (
+            "time",
+            &[EffectId::Creep, EffectId::ThermalDrift],
+            Box::new(|k| k as f64),
+        ),
     ];
     let of_mean = if here > 0.0 {
         100.0 * n as f64 * mean * mean / here
@@ -99,7 +114,7 @@ pub fn region(record: &RecordComparison, range: Range<usize>, noise_rms: f64) ->
     let mut goes_with = vec![GoesWith {
         quantity: "offset",
         share_percent: of_mean,
-        effects: &["creep", "thermal-drift", "backlash"],
+        effects: &[EffectId::Creep, EffectId::ThermalDrift, EffectId::Backlash],
     }];
     for (quantity, effects, value) in &quantities {
         goes_with.push(GoesWith {

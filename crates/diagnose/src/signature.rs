@@ -3,8 +3,8 @@
 use crate::comparison::Comparison;
 use crate::diagnosis::Diagnosis;
 use hysteron_data::{Dataset, Record};
-use hysteron_identify::effects::UserEffect;
-use hysteron_identify::{Model, period};
+use hysteron_identify::effects::{Effect as _, UserEffect};
+use hysteron_identify::{EffectName, Model, period};
 use serde::{Deserialize, Serialize};
 
 /// Candidates that are shown where fewer count.
@@ -16,7 +16,7 @@ const AT_MOST: usize = 5;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Signature {
     /// Its name in the ranking.
-    pub effect: String,
+    pub effect: EffectName,
     /// The record where it takes most of the squared error.
     pub file: String,
     /// Time, seconds.
@@ -80,19 +80,25 @@ pub fn signatures(
             let share = |part: f64| progress((done as f64 + part) / shown as f64, name);
             share(0.0);
             let adding = |part: f64| share(0.8 * part);
-            let added = match own.iter().find(|effect| effect.name() == name) {
+            let named = EffectName::of(name);
+            let added = match own.iter().find(|effect| effect.name() == named) {
                 Some(effect) => crate::add_own(dataset, model, *effect, &adding),
-                None => crate::add(dataset, model, name, &adding),
+                None => crate::add(dataset, model, named.id()?, &adding),
             };
             let with = added.ok()?.model;
             let after = crate::compare(dataset, &with, &|part| share(0.8 + 0.2 * part));
-            signature(dataset, &with, [comparison, &after], name)
+            signature(dataset, &with, [comparison, &after], &named)
         })
         .collect()
 }
 
 /// The trace of an effect in the comparisons before it was added and after.
-fn signature(dataset: &Dataset, with: &Model, [before, after]: [&Comparison; 2], effect: &str) -> Option<Signature> {
+fn signature(
+    dataset: &Dataset,
+    with: &Model,
+    [before, after]: [&Comparison; 2],
+    effect: &EffectName,
+) -> Option<Signature> {
     let pairs = before.records.iter().zip(&after.records);
     let traces = dataset
         .records
@@ -115,7 +121,7 @@ fn signature(dataset: &Dataset, with: &Model, [before, after]: [&Comparison; 2],
     let parameters = with
         .effects
         .iter()
-        .find(|fitted| fitted.name == effect)?
+        .find(|fitted| fitted.name == *effect)?
         .parameters
         .iter();
     let parameters = parameters.map(|p| Fitted {
@@ -129,7 +135,7 @@ fn signature(dataset: &Dataset, with: &Model, [before, after]: [&Comparison; 2],
     let time_s = (first..first + len).map(|k| record.start_s + k as f64 * record.period_s);
     let part = |own: Vec<f64>| own[first..first + len].to_vec();
     Some(Signature {
-        effect: effect.to_owned(),
+        effect: effect.clone(),
         file: record.file.clone(),
         time_s: time_s.collect(),
         without: part(without),

@@ -6,7 +6,7 @@ mod records;
 use hysteron_data::{Dataset, Role};
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_diagnose::{diagnose, learn};
-use hysteron_identify::{Family, FitOptions, fit};
+use hysteron_identify::{EffectId, Family, FitOptions, fit};
 use hysteron_plant::Stage;
 use records::{drive, record, term};
 
@@ -61,7 +61,7 @@ fn val_a_drift_that_all_records_share_is_named_and_learned() {
         .model
         .effects
         .iter()
-        .find(|e| e.name == "thermal-drift")
+        .find(|e| e.name == EffectId::ThermalDrift)
         .unwrap();
     let shift = effect.parameters.iter().find(|p| p.name == "shift").unwrap();
     assert!((shift.value / 3600.0 - 1.0).abs() < 0.03, "{effect:#?}");

@@ -5,7 +5,7 @@ mod records;
 
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_diagnose::{Learned, Stop, ladder, learn, learn_from};
-use hysteron_identify::{Change, Family, FitOptions, add_effect, fit};
+use hysteron_identify::{Change, EffectId, Family, FitOptions, add_effect, fit};
 use hysteron_plant::hysteresis::MaxwellSlip;
 use hysteron_plant::{CrossCoupling, Stage, StageConfig};
 use records::{drive, hysteresis, record};
@@ -109,7 +109,7 @@ fn val_an_effect_that_a_later_one_makes_superfluous_is_taken_out() {
     });
     let start = fit(&dataset, &FitOptions::new(Family::Mpi), &|_| ()).unwrap().model;
     // Hum at 50 Hz takes up a part of what comes from the other axis, until that is there itself.
-    let hum = add_effect(&dataset, &start, "mains-hum", &|_| ()).unwrap().model;
+    let hum = add_effect(&dataset, &start, EffectId::MainsHum, &|_| ()).unwrap().model;
     let learned = learn_from(&dataset, hum, &|_, _| {});
     assert_eq!(
         effects(&learned)[0],
@@ -119,7 +119,9 @@ fn val_an_effect_that_a_later_one_makes_superfluous_is_taken_out() {
         learned.stop
     );
     assert!(!effects(&learned).contains(&"mains-hum"), "{:#?}", learned.attempts);
-    let removed = |step: &hysteron_identify::Step| step.change == Change::Removed && step.what == "mains-hum";
+    let removed = |step: &hysteron_identify::Step| {
+        step.change == Change::Removed && step.what.effect().is_some_and(|name| *name == EffectId::MainsHum)
+    };
     assert!(learned.model.history.iter().any(removed));
 }
 

@@ -2,10 +2,8 @@
 
 use crate::chain_trace::Trace;
 use crate::columns::{Design, fill, output};
-use crate::effects::rate_dependence::NARROW;
-use crate::effects::{Acts, Effect, Signals};
-use crate::family::Family;
-use crate::initial::InitialState;
+use crate::effects::{Acts, Effect, EffectName, Signals};
+use crate::start_state::InitialState;
 use hysteron_core::envelope::Envelope;
 use hysteron_core::play;
 use std::sync::Arc;
@@ -17,14 +15,26 @@ pub(crate) struct Link {
     pub values: Vec<f64>,
 }
 
+impl Link {
+    /// Whether it is the effect of this name; what a family has of its own is none.
+    pub(crate) fn is(&self, name: &EffectName) -> bool {
+        !self.is_of_family() && self.effect.name() == *name
+    }
+
+    /// Whether it is a part of the hysteresis' family that is fitted with the effects.
+    pub(crate) fn is_of_family(&self) -> bool {
+        self.effect.outside_family().is_some()
+    }
+}
+
 /// A hysteresis and effects around it, everything but the coefficients that are linear.
 #[derive(Clone)]
 pub(crate) struct Chain {
     pub design: Design,
     /// In the order of [`crate::effects::Place`].
     pub links: Vec<Link>,
-    /// Plays narrower than this, volts, do not take part in a rate dependence that is an effect.
-    pub narrow_v: f64,
+    /// Span of the voltages, volts.
+    pub span_v: f64,
 }
 
 /// The hysteresis' part of an answer, on the whole grid.
@@ -42,16 +52,7 @@ pub(crate) struct Tangent {
 impl Chain {
     pub(crate) fn new(design: Design, mut links: Vec<Link>, span_v: f64) -> Self {
         links.sort_by_key(|link| link.effect.description().place);
-        let narrow_v = match design.family {
-            // All of the family's own plays do.
-            Family::Mrpi => 0.0,
-            _ => NARROW * span_v,
-        };
-        Self {
-            design,
-            links,
-            narrow_v,
-        }
+        Self { design, links, span_v }
     }
 
     /// Whether signals are moved in time.
@@ -79,12 +80,12 @@ impl Chain {
         let thresholds = &self.design.thresholds;
         let first = stack_v.first().copied().unwrap_or(0.0);
         let before = trace.initial.before(&stack_v[..trace.run_in.max(1).min(stack_v.len())]);
-        let of_link = self.links.iter().find_map(|link| link.effect.envelope(&link.values));
-        let wide = match of_link {
-            Some(_) => thresholds.partition_point(|&r| r < self.narrow_v),
-            None => 0,
-        };
-        let envelope = of_link.unwrap_or(self.design.envelope);
+        let of_link = self.links.iter().find_map(|link| {
+            let envelope = link.effect.envelope(&link.values)?;
+            Some((envelope, link.effect.narrow_share() * self.span_v))
+        });
+        let (envelope, narrow_v) = of_link.unwrap_or((self.design.envelope, 0.0));
+        let wide = thresholds.partition_point(|&r| r < narrow_v);
         let still = Envelope {
             alpha_s: 0.0,
             beta_s: 0.0,

@@ -6,19 +6,19 @@ use crate::chain_fit::{Fitted, Problem, prepare};
 use crate::chain_start::best_of_starts;
 use crate::chain_trace::Trace;
 use crate::columns::Design;
-use crate::effects::rate_dependence::{OfFamily, RateDependence};
-use crate::effects::{self, Bounds, Effect, Facts, Named, Shape, UserEffect};
+use crate::effects::{Bounds, Effect, EffectId, EffectName, Facts, Named, OfFamily, Shape, UserEffect};
 use crate::error::IdentifyError;
 use crate::family::{Direction, Family, range};
 use crate::history::{self, record_errors};
-use crate::initial::{self, InitialState};
-use crate::model::{Change, FittedEffect, FittedRecord, Model, Parameter, Step};
+use crate::initial;
+use crate::model::{Change, FittedEffect, FittedRecord, Model, Parameter, Step, StepSubject};
 use crate::normal::Normal;
 use crate::objective::runs;
 use crate::placement::{Placement, thresholds};
 use crate::separable;
+use crate::start_state::InitialState;
 use hysteron_core::envelope::Envelope;
-use hysteron_data::{Dataset, Role};
+use hysteron_data::{Dataset, Record, Role};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -45,7 +45,7 @@ const FINAL_ROWS: usize = 250_000;
 /// Deterministic: starts from the effect's own list, follows the best of them.
 ///
 /// # Errors
-/// - A name that is not in the catalogue; an effect that the model has already, or that these records cannot show.
+/// - An effect that the model has already, or that these records cannot show.
 /// - A model of direction inverse, no record to identify.
 ///
 /// # Cost
@@ -53,14 +53,10 @@ const FINAL_ROWS: usize = 250_000;
 pub fn add_effect(
     dataset: &Dataset,
     model: &Model,
-    name: &str,
+    effect: EffectId,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Added, IdentifyError> {
-    let effect = effects::find(name).ok_or_else(|| IdentifyError::NoSuchEffect {
-        name: name.to_owned(),
-        known: effects::names().join(", "),
-    })?;
-    add(dataset, model, &effect, progress)
+    add(dataset, model, &effect.effect(), progress)
 }
 
 /// Adds an effect of the user's own, as [`add_effect`] does one of the catalogue; the new model keeps its definition.
@@ -76,15 +72,35 @@ pub fn add_own_effect(
     add(dataset, model, &effect.effect(), progress)
 }
 
+/// Refuses a dataset that lacks a column which the equations of an effect file need.
+///
+/// # Errors
+/// - `temperature` without a temperature in every record that is fitted.
+/// - `v2` where the other axis stands still in all of them.
+pub fn check_own_effect(effect: UserEffect, dataset: &Dataset) -> Result<(), IdentifyError> {
+    let records = || dataset.with_role(Role::Identify);
+    let moves = |record: &Record| {
+        let axis = record.voltage2_v.as_deref();
+        axis.is_some_and(|axis| axis.iter().any(|v| *v != axis[0]))
+    };
+    let with_temperature = records().all(|record| record.temperature_c.is_some());
+    effect
+        .needs(with_temperature, records().any(moves))
+        .map_err(|reason| IdentifyError::EffectRefused {
+            effect: effect.name(),
+            reason,
+        })
+}
+
 fn add(
     dataset: &Dataset,
     model: &Model,
     effect: &Arc<dyn Effect>,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Added, IdentifyError> {
-    let name = effect.description().name;
+    let name = effect.name();
     let refuse = |reason: String| IdentifyError::EffectRefused {
-        effect: name.to_owned(),
+        effect: name.clone(),
         reason,
     };
     if model.direction == Direction::Inverse {
@@ -97,7 +113,7 @@ fn add(
     }
     let facts = facts(dataset, model.family);
     let plan = plan(dataset, model, effect, &facts).map_err(refuse)?;
-    Ok(carry_out(dataset, model, &plan, Change::Added, name, progress))
+    Ok(carry_out(dataset, model, &plan, Change::Added, &name, progress))
 }
 
 /// Takes an effect out of a model again and fits all other parameters anew to the records with role `identify`.
@@ -108,20 +124,18 @@ fn add(
 pub fn remove_effect(
     dataset: &Dataset,
     model: &Model,
-    name: &str,
+    name: &EffectName,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Added, IdentifyError> {
-    if !model.effects.iter().any(|fitted| fitted.name == name) {
-        return Err(IdentifyError::EffectNotThere {
-            effect: name.to_owned(),
-        });
+    if !model.effects.iter().any(|fitted| fitted.name == *name) {
+        return Err(IdentifyError::EffectNotThere { effect: name.clone() });
     }
     if dataset.with_role(Role::Identify).next().is_none() {
         return Err(IdentifyError::NothingToFit);
     }
     let facts = facts(dataset, model.family);
     let mut chain = all_of(model, Vec::new());
-    chain.links.retain(|link| link.effect.description().name != name);
+    chain.links.retain(|link| !link.is(name));
     let plan = Plan {
         bounds: bounds(&chain, &facts),
         chain,
@@ -137,13 +151,13 @@ fn carry_out(
     model: &Model,
     plan: &Plan,
     change: Change,
-    name: &str,
+    name: &EffectName,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Added {
     let before = history::present_step(dataset, model);
     progress(0.05);
     let mut new = search(dataset, model, plan, progress);
-    let after = history::step(change, name.to_owned(), record_errors(dataset, &new));
+    let after = history::step(change, StepSubject::Effect(name.clone()), record_errors(dataset, &new));
     if new.history.is_empty() {
         new.history.push(before.clone());
     }
@@ -167,7 +181,7 @@ struct Plan {
 }
 
 fn plan(dataset: &Dataset, model: &Model, effect: &Arc<dyn Effect>, facts: &Facts) -> Result<Plan, String> {
-    let name = effect.description().name;
+    let name = effect.name();
     let there = model.effects.iter().any(|fitted| fitted.name == name);
     let shape = Shape {
         family: model.family,
@@ -196,8 +210,7 @@ fn plan(dataset: &Dataset, model: &Model, effect: &Arc<dyn Effect>, facts: &Fact
         };
         chain = all_of(model, vec![link]);
     }
-    let position = |link: &Link| link.effect.description().name == name;
-    let link = chain.links.iter().position(position);
+    let link = chain.links.iter().position(|link| link.is(&name));
     let family = chain.design.family;
     let facts = &Facts { family, ..*facts };
     let mut bounds = bounds(&chain, facts);
@@ -239,15 +252,13 @@ fn in_family(chain: Chain, family: Family, span_v: f64) -> Chain {
     } = chain;
     design.family = family;
     if family != Family::Mrpi {
-        for link in links.iter_mut().filter(|link| is_of_family(link)) {
-            link.effect = Arc::new(RateDependence);
+        for link in &mut links {
+            if let Some(effect) = link.effect.outside_family() {
+                link.effect = effect;
+            }
         }
     }
     Chain::new(design, links, span_v)
-}
-
-fn is_of_family(link: &Link) -> bool {
-    link.effect.description().name == OfFamily.description().name
 }
 
 /// Bounds of every link's parameters.
@@ -460,10 +471,10 @@ fn assemble(
     let links = || best.chain.links.iter().zip(&of_links);
     let heat_is_known = problem.traces.iter().all(|trace| trace.record.temperature_c.is_some());
     new.effects = links()
-        .filter(|(link, _)| !is_of_family(link))
+        .filter(|(link, _)| !link.is_of_family())
         .map(|(link, errors)| fitted_effect(link, errors, heat_is_known))
         .collect();
-    let of_family = links().find(|(link, _)| is_of_family(link));
+    let of_family = links().find(|(link, _)| link.is_of_family());
     new.envelope = of_family.and_then(|(link, _)| link.effect.envelope(&link.values));
     new.envelope_errors = of_family.and_then(|(_, errors)| Some([(*errors.first()?)?, (*errors.get(1)?)?]));
     (new.input_min, new.input_max) = range(problem.traces.iter().flat_map(|t| t.record.voltage_v.iter().copied()));
@@ -495,7 +506,7 @@ fn fitted_effect(link: &Link, errors: &[Option<f64>], heat_is_known: bool) -> Fi
         }
     };
     FittedEffect {
-        name: description.name.to_owned(),
+        name: link.effect.name(),
         parameters: description
             .parameters
             .iter()

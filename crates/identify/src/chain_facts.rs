@@ -1,8 +1,7 @@
 //! What the effects may know of a dataset before they are fitted.
 
 use crate::chain_trace::Trace;
-use crate::effects::Facts;
-use crate::effects::thermal_drift::rest;
+use crate::effects::{Facts, rest};
 use crate::family::{Family, peak_to_peak, range};
 use crate::initial;
 use hysteron_data::{Dataset, Record, Role};

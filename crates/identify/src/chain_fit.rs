@@ -4,9 +4,10 @@
 use crate::chain::{Chain, Stroke};
 use crate::chain_trace::Trace;
 use crate::effects::Bounds;
-use crate::initial::{self, InitialState};
+use crate::initial;
 use crate::model::Simulation;
 use crate::normal::Normal;
+use crate::start_state::InitialState;
 use crate::uncertainty::inflated_variance;
 use hysteron_data::Record;
 use nalgebra::{DMatrix, DVector};

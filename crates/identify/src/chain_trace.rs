@@ -1,7 +1,8 @@
 //! A record made ready for a chain of effects: a period of run-in, and a grid fine enough for its drive.
 
 use crate::grid::{drive, refinement, slow};
-use crate::initial::{InitialState, rested};
+use crate::initial::rested;
+use crate::start_state::InitialState;
 use hysteron_data::Record;
 
 /// A record as a chain sees it.

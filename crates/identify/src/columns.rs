@@ -1,7 +1,7 @@
 //! The columns of a model that is linear in its coefficients: what each sample of a record contributes.
 
 use crate::family::Family;
-use crate::initial::InitialState;
+use crate::start_state::InitialState;
 use hysteron_core::envelope::Envelope;
 use hysteron_core::{mpi, pi_model, play, play_polynomial, wrpi};
 

@@ -142,7 +142,7 @@ mod tests {
     use super::*;
     use crate::family::Direction;
     use crate::fit::{FitOptions, fit};
-    use crate::initial::InitialState;
+    use crate::start_state::InitialState;
     use hysteron_data::{Dataset, Record, Role};
     use std::f64::consts::TAU;
 
@@ -217,7 +217,9 @@ mod tests {
     fn refuse_to_leave_effects_out() {
         let dataset = dataset();
         let model = fit(&dataset, &FitOptions::new(Family::Mpi), &|_| ()).unwrap().model;
-        let delayed = crate::add_effect(&dataset, &model, "delay", &|_| ()).unwrap().model;
+        let delayed = crate::add_effect(&dataset, &model, crate::EffectId::Delay, &|_| ())
+            .unwrap()
+            .model;
         let refused = delayed.to_core::<f64, 10>(0.0, 26.0, 50e3).unwrap_err().to_string();
         assert!(refused.contains("the model has delay around it"), "{refused}");
 
@@ -227,7 +229,9 @@ mod tests {
         let record = delayed.simulate(&dataset.records[0]);
         assert_eq!(record.initial, start);
         assert_eq!(with, record.output);
-        let hummed = crate::add_effect(&dataset, &model, "mains-hum", &|_| ()).unwrap().model;
+        let hummed = crate::add_effect(&dataset, &model, crate::EffectId::MainsHum, &|_| ())
+            .unwrap()
+            .model;
         let refused = hummed.simulate_input(input, 20e-6, start).unwrap_err().to_string();
         assert!(refused.contains("`mains-hum` needs more than a voltage"), "{refused}");
     }

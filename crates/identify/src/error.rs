@@ -1,5 +1,7 @@
 //! What can go wrong when a model is fitted, read or run.
 
+use hysteron_effects::{EffectError, EffectName, UnknownEffect};
+
 /// An error of identification.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
@@ -36,19 +38,14 @@ pub enum IdentifyError {
         /// The family.
         family: &'static str,
     },
-    /// An effect that is not in the catalogue.
-    #[error("there is no effect `{name}`; the catalogue has {known}; an effect file of your own ends with .toml")]
-    NoSuchEffect {
-        /// What was asked for.
-        name: String,
-        /// What there is.
-        known: String,
-    },
+    /// An effect that is not in the catalogue, or an effect file that is refused.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
     /// An effect that these records or this model cannot have.
     #[error("cannot add `{effect}`: {reason}")]
     EffectRefused {
         /// The effect.
-        effect: String,
+        effect: EffectName,
         /// Why, and what to do.
         reason: String,
     },
@@ -58,7 +55,7 @@ pub enum IdentifyError {
     )]
     EffectNotThere {
         /// The effect.
-        effect: String,
+        effect: EffectName,
     },
     /// A model with effects where the hysteresis alone can run.
     #[error(
@@ -73,7 +70,7 @@ pub enum IdentifyError {
     #[error("`{effect}` needs more than a voltage (other columns, or phases of a record); simulate a whole record")]
     EffectNeedsRecord {
         /// The effect.
-        effect: String,
+        effect: EffectName,
     },
     /// A model with another number of plays than the table it is to fill.
     #[error("the model has {plays} plays, the control table has {wanted}; fit with --plays {wanted}")]
@@ -100,14 +97,6 @@ pub enum IdentifyError {
         /// What is wrong, with line and what is allowed.
         reason: String,
     },
-    /// An effect file that is refused.
-    #[error("{file}: {reason}")]
-    EffectFile {
-        /// The file.
-        file: String,
-        /// What is wrong, with line or field, and what is allowed.
-        reason: String,
-    },
     /// A model file that cannot be opened or written.
     #[error("{file}: {source}")]
     Io {
@@ -116,4 +105,10 @@ pub enum IdentifyError {
         /// What the system said.
         source: std::io::Error,
     },
+}
+
+impl From<UnknownEffect> for IdentifyError {
+    fn from(unknown: UnknownEffect) -> Self {
+        Self::Effect(unknown.into())
+    }
 }

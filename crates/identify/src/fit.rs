@@ -2,29 +2,16 @@
 
 use crate::columns::{Design, Run};
 use crate::error::IdentifyError;
-use crate::family::{Direction, Family, peak_to_peak, range};
-use crate::initial::{self, InitialState};
-use crate::model::{FittedOn, FittedRecord, Model};
+use crate::family::{Direction, Family, MAX_PLAYS, peak_to_peak, range};
+use crate::initial;
+use crate::model::{FittedOn, FittedRecord, Method, Model};
 use crate::objective::{Weighting, runs};
 use crate::placement::{Placement, thresholds};
 use crate::separable::{self, Solved};
+use crate::start_state::InitialState;
 use crate::{mpso, uncertainty};
 use hysteron_core::envelope::Envelope;
 use hysteron_data::{Dataset, Role};
-use serde::{Deserialize, Serialize};
-
-/// The largest number of play operators.
-pub const MAX_PLAYS: usize = 64;
-
-/// How parameters are searched.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    /// Separable least squares: weights in closed form, outer search over alpha and beta. Deterministic.
-    Separable,
-    /// The paper's modified particle swarm over all parameters.
-    Mpso,
-}
 
 /// What to fit and how.
 #[derive(Debug, Clone, Copy)]

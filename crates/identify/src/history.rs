@@ -1,7 +1,7 @@
 //! How a model came about: the error on every record, before and after each step.
 
 use crate::family::peak_to_peak;
-use crate::model::{Change, Model, RecordError, Step};
+use crate::model::{Change, Model, RecordError, Step, StepSubject};
 use crate::period;
 use hysteron_data::{Dataset, Role};
 use rayon::prelude::*;
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 /// The step at which a model stands, with its errors on this dataset.
 pub fn present_step(dataset: &Dataset, model: &Model) -> Step {
     let (change, what) = model.history.last().map_or_else(
-        || (Change::Fitted, model.family.name().to_owned()),
+        || (Change::Fitted, StepSubject::Family(model.family)),
         |step| (step.change, step.what.clone()),
     );
     step(change, what, record_errors(dataset, model))
@@ -50,7 +50,7 @@ fn scatter(series: &[f64]) -> f64 {
 }
 
 /// A step of a history from its records' errors, pooled as root mean square over the records that move.
-pub(crate) fn step(change: Change, what: String, records: Vec<RecordError>) -> Step {
+pub(crate) fn step(change: Change, what: StepSubject, records: Vec<RecordError>) -> Step {
     let pool = |role: Role| {
         let squares: Vec<f64> = records
             .iter()

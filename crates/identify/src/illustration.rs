@@ -9,8 +9,8 @@ use crate::chain_trace::Trace;
 use crate::columns::Design;
 use crate::effects::{Bounds, Effect, Facts, Scene, Shape};
 use crate::family::{Family, peak_to_peak};
-use crate::initial::InitialState;
 use crate::placement::{Placement, thresholds};
+use crate::start_state::InitialState;
 use hysteron_core::envelope::Envelope;
 use hysteron_data::{Dataset, Record, Role};
 use std::f64::consts::TAU;
@@ -63,7 +63,7 @@ const PLAYS: [(f64, f64); 6] = [
 ///
 /// # Example
 /// ```
-/// let delay = hysteron_identify::effects::find("delay").ok_or("no delay")?;
+/// let delay = hysteron_identify::EffectId::Delay.effect();
 /// let shown = hysteron_identify::illustration::illustrate(&delay)?;
 /// assert!((1.0..9.0).contains(&shown.differs_percent));
 /// # Ok::<(), String>(())

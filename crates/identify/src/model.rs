@@ -1,20 +1,24 @@
-//! A fitted model: parameters with standard errors, what it was fitted on, free simulation.
+//! A fitted model as data: parameters with standard errors, what it was fitted on, how it came about.
 
-use crate::chain::{Chain, Link};
-use crate::chain_fit;
-use crate::chain_trace::Trace;
-use crate::columns::{Design, Run};
-use crate::effects::{self, Effect, EffectFile, UserEffect};
-use crate::error::IdentifyError;
-use crate::family::{Direction, Family};
-use crate::fit::Method;
-use crate::initial::{self, InitialState};
-use crate::objective::{Weighting, run_of};
+use crate::effects::{Effect, EffectFile, EffectName, Family, UserEffect};
+use crate::family::Direction;
+use crate::objective::Weighting;
 use crate::placement::Placement;
+use crate::start_state::InitialState;
 use hysteron_core::envelope::Envelope;
-use hysteron_data::{Record, Role};
-use serde::{Deserialize, Serialize};
+use hysteron_data::Role;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::sync::Arc;
+
+/// How parameters are searched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Separable least squares: weights in closed form, outer search over alpha and beta. Deterministic.
+    Separable,
+    /// The paper's modified particle swarm over all parameters.
+    Mpso,
+}
 
 /// A fitted hysteresis model.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,6 +49,15 @@ pub struct Model {
     pub fitted_on: FittedOn,
     /// What the user should know of the fit.
     pub notices: Vec<String>,
+}
+
+/// A record simulated freely.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simulation {
+    /// Modelled output, the model's output unit.
+    pub output: Vec<f64>,
+    /// The state the record's start was taken in.
+    pub initial: InitialState,
 }
 
 /// What a model was fitted on, and how.
@@ -95,7 +108,7 @@ pub struct FittedRecord {
 #[serde(deny_unknown_fields)]
 pub struct FittedEffect {
     /// Name in the catalogue, or in the effect file.
-    pub name: String,
+    pub name: EffectName,
     /// Its parameters, in the order of the catalogue or the effect file.
     #[serde(rename = "parameter")]
     pub parameters: Vec<Parameter>,
@@ -109,7 +122,7 @@ impl FittedEffect {
     pub fn effect(&self) -> Option<Arc<dyn Effect>> {
         match &self.definition {
             Some(file) => Some(UserEffect::of(file).ok()?.effect()),
-            None => effects::find(&self.name),
+            None => self.name.id().map(|id| id.effect()),
         }
     }
 
@@ -131,6 +144,54 @@ pub enum Change {
     Removed,
 }
 
+/// What a step was about.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum StepSubject {
+    /// A hysteresis family that was fitted.
+    Family(Family),
+    /// An effect that was added or removed.
+    Effect(EffectName),
+}
+
+impl StepSubject {
+    /// The name as it stands in files.
+    pub fn as_str(&self) -> &str {
+        match self {
+            Self::Family(family) => family.name(),
+            Self::Effect(name) => name.as_str(),
+        }
+    }
+
+    /// The effect; `None` where a family was fitted.
+    pub fn effect(&self) -> Option<&EffectName> {
+        match self {
+            Self::Family(_) => None,
+            Self::Effect(name) => Some(name),
+        }
+    }
+}
+
+impl std::fmt::Display for StepSubject {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(self.as_str())
+    }
+}
+
+impl Serialize for StepSubject {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.as_str())
+    }
+}
+
+impl<'de> Deserialize<'de> for StepSubject {
+    /// No effect has the name of a family.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        let family = Family::ALL.into_iter().find(|family| family.name() == name);
+        Ok(family.map_or_else(|| Self::Effect(EffectName::of(&name)), Self::Family))
+    }
+}
+
 /// One step of a model's history: what was fitted, added or removed, and the errors it left.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -138,7 +199,7 @@ pub struct Step {
     /// What was done.
     pub change: Change,
     /// The effect; the hysteresis family where one was fitted.
-    pub what: String,
+    pub what: StepSubject,
     /// Pooled error (eq. 19) on the records it was fitted to, percent of peak to peak.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub identify_percent: Option<f64>,
@@ -187,151 +248,7 @@ pub struct Parameter {
     pub standard_error: Option<f64>,
 }
 
-/// A record simulated freely.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Simulation {
-    /// Modelled output, the model's output unit.
-    pub output: Vec<f64>,
-    /// The state the record's start was taken in.
-    pub initial: InitialState,
-}
-
 impl Model {
-    /// Runs the model freely over a record (never one step ahead: the measured output is used for nothing but the state
-    /// before the first sample, one number, chosen where the drive does not give it).
-    ///
-    /// # Cost
-    /// O(samples x plays); a record that does not start periodically costs about 25 runs more for its initial state.
-    pub fn simulate(&self, record: &Record) -> Simulation {
-        if let Some(chain) = self.chain() {
-            return chain_fit::simulate(&chain, &self.coefficients, record);
-        }
-        let mut run = run_of(record, self.direction, None);
-        let design = self.design();
-        run.initial = initial::choose(&design, &self.coefficients, &run);
-        self.simulate_from(&design, &run)
-    }
-
-    /// As [`Self::simulate`] of a record that is known to begin at rest at the low end of its drive.
-    pub(crate) fn simulate_from_rest(&self, record: &Record) -> Vec<f64> {
-        let rest = InitialState::Remanent { fraction: 0.0 };
-        if let Some(chain) = self.chain() {
-            return chain_fit::simulate_from(&chain, &self.coefficients, record, rest);
-        }
-        let mut run = run_of(record, self.direction, None);
-        run.initial = rest;
-        self.simulate_from(&self.design(), &run).output
-    }
-
-    /// The mains hum of the model in a record, micrometres, its phases as the record has them; `None` where the model has none.
-    ///
-    /// # Cost
-    /// As [`Self::simulate`].
-    pub fn hum_um(&self, record: &Record) -> Option<Vec<f64>> {
-        let chain = self.chain()?;
-        let is_hum = |link: &Link| link.effect.description().name == "mains-hum";
-        let hum = chain.links.iter().position(is_hum)?;
-        let guess = initial::guess(&record.voltage_v, &record.position_um);
-        let trace = chain_fit::prepare(&chain, &self.coefficients, record, guess);
-        Some(chain.addition(&trace, hum))
-    }
-
-    /// Runs the model over an input alone, from a given state, with the effects around the hysteresis.
-    ///
-    /// # Errors
-    /// An effect that an input alone does not determine: heat, another axis, the mains' phases.
-    pub fn simulate_input(
-        &self,
-        input: &[f64],
-        period_s: f64,
-        initial: InitialState,
-    ) -> Result<Vec<f64>, IdentifyError> {
-        if let Some(chain) = self.chain() {
-            return self.simulate_voltage(&chain, input, period_s, initial);
-        }
-        let run = Run {
-            input,
-            output: &[],
-            period_s,
-            initial,
-            weight: 1.0,
-            fit_from: 0,
-        };
-        Ok(self.simulate_from(&self.design(), &run).output)
-    }
-
-    fn simulate_voltage(
-        &self,
-        chain: &Chain,
-        voltage_v: &[f64],
-        period_s: f64,
-        initial: InitialState,
-    ) -> Result<Vec<f64>, IdentifyError> {
-        let beyond = |link: &&Link| link.effect.needs_columns();
-        if let Some(link) = chain.links.iter().find(beyond) {
-            return Err(IdentifyError::EffectNeedsRecord {
-                effect: link.effect.description().name.to_owned(),
-            });
-        }
-        let record = Record {
-            file: String::new(),
-            role: Role::Validate,
-            excitation: String::new(),
-            start_s: 0.0,
-            period_s,
-            voltage_v: voltage_v.to_vec(),
-            position_um: vec![0.0; voltage_v.len()],
-            reference_um: None,
-            temperature_c: None,
-            voltage2_v: None,
-        };
-        Ok(chain.respond(&self.coefficients, &Trace::new(&record, initial, chain.dynamic())))
-    }
-
-    fn simulate_from(&self, design: &Design, run: &Run<'_>) -> Simulation {
-        let mut output = Vec::with_capacity(run.input.len());
-        design.simulate(&self.coefficients, run, |_, modelled| output.push(modelled));
-        Simulation {
-            output,
-            initial: run.initial,
-        }
-    }
-
-    /// The chain of a model that has effects.
-    pub(crate) fn chain(&self) -> Option<Chain> {
-        if self.effects.is_empty() {
-            return None;
-        }
-        Some(self.chain_with(Vec::new()))
-    }
-
-    /// Whether an effect moves signals in time: then records are run on the grid of [`crate::grid::refinement`].
-    pub fn is_dynamic(&self) -> bool {
-        self.chain_with(Vec::new()).dynamic()
-    }
-
-    /// The model's chain, with further links.
-    pub(crate) fn chain_with(&self, mut links: Vec<Link>) -> Chain {
-        links.extend(self.effects.iter().filter_map(|fitted| {
-            Some(Link {
-                effect: fitted.effect()?,
-                values: fitted.parameters.iter().map(|parameter| parameter.value).collect(),
-            })
-        }));
-        Chain::new(self.design(), links, self.input_max - self.input_min)
-    }
-
-    pub(crate) fn design(&self) -> Design {
-        Design {
-            family: self.family,
-            thresholds: self.thresholds.clone(),
-            envelope: self.envelope.unwrap_or(Envelope {
-                alpha_s: 0.0,
-                beta_s: 0.0,
-            }),
-        }
-    }
-
     /// Name and unit of each coefficient, in order.
     fn names(&self) -> Vec<(String, String)> {
         let (input, output) = (self.direction.input_unit(), self.direction.output_unit());

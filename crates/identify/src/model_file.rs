@@ -1,6 +1,6 @@
 //! `model.toml`: readable, complete, and back bit for bit.
 
-use crate::effects::{self, UserEffect};
+use crate::effects::{self, EffectId, UserEffect};
 use crate::error::IdentifyError;
 use crate::family::{Direction, Family};
 use crate::model::{FittedEffect, FittedOn, Model, Parameter, Step};
@@ -219,16 +219,16 @@ fn check_effects(found: &[FittedEffect], direction: Direction) -> Result<(), Str
     for (i, fitted) in found.iter().enumerate() {
         let name = &fitted.name;
         let effect = match &fitted.definition {
-            Some(file) if file.name != *name => {
+            Some(file) if file.name != name.as_str() => {
                 return Err(format!("effect `{name}` has the definition of `{}`", file.name));
             }
             Some(file) => UserEffect::of(file)
                 .map_err(|reason| format!("definition of the effect `{name}`: {reason}"))?
                 .effect(),
-            None => effects::find(name).ok_or_else(|| {
+            None => name.id().map(EffectId::effect).ok_or_else(|| {
                 format!(
                     "effect `{name}` has no definition here and is not in the catalogue: {}",
-                    effects::names().join(", ")
+                    EffectId::names().join(", ")
                 )
             })?,
         };
@@ -257,11 +257,11 @@ fn check_effects(found: &[FittedEffect], direction: Direction) -> Result<(), Str
 }
 
 fn check_thresholds(thresholds: &[f64]) -> Result<(), String> {
-    if thresholds.is_empty() || thresholds.len() > crate::fit::MAX_PLAYS {
+    if thresholds.is_empty() || thresholds.len() > crate::family::MAX_PLAYS {
         return Err(format!(
             "{} thresholds; allowed are 1 to {}",
             thresholds.len(),
-            crate::fit::MAX_PLAYS
+            crate::family::MAX_PLAYS
         ));
     }
     let mut before = None;

@@ -5,6 +5,7 @@ use crate::family::{Direction, peak_to_peak};
 use crate::initial;
 use crate::loop_opening::{opening_percent, weights};
 use crate::period;
+use crate::start_state::InitialState;
 use hysteron_data::{Dataset, Record, Role};
 use serde::{Deserialize, Serialize};
 
@@ -50,7 +51,7 @@ pub(crate) fn runs<'a>(dataset: &'a Dataset, direction: Direction, weighting: We
 }
 
 /// One record as a run of weight 1, with a guessed initial state unless one is given.
-pub(crate) fn run_of(record: &Record, direction: Direction, initial: Option<initial::InitialState>) -> Run<'_> {
+pub(crate) fn run_of(record: &Record, direction: Direction, initial: Option<InitialState>) -> Run<'_> {
     let (input, output) = (direction.input(record), direction.output(record));
     // The voltage is the noise-free command in both directions: it decides whether the record is periodic.
     let initial = initial.unwrap_or_else(|| initial::guess(&record.voltage_v, &record.position_um));

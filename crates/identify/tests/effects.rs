@@ -4,7 +4,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up its stage fails")]
 
 use hysteron_data::{Dataset, Record, Role};
-use hysteron_identify::{Added, Family, FitOptions, Model, add_effect, effects, fit};
+use hysteron_identify::{Added, EffectId, Family, FitOptions, Model, add_effect, effects, fit};
 use hysteron_plant::excitation::{Excitation, Multisine, Sine, with_rise};
 use hysteron_plant::hysteresis::{MaxwellSlip, SigmoidPlays};
 use hysteron_plant::{
@@ -135,7 +135,7 @@ fn validation_percent(dataset: &Dataset, model: &Model) -> f64 {
 }
 
 /// Adds an effect to the stage and to the model; checks the error against the stage without the effect.
-fn added(name: &str, with: impl Fn(&mut StageConfig)) -> Added {
+fn added(name: EffectId, with: impl Fn(&mut StageConfig)) -> Added {
     added_to(&stage(), &FitOptions::new(Family::Pi), name, &[], with)
 }
 
@@ -144,7 +144,7 @@ fn added(name: &str, with: impl Fn(&mut StageConfig)) -> Added {
 fn added_to(
     stage: &StageConfig,
     options: &FitOptions,
-    name: &str,
+    name: EffectId,
     truth: &[f64],
     with: impl Fn(&mut StageConfig),
 ) -> Added {
@@ -175,7 +175,7 @@ fn added_to(
     added
 }
 
-fn value(added: &Added, effect: &str, parameter: &str) -> f64 {
+fn value(added: &Added, effect: EffectId, parameter: &str) -> f64 {
     let fitted = added.model.effects.iter().find(|e| e.name == effect).unwrap();
     fitted.parameters.iter().find(|p| p.name == parameter).unwrap().value
 }
@@ -186,15 +186,16 @@ fn close(found: f64, wanted: f64, share: f64) {
 
 #[test]
 fn val_delay() {
-    let added = added("delay", |stage| stage.delay_s = 60e-6);
-    close(value(&added, "delay", "delay"), 60e-6, 0.03);
+    let added = added(EffectId::Delay, |stage| stage.delay_s = 60e-6);
+    close(value(&added, EffectId::Delay, "delay"), 60e-6, 0.03);
 }
 
 #[test]
 fn val_first_order_lag() {
-    let added = added("first-order-lag", |stage| stage.amplifier.lag_s = 80e-6);
+    let added = added(EffectId::FirstOrderLag, |stage| stage.amplifier.lag_s = 80e-6);
     // Before and after the hysteresis differ by less than a hundredth of it: the sum is determined.
-    let sum = value(&added, "first-order-lag", "amplifier_tau") + value(&added, "first-order-lag", "sensor_tau");
+    let sum =
+        value(&added, EffectId::FirstOrderLag, "amplifier_tau") + value(&added, EffectId::FirstOrderLag, "sensor_tau");
     close(sum, 80e-6, 0.05);
 }
 
@@ -206,16 +207,16 @@ fn val_slew_limit() {
         capacitance_uf: 1.8,
     };
     let pi = FitOptions::new(Family::Pi);
-    let added = added_to(&stage(), &pi, "slew-limit", &[55e3], |stage| {
+    let added = added_to(&stage(), &pi, EffectId::SlewLimit, &[55e3], |stage| {
         stage.amplifier.current_limit = Some(limit)
     });
-    close(value(&added, "slew-limit", "slew"), 55e3, 0.02);
+    close(value(&added, EffectId::SlewLimit, "slew"), 55e3, 0.02);
 }
 
 #[test]
 fn val_saturation_of_the_amplifier() {
-    let added = added("saturation", |stage| stage.amplifier.max_v = 88.0);
-    close(value(&added, "saturation", "rail_high"), 88.0, 0.01);
+    let added = added(EffectId::Saturation, |stage| stage.amplifier.max_v = 88.0);
+    close(value(&added, EffectId::Saturation, "rail_high"), 88.0, 0.01);
 }
 
 #[test]
@@ -224,8 +225,8 @@ fn val_saturation_by_an_end_stop() {
         min_um: -1.0,
         max_um: 8.5,
     };
-    let added = added("saturation", |stage| stage.end_stop = Some(stop));
-    close(value(&added, "saturation", "stop_high"), 8.5, 0.01);
+    let added = added(EffectId::Saturation, |stage| stage.end_stop = Some(stop));
+    close(value(&added, EffectId::Saturation, "stop_high"), 8.5, 0.01);
 }
 
 #[test]
@@ -236,25 +237,25 @@ fn val_rate_dependence() {
     };
     // The stage widens its irreversible part, all of it; the effect the plays wider than a twentieth of the span.
     let pi = FitOptions::new(Family::Pi);
-    let added = added_to(&stage(), &pi, "rate-dependence", &[50e-6, 35e-6], |stage| {
+    let added = added_to(&stage(), &pi, EffectId::RateDependence, &[50e-6, 35e-6], |stage| {
         stage.rate_dependence = Some(rate.clone())
     });
     // Ten plays stand for twelve: the envelope comes out a little off.
-    close(value(&added, "rate-dependence", "alpha"), 50e-6, 0.2);
-    close(value(&added, "rate-dependence", "beta"), 35e-6, 0.2);
+    close(value(&added, EffectId::RateDependence, "alpha"), 50e-6, 0.2);
+    close(value(&added, EffectId::RateDependence, "beta"), 35e-6, 0.2);
 }
 
 #[test]
 fn val_asymmetry() {
     let (quadratic, cubic) = (0.06, 0.04);
-    let added = added("asymmetry", |stage| {
+    let added = added(EffectId::Asymmetry, |stage| {
         stage.asymmetry = Some(Asymmetry { quadratic, cubic })
     });
     // Against the middle of the voltages, 50 V: b2 = S (c2 / V^2 + 3 c3 50 / V^3).
     let b2 = STROKE_UM * (quadratic + 1.5 * cubic) / FULL_V.powi(2);
-    close(value(&added, "asymmetry", "quadratic"), b2, 0.05);
+    close(value(&added, EffectId::Asymmetry, "quadratic"), b2, 0.05);
     close(
-        value(&added, "asymmetry", "cubic"),
+        value(&added, EffectId::Asymmetry, "cubic"),
         STROKE_UM * cubic / FULL_V.powi(3),
         0.2,
     );
@@ -296,7 +297,7 @@ fn val_amplitude_gain() {
     let dataset = play(&config, programme);
     let ten = FitOptions { plays: 10, ..coarse() };
     let model = fit(&dataset, &ten, &|_| ()).unwrap().model;
-    let added = add_effect(&dataset, &model, "amplitude-gain", &|_| ()).unwrap();
+    let added = add_effect(&dataset, &model, EffectId::AmplitudeGain, &|_| ()).unwrap();
     let plays = added.model.thresholds.len();
     assert!(plays > 14, "{plays}");
     // As many plays where these records exercise them.
@@ -317,7 +318,7 @@ fn val_hysteresis_shape() {
     let mut rng = rand_pcg::Pcg64::seed_from_u64(3);
     let family = hysteron_plant::Family::SigmoidPlays(SigmoidPlays::random(&mut rng, FULL_V));
     let dataset = record(&with_family(family));
-    let added = add_effect(&dataset, &start(&dataset), "hysteresis-shape", &|_| ()).unwrap();
+    let added = add_effect(&dataset, &start(&dataset), EffectId::HysteresisShape, &|_| ()).unwrap();
     let options = FitOptions {
         plays: 18,
         ..FitOptions::new(Family::PlayPolynomial)
@@ -334,17 +335,17 @@ fn val_hysteresis_shape() {
 #[test]
 fn val_creep() {
     let element = |share, time_constant_s| KelvinVoigtElement { share, time_constant_s };
-    let added = added("creep", |stage| {
+    let added = added(EffectId::Creep, |stage| {
         stage.creep = Some(Creep::KelvinVoigt {
             elements: vec![element(0.03, 0.2), element(0.02, 2.0)],
         });
     });
     // The elements stand a decade apart; which of them are used is the search's choice.
-    let first_tau = value(&added, "creep", "first_tau");
+    let first_tau = value(&added, EffectId::Creep, "first_tau");
     for (wanted_share, wanted_tau) in [(0.03, 0.2), (0.02, 2.0)] {
         let shares = (0..4).filter_map(|i| {
             let tau = first_tau * 10f64.powi(i);
-            let share = value(&added, "creep", &format!("share_{}", i + 1));
+            let share = value(&added, EffectId::Creep, &format!("share_{}", i + 1));
             ((tau / wanted_tau).ln().abs() < 0.2).then_some(share)
         });
         close(shares.sum(), wanted_share, 0.1);
@@ -372,7 +373,7 @@ fn val_creep_goes_on_from_rest_and_repeats_where_it_has_settled() {
             voltage2_v: None,
             own: &[],
         };
-        let creep = effects::find("creep").unwrap();
+        let creep = EffectId::Creep.effect();
         creep.on_position(&[tau_s, share, 0.0, 0.0, 0.0], &signals, &mut position);
         position.split_off(samples)
     };
@@ -399,9 +400,9 @@ fn val_resonance() {
         damping: 0.02,
         share: 1.0,
     };
-    let added = added("resonance", |stage| stage.modes = vec![mode]);
-    close(value(&added, "resonance", "frequency"), 800.0, 0.005);
-    close(value(&added, "resonance", "damping"), 0.02, 0.1);
+    let added = added(EffectId::Resonance, |stage| stage.modes = vec![mode]);
+    close(value(&added, EffectId::Resonance, "frequency"), 800.0, 0.005);
+    close(value(&added, EffectId::Resonance, "damping"), 0.02, 0.1);
 }
 
 #[test]
@@ -412,7 +413,7 @@ fn val_cross_coupling() {
         initial: Initial::Conditioned,
         family: hysteron_plant::Family::Linear,
     };
-    let added = added("cross-coupling", |stage| {
+    let added = added(EffectId::CrossCoupling, |stage| {
         stage.cross_coupling = Some(CrossCoupling {
             ratio: 0.03,
             lag_s: 0.0,
@@ -420,13 +421,13 @@ fn val_cross_coupling() {
             mode: None,
         });
     });
-    let gain = value(&added, "cross-coupling", "gain") + value(&added, "cross-coupling", "play_weight");
+    let gain = value(&added, EffectId::CrossCoupling, "gain") + value(&added, EffectId::CrossCoupling, "play_weight");
     close(gain, 0.03 * STROKE_UM / FULL_V, 0.03);
 }
 
 #[test]
 fn val_thermal_drift() {
-    let added = added("thermal-drift", |stage| {
+    let added = added(EffectId::ThermalDrift, |stage| {
         stage.temperature = Some(Temperature {
             start_c: 22.0,
             drift_k_per_h: 2.0,
@@ -476,14 +477,14 @@ fn val_thermal_drift_of_unknown_temperature() {
     for record in &mut dataset.records {
         record.temperature_c = None;
     }
-    let added = add_effect(&dataset, &start(&dataset), "thermal-drift", &|_| ()).unwrap();
+    let added = add_effect(&dataset, &start(&dataset), EffectId::ThermalDrift, &|_| ()).unwrap();
     let (before, after) = (
         added.before.validate_percent.unwrap(),
         added.after.validate_percent.unwrap(),
     );
     assert!(before > 5.0 * floor, "{before} {floor}");
     assert!(after < 1.5 * floor, "{before} -> {after}, without the effect {floor}");
-    close(value(&added, "thermal-drift", "rest_share"), 1.0, 0.05);
+    close(value(&added, EffectId::ThermalDrift, "rest_share"), 1.0, 0.05);
     let units: Vec<&str> = added.model.effects[0]
         .parameters
         .iter()
@@ -497,16 +498,16 @@ fn val_thermal_drift_of_unknown_temperature() {
 #[test]
 fn val_mains_hum() {
     for frequency_hz in [50.03, 59.91] {
-        let added = added("mains-hum", |stage| {
+        let added = added(EffectId::MainsHum, |stage| {
             stage.mains_hum = Some(MainsHum {
                 frequency_hz,
                 amplitudes_um: vec![0.12, 0.0, 0.05],
             });
         });
         // Half a second of the quiet record resolves 0.05 Hz at this noise.
-        assert!((value(&added, "mains-hum", "frequency") - frequency_hz).abs() < 0.01);
-        close(value(&added, "mains-hum", "amplitude_1"), 0.12, 0.03);
-        close(value(&added, "mains-hum", "amplitude_3"), 0.05, 0.05);
+        assert!((value(&added, EffectId::MainsHum, "frequency") - frequency_hz).abs() < 0.01);
+        close(value(&added, EffectId::MainsHum, "amplitude_1"), 0.12, 0.03);
+        close(value(&added, EffectId::MainsHum, "amplitude_3"), 0.05, 0.05);
     }
 }
 
@@ -516,25 +517,32 @@ fn regress_an_envelope_that_imitated_a_lag_gives_way_to_the_lag() {
     lagging.amplifier.lag_s = 120e-6;
     let dataset = record(&lagging);
     let model = fit(&dataset, &FitOptions::new(Family::Mrpi), &|_| {}).unwrap().model;
-    let added = add_effect(&dataset, &model, "first-order-lag", &|_| {}).unwrap();
+    let added = add_effect(&dataset, &model, EffectId::FirstOrderLag, &|_| {}).unwrap();
     let widest = |model: &Model| model.envelope.map(|e| e.alpha_s.max(e.beta_s)).unwrap();
     assert!(widest(&model) > 60e-6, "{:?}", model.envelope);
     assert!(widest(&added.model) < 10e-6, "{:?}", added.model.envelope);
     assert!(added.after.validate_percent.unwrap() < 0.2 * added.before.validate_percent.unwrap());
     // Another family of plays keeps the rate dependence, as an effect.
-    let shaped = add_effect(&dataset, &model, "hysteresis-shape", &|_| {}).unwrap().model;
+    let shaped = add_effect(&dataset, &model, EffectId::HysteresisShape, &|_| {})
+        .unwrap()
+        .model;
     assert_eq!(shaped.envelope, None);
-    assert!(shaped.effects.iter().any(|effect| effect.name == "rate-dependence"));
+    assert!(
+        shaped
+            .effects
+            .iter()
+            .any(|effect| effect.name == EffectId::RateDependence)
+    );
 }
 
 #[test]
 fn val_backlash() {
     // Narrow plays of a hysteresis would stand in for it: it is one with one large weight.
     let linear = with_family(hysteron_plant::Family::Linear);
-    let added = added_to(&linear, &coarse(), "backlash", &[], |stage| {
+    let added = added_to(&linear, &coarse(), EffectId::Backlash, &[], |stage| {
         stage.backlash = Some(Backlash { width_um: 0.4 });
     });
-    close(value(&added, "backlash", "width"), 0.4, 0.03);
+    close(value(&added, EffectId::Backlash, "width"), 0.4, 0.03);
 }
 
 #[test]
@@ -544,10 +552,12 @@ fn val_sensor_nonlinearity() {
         cubic: 0.0,
         full_scale_um: STROKE_UM,
     };
-    let added = added("sensor-nonlinearity", |stage| stage.sensor.nonlinearity = Some(curve));
+    let added = added(EffectId::SensorNonlinearity, |stage| {
+        stage.sensor.nonlinearity = Some(curve)
+    });
     // At the middle of the stroke the reading's slope is 1.05, with which the model's micrometres are scaled.
     close(
-        value(&added, "sensor-nonlinearity", "quadratic"),
+        value(&added, EffectId::SensorNonlinearity, "quadratic"),
         0.05 / STROKE_UM,
         0.15,
     );
@@ -557,7 +567,16 @@ fn val_sensor_nonlinearity() {
 #[test]
 fn val_every_effect_has_a_test_here() {
     let source = include_str!("effects.rs");
-    for name in effects::names() {
-        assert!(source.contains(&format!("\"{name}\"")), "{name} is not tested");
+    for id in EffectId::ALL {
+        let added = ["added(", "added_to(", "add_effect("]
+            .iter()
+            .flat_map(|call| source.match_indices(call))
+            .any(|(at, _)| {
+                source[at..]
+                    .lines()
+                    .next()
+                    .is_some_and(|line| line.contains(&format!("EffectId::{id:?},")))
+            });
+        assert!(added, "{id} is not tested");
     }
 }

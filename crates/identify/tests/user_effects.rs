@@ -2,8 +2,8 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot run its subject fails")]
 
 use hysteron_data::{Dataset, Record, Role};
-use hysteron_identify::effects::{self, Effect, Signals, UserEffect};
-use hysteron_identify::{FitOptions, Model, add_own_effect, fit};
+use hysteron_identify::effects::{Effect, Signals, UserEffect};
+use hysteron_identify::{EffectId, FitOptions, Model, add_own_effect, check_own_effect, fit};
 use rand::{RngExt, SeedableRng};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -165,7 +165,7 @@ next = "max(u - width / 2, min(u + width / 2, z))"
         .map(|k| (TAU * f64::from(k) / 90.0).sin() * f64::from(k) / 400.0)
         .collect();
     let (mut own, mut wanted) = (y.clone(), y);
-    let backlash = effects::find("backlash").unwrap();
+    let backlash = EffectId::Backlash.effect();
     effect(play).on_position(&[0.25], &signals(1e-3, 0), &mut own);
     backlash.on_position(&[0.25], &signals(1e-3, 0), &mut wanted);
     assert!(own.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-12));
@@ -196,7 +196,7 @@ max = 0.1
     let change: Vec<f64> = (0..300).map(|k| (f64::from(k) * 0.1).cos()).collect();
     let (mut own, mut wanted) = (change.clone(), change.clone());
     let signals = signals(1e-3, 0);
-    let curve = effects::find("sensor-nonlinearity").unwrap();
+    let curve = EffectId::SensorNonlinearity.effect();
     effect(bend).on_change(&[0.02, -0.003], &signals, &y, &mut own);
     curve.on_change(&[0.0, 0.02, -0.003], &signals, &y, &mut wanted);
     assert!(own.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-5));
@@ -398,7 +398,7 @@ fn refuse_what_a_file_may_not_say() {
     ] {
         let text = LAG.replace("output = \"z\"", &format!("output = \"z + {variable}\""));
         let effect = UserEffect::from_toml(&text, "my.toml").unwrap();
-        let error = effect.check(&dataset).unwrap_err().to_string();
+        let error = check_own_effect(effect, &dataset).unwrap_err().to_string();
         assert!(error.contains("my-lag") && error.contains(column), "{error}");
         let model = fit(&dataset, &FitOptions::new(hysteron_identify::Family::Pi), &|_| {})
             .unwrap()

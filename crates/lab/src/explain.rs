@@ -5,7 +5,7 @@ use crate::series;
 use hysteron_data::{Dataset, Record};
 use hysteron_identify::effects::{self, Bounds, Effect, Facts, Scene};
 use hysteron_identify::family::range;
-use hysteron_identify::{FittedEffect, Model, Parameter, illustration};
+use hysteron_identify::{EffectId, EffectName, FittedEffect, Model, Parameter, illustration};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -27,7 +27,7 @@ pub(crate) fn catalogue() -> Value {
 /// records cannot have the effect.
 pub(crate) fn bounds(dataset: &Dataset, model: &Model, name: &str) -> BTreeMap<&'static str, [f64; 2]> {
     let facts = hysteron_identify::facts(dataset, model.family);
-    let Some(effect) = effects::find(name) else {
+    let Ok(effect) = name.parse().map(EffectId::effect) else {
         return BTreeMap::new();
     };
     let bounds = effect.bounds(&facts).unwrap_or_default();
@@ -91,7 +91,7 @@ impl Placed<'_> {
         });
         let mut with = self.without.clone();
         with.effects.push(FittedEffect {
-            name: words.name.to_owned(),
+            name: self.effect.name(),
             parameters: parameters.collect(),
             definition: self.effect.file().cloned(),
         });
@@ -156,15 +156,16 @@ impl Placed<'_> {
 /// The model's answer to the scene without the effect and with it, at the parameters given; those not given stand at the
 /// model's own, or at telling values.
 pub(crate) fn picture(model: &Model, name: &str, frequency_hz: Option<f64>, given: &[f64]) -> Result<Value, Refusal> {
-    let effect = match model.effects.iter().find(|fitted| fitted.name == name) {
+    let name = &EffectName::of(name);
+    let effect = match model.effects.iter().find(|fitted| fitted.name == *name) {
         Some(fitted) => fitted.effect(),
-        None => effects::find(name),
+        None => name.id().map(EffectId::effect),
     }
     .ok_or_else(|| Refusal::absent(format!("`{name}` is no effect")))?;
     let words = effect.description();
     let (mut record, frequency_hz) = record(model, words.scene, frequency_hz)?;
     let mut without = model.clone();
-    without.effects.retain(|fitted| fitted.name != name);
+    without.effects.retain(|fitted| fitted.name != *name);
     record.position_um = without.simulate(&record).output;
     let facts = facts(&without, &record);
     let bounds = effect.bounds(&facts).map_err(Refusal::unusable)?;
@@ -180,7 +181,7 @@ pub(crate) fn picture(model: &Model, name: &str, frequency_hz: Option<f64>, give
     };
     let values: Vec<f64> = if given.iter().filter(|v| v.is_finite()).count() == bounds.len() {
         given.iter().zip(&bounds).map(|(v, b)| v.clamp(b.min, b.max)).collect()
-    } else if let Some(own) = model.effects.iter().find(|fitted| fitted.name == name) {
+    } else if let Some(own) = model.effects.iter().find(|fitted| fitted.name == *name) {
         own.parameters.iter().map(|p| p.value).collect()
     } else {
         let stroke = facts.position_um[1] - facts.position_um[0];
@@ -284,7 +285,8 @@ mod tests {
     #[test]
     fn val_every_effect_begins_where_it_shows() {
         let model = model();
-        for name in effects::names() {
+        for id in EffectId::ALL {
+            let name = id.name();
             let picture = match picture(&model, name, None, &[]) {
                 Ok(picture) => picture,
                 Err(refusal) => {
@@ -304,7 +306,7 @@ mod tests {
                 .iter()
                 .map(|p| p["value"].as_f64().unwrap())
                 .collect();
-            let effect = effects::find(name).unwrap();
+            let effect = id.effect();
             let (mut record, _) = record(&model, effect.description().scene, None).unwrap();
             record.position_um = model.simulate(&record).output;
             let placed = Placed {

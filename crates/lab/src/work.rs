@@ -9,7 +9,8 @@ use crate::{export, folder, series};
 use hysteron_data::{Dataset, Overwrite, write_dataset};
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_diagnose::{Comparison, Signature, signatures};
-use hysteron_identify::{Direction, Family, FitOptions, Model};
+use hysteron_identify::effects::UnknownEffect;
+use hysteron_identify::{Direction, EffectId, Family, FitOptions, Model};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -146,16 +147,15 @@ pub(crate) fn fit(app: &Arc<App>, family: &str, plays: usize) -> Result<(), Refu
 
 /// Adds an effect to the current step's model.
 pub(crate) fn add(app: &Arc<App>, effect: &str) -> Result<(), Refusal> {
-    if hysteron_identify::effects::find(effect).is_none() {
-        return Err(Refusal::bad(format!(
-            "`{effect}` is no effect; known are {}",
-            hysteron_identify::effects::names().join(", ")
-        )));
-    }
+    let effect: EffectId = effect
+        .parse()
+        .map_err(|unknown: UnknownEffect| Refusal::bad(unknown.to_string()))?;
     let (dataset, number, model) = current(&app.session())?;
-    let (own, effect) = (Arc::clone(app), effect.to_owned());
+    let own = Arc::clone(app);
     jobs::start(app, "adding", move |progress| {
-        let added = hysteron_diagnose::add(&dataset, &model, &effect, &|share| progress.at(0.8 * share, &effect));
+        let added = hysteron_diagnose::add(&dataset, &model, effect, &|share| {
+            progress.at(0.8 * share, effect.name())
+        });
         let model = added.map_err(Refusal::unusable)?.model;
         let comparison = compare(&dataset, &model, progress);
         let mut session = own.session();

@@ -2,7 +2,7 @@
 
 use hysteron_diagnose::Signature;
 use hysteron_diagnose::diagnosis::{Diagnosis, Level, RankedEffect};
-use hysteron_identify::effects;
+use hysteron_identify::EffectId;
 
 use crate::canvas::{LegendEntry, Size, Swatch};
 use crate::diagnosis_words::{diagnosis_lines, effect_name, verdict_sentence};
@@ -36,7 +36,7 @@ pub(crate) fn section(diagnosis: &Diagnosis, signatures: &[Signature]) -> Sectio
     }
     section = section.with(Block::Table(table(diagnosis)));
     for effect in &diagnosis.ranking {
-        let signature = signatures.iter().find(|one| one.effect == effect.effect);
+        let signature = signatures.iter().find(|one| one.effect.as_str() == effect.effect);
         if effect.significant || signature.is_some() {
             section = section.with(card(diagnosis, effect, signature));
         }
@@ -165,7 +165,8 @@ fn card(diagnosis: &Diagnosis, effect: &RankedEffect, signature: Option<&Signatu
             tried.map(|p| fact(&p.name, p.value, None, &p.unit)).collect()
         }
     };
-    if let Some(known) = effects::find(&effect.effect) {
+    if let Ok(known) = effect.effect.parse::<EffectId>() {
+        let known = known.effect();
         let words = known.description();
         facts.extend([
             ("what it is".to_owned(), words.summary.to_owned()),

@@ -2,7 +2,7 @@
 
 use super::Example;
 use hysteron_diagnose::{diagnose, diagnose_with};
-use hysteron_identify::effects::UserEffect;
+use hysteron_identify::effects::{Effect as _, EffectError, UserEffect};
 use hysteron_identify::{Added, FitOptions, IdentifyError, Model, add_own_effect, fit};
 use hysteron_plant::challenge::Effect;
 
@@ -28,7 +28,7 @@ impl Subject {
     ///
     /// # Errors
     /// As [`UserEffect::from_toml`].
-    pub fn file(self, example: &Example) -> Result<UserEffect, IdentifyError> {
+    pub fn file(self, example: &Example) -> Result<UserEffect, EffectError> {
         let (stroke_um, full_v) = (example.truth.stroke_um, example.truth.full_v);
         let text = match self {
             // Lines a twentieth to a quarter of the stroke apart.
@@ -91,7 +91,7 @@ pub fn answers(example: &Example, subject: Subject, add: bool) -> Result<Answers
         None
     };
     let third_s = clock.elapsed().as_secs_f64() - first_s - second_s;
-    let at = with.ranking.iter().position(|r| r.effect == own.name());
+    let at = with.ranking.iter().position(|r| r.effect == own.name().as_str());
     Ok(Answers {
         without: without.verdict,
         with: with.verdict.clone(),

@@ -106,7 +106,7 @@ pub fn tool(example: &Example) -> Answer {
 pub fn learned(example: &Example) -> Answer {
     match learn(&example.dataset, &FitOptions::new(example.start), &|_, _| {}) {
         Ok(learned) => {
-            let mut effects = learned.model.effects.into_iter().map(|effect| effect.name);
+            let mut effects = learned.model.effects.into_iter().map(|effect| effect.name.to_string());
             Answer {
                 verdict: effects.next().unwrap_or(learned.diagnosis.verdict),
                 also_possible: Vec::new(),

@@ -1,12 +1,12 @@
 //! `hysteron add`.
 
-use crate::commands::load;
+use crate::commands::load::{self, NamedEffect};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_data::Role;
-use hysteron_identify::{Added, FittedEffect, Model, RecordError, Step};
+use hysteron_identify::{Added, EffectName, FittedEffect, Model, RecordError, Step};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -36,27 +36,27 @@ pub(crate) struct AddArgs {
 pub(crate) fn run(args: &AddArgs) -> Result<Done, CliError> {
     let model = Model::read(&args.model)?;
     let dataset = load::dataset(&args.data)?;
-    let own = load::effect_file(&args.effect)?;
-    let name = own.map_or(args.effect.as_str(), |own| own.name());
+    let effect = NamedEffect::read(&args.effect)?;
+    let name = effect.effect().name();
     let bar = progress::bar(&format!("adding {name}"));
     let advance = |share| progress::advance(&bar, share);
-    let added = match own {
-        Some(own) => hysteron_diagnose::add_own(&dataset, &model, own, &advance)?,
-        None => hysteron_diagnose::add(&dataset, &model, name, &advance)?,
+    let added = match effect {
+        NamedEffect::Own(own) => hysteron_diagnose::add_own(&dataset, &model, own, &advance)?,
+        NamedEffect::Catalogue(id) => hysteron_diagnose::add(&dataset, &model, id, &advance)?,
     };
     bar.finish_and_clear();
     added.model.write(&args.output)?;
     if args.json {
-        output::print_json(&json(args, name, &added))?;
+        output::print_json(&json(args, &name, &added))?;
     } else {
-        output::print(&text(args, name, &added))?;
+        output::print(&text(args, &name, &added))?;
     }
     Ok(Done::Answered)
 }
 
-fn text(args: &AddArgs, name: &str, added: &Added) -> String {
+fn text(args: &AddArgs, name: &EffectName, added: &Added) -> String {
     let mut text = format!("{name} added, everything fitted anew\n\n");
-    match added.model.effects.iter().find(|effect| effect.name == name) {
+    match added.model.effects.iter().find(|effect| effect.name == *name) {
         Some(effect) => parameters(&mut text, effect),
         None => {
             // Writing to a String does not fail.
@@ -154,7 +154,7 @@ fn role(role: Role) -> &'static str {
     }
 }
 
-fn json(args: &AddArgs, name: &str, added: &Added) -> serde_json::Value {
+fn json(args: &AddArgs, name: &EffectName, added: &Added) -> serde_json::Value {
     let records: Vec<_> = added
         .before
         .records

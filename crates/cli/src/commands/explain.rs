@@ -2,18 +2,17 @@
 
 mod page;
 
-use crate::commands::load;
+use crate::commands::load::{self, NamedEffect};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_data::Dataset;
-use hysteron_identify::effects::{self, Description, Effect, Place, UserEffect};
+use hysteron_identify::effects::{self, Description, Place};
 use hysteron_identify::illustration::{Illustration, illustrate};
-use hysteron_identify::{Added, IdentifyError, Model, add_effect, add_own_effect};
+use hysteron_identify::{Added, Model, add_effect, add_own_effect};
 use std::fmt::Write;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 #[derive(Args)]
 #[command(
@@ -66,18 +65,12 @@ pub(crate) fn run(args: &ExplainArgs) -> Result<Done, CliError> {
     let Some(name) = &args.effect else {
         return list(args.json);
     };
-    let own_file = load::effect_file(name)?;
-    let effect = match own_file {
-        Some(own) => own.effect(),
-        None => effects::find(name).ok_or_else(|| IdentifyError::NoSuchEffect {
-            name: name.clone(),
-            known: effects::names().join(", "),
-        })?,
-    };
+    let named = NamedEffect::read(name)?;
+    let effect = named.effect();
     let explained = Explained {
         description: effect.description(),
         shown: illustrate(&effect),
-        own: own(args, own_file, &effect)?,
+        own: own(args, named)?,
     };
     if let Some(path) = &args.output {
         output::write_file(path, &page::page(&explained))?;
@@ -117,18 +110,18 @@ fn list(as_json: bool) -> Result<Done, CliError> {
     Ok(Done::Answered)
 }
 
-fn own(args: &ExplainArgs, file: Option<UserEffect>, effect: &Arc<dyn Effect>) -> Result<Option<OnOwnData>, CliError> {
+fn own(args: &ExplainArgs, named: NamedEffect) -> Result<Option<OnOwnData>, CliError> {
     let (Some(data), Some(model)) = (&args.data, &args.model) else {
         return Ok(None);
     };
     let before = Model::read(model)?;
     let dataset = load::dataset(data)?;
-    let name = effect.description().name;
+    let name = named.effect().name();
     let bar = progress::bar(&format!("trying {name}"));
     let advance = |share| progress::advance(&bar, share);
-    let added = match file {
-        Some(file) => add_own_effect(&dataset, &before, file, &advance)?,
-        None => add_effect(&dataset, &before, name, &advance)?,
+    let added = match named {
+        NamedEffect::Own(own) => add_own_effect(&dataset, &before, own, &advance)?,
+        NamedEffect::Catalogue(id) => add_effect(&dataset, &before, id, &advance)?,
     };
     bar.finish_and_clear();
     Ok(Some(OnOwnData { dataset, before, added }))
@@ -234,7 +227,12 @@ fn own_text(text: &mut String, own: &OnOwnData, d: &Description) {
 
 /// The parameters that the user's records ask for.
 fn fitted<'a>(own: &'a OnOwnData, d: &Description) -> &'a [hysteron_identify::Parameter] {
-    let found = own.added.model.effects.iter().find(|effect| effect.name == d.name);
+    let found = own
+        .added
+        .model
+        .effects
+        .iter()
+        .find(|effect| effect.name.as_str() == d.name);
     found.map_or(&[], |effect| &effect.parameters)
 }
 

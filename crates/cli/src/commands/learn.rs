@@ -113,7 +113,7 @@ fn told(attempt: &Attempt) -> String {
         let _ = writeln!(
             line,
             "  these records cannot tell it from: {}",
-            attempt.also_possible.join(", ")
+            output::list(&attempt.also_possible)
         );
     }
     line

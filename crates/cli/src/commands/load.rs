@@ -3,9 +3,11 @@
 use crate::error::CliError;
 use crate::progress;
 use hysteron_data::{Dataset, read_dataset_with_progress};
-use hysteron_identify::effects::UserEffect;
+use hysteron_identify::EffectId;
+use hysteron_identify::effects::{Effect, UserEffect};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Reads a dataset; what the reader converted or ignored is said on standard error.
 pub(crate) fn dataset(path: &Path) -> Result<Dataset, CliError> {
@@ -21,12 +23,31 @@ pub(crate) fn dataset(path: &Path) -> Result<Dataset, CliError> {
     Ok(dataset)
 }
 
-/// The effect file that an argument names, where it is no effect of the catalogue.
-pub(crate) fn effect_file(argument: &str) -> Result<Option<UserEffect>, CliError> {
-    if !argument.ends_with(".toml") {
-        return Ok(None);
+/// An effect that an argument names.
+#[derive(Clone, Copy)]
+pub(crate) enum NamedEffect {
+    /// Of the catalogue.
+    Catalogue(EffectId),
+    /// From an effect file.
+    Own(UserEffect),
+}
+
+impl NamedEffect {
+    /// Reads the effect file where the argument names one.
+    pub(crate) fn read(argument: &str) -> Result<Self, CliError> {
+        if argument.ends_with(".toml") {
+            return Ok(Self::Own(UserEffect::read(Path::new(argument))?));
+        }
+        Ok(Self::Catalogue(argument.parse()?))
     }
-    Ok(Some(UserEffect::read(Path::new(argument))?))
+
+    /// The effect itself.
+    pub(crate) fn effect(self) -> Arc<dyn Effect> {
+        match self {
+            Self::Catalogue(id) => id.effect(),
+            Self::Own(own) => own.effect(),
+        }
+    }
 }
 
 /// The effects of several files, each under a name of its own.

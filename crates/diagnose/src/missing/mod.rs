@@ -32,8 +32,8 @@ use candidates::PHYSICAL;
 use chain::{Base, Effect, Shape};
 use hum::Hum;
 use hysteron_data::{Dataset, Role};
-use hysteron_identify::effects::UserEffect;
-use hysteron_identify::{Family, IdentifyError, Model, Placement, placement};
+use hysteron_identify::effects::{Effect as _, UserEffect};
+use hysteron_identify::{EffectId, Family, IdentifyError, Model, Placement, check_own_effect, placement};
 use judge::Judge;
 use locks::Courses;
 use rayon::prelude::*;
@@ -67,7 +67,7 @@ pub fn diagnose_with(
     own: &[UserEffect],
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> Result<Diagnosis, IdentifyError> {
-    own.iter().try_for_each(|effect| effect.check(dataset))?;
+    own.iter().try_for_each(|effect| check_own_effect(*effect, dataset))?;
     Ok(search(dataset, model, own, progress))
 }
 
@@ -329,7 +329,7 @@ impl<'a> Searched<'a> {
     /// Whether the first effect found is one of the user's.
     fn is_users_own(&self, own: &[UserEffect]) -> bool {
         let first = self.found.first();
-        first.is_some_and(|(name, _)| own.iter().any(|effect| effect.name() == *name))
+        first.is_some_and(|(name, _)| own.iter().any(|effect| effect.description().name == *name))
     }
 
     /// What it leaves of every record, at the full rate.
@@ -594,7 +594,7 @@ fn conclude(
     }
     let mut shape = shape::shape(model, bench, last);
     // The plays take lost motion in: whatever the fits say of it, the position stands still.
-    if !model.effects.iter().any(|effect| effect.name == "backlash")
+    if !model.effects.iter().any(|effect| effect.name == EffectId::Backlash)
         && let Some(entry) = dead_band::find(bench, last)
     {
         shape.ranking.retain(|r| r.effect != "backlash");

@@ -136,7 +136,7 @@ pub(crate) fn shape(model: &Model, bench: &Bench<'_>, last: &Trial) -> ShapeAnsw
         // Every piezo ceramic's gain grows with the stroke: more plays tell of no effect beside the hysteresis.
         ranking.push(entry("amplitude-gain", &plays, (&start, last), &trial, None));
     }
-    ranking.retain(|entry| !model.effects.iter().any(|effect| effect.name == entry.effect));
+    ranking.retain(|entry| !model.effects.iter().any(|effect| effect.name.as_str() == entry.effect));
     ranking.sort_by(|a, b| {
         (b.significant, b.share)
             .partial_cmp(&(a.significant, a.share))

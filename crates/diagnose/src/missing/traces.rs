@@ -5,7 +5,7 @@ use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::effects::late;
 use hysteron_identify::family::{peak_to_peak, range};
 use hysteron_identify::initial::rested;
-use hysteron_identify::{InitialState, Model, grid};
+use hysteron_identify::{EffectId, InitialState, Model, grid};
 use rayon::prelude::*;
 
 /// Rows of a record that a fit looks at: neighbouring samples tell the same, and 1200 rows resolve 60 periods of 20.
@@ -132,7 +132,7 @@ pub(crate) fn initial_states(dataset: &Dataset, model: &Model) -> Vec<(InitialSt
 
 /// The delay that is the controller's own, as the recordings say, where the model has none that would stand for it, seconds.
 pub(crate) fn controllers_delay_s(dataset: &Dataset, model: &Model) -> Option<f64> {
-    let has_delay = model.effects.iter().any(|effect| effect.name == "delay");
+    let has_delay = model.effects.iter().any(|effect| effect.name == EffectId::Delay);
     dataset.known.delay_s.filter(|delay_s| *delay_s > 0.0 && !has_delay)
 }
 
@@ -155,7 +155,7 @@ pub(crate) fn as_late_as_the_controller(dataset: &Dataset, delay_s: f64, states:
 
 /// The records without the mains hum that the model knows of; `None` where it knows of none.
 pub(crate) fn without_hum(dataset: &Dataset, model: &Model) -> Option<Dataset> {
-    if !model.effects.iter().any(|effect| effect.name == "mains-hum") {
+    if !model.effects.iter().any(|effect| effect.name == EffectId::MainsHum) {
         return None;
     }
     let mut humless = dataset.clone();

@@ -195,7 +195,7 @@ pub(crate) fn trials(
         )
     };
     let try_one = |effect: &UserEffect| {
-        progress(effect.name());
+        progress(effect.description().name);
         let search = Search {
             bench,
             given: &current.effects,
@@ -210,7 +210,10 @@ pub(crate) fn trials(
             coefficients: found.coefficients,
             ..current.clone()
         };
-        (effect.name(), bench.referring_to(&from).fit_to_the_end(&effects))
+        (
+            effect.description().name,
+            bench.referring_to(&from).fit_to_the_end(&effects),
+        )
     };
     own.iter().filter(absent).map(try_one).collect()
 }

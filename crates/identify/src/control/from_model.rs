@@ -3,17 +3,36 @@
 use super::inverse::{self, Pairs};
 use super::linear_part::{LinearPart, ModeOfStage};
 use super::model::{AroundPart, CREEP_FAST, CREEP_SLOW, ControlModel, CreepPart, HumPart};
+use crate::effects::{Compensation, Compensator, CreepElement, EffectName};
 use crate::error::IdentifyError;
 use crate::family::{Direction, Family};
-use crate::initial::InitialState;
 use crate::model::{FittedEffect, Model};
+use crate::start_state::InitialState;
 use hysteron_core::envelope::Envelope;
 
-/// What became of one effect of a model.
+/// A part of a model that a controller should undo.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Part {
+    /// An effect around the hysteresis.
+    Effect(EffectName),
+    /// The rate dependence that its family has.
+    RateDependenceOf(Family),
+}
+
+impl std::fmt::Display for Part {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Effect(name) => name.fmt(f),
+            Self::RateDependenceOf(family) => f.pad(&format!("rate dependence of {family}")),
+        }
+    }
+}
+
+/// What became of one part of a model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Undone {
-    /// The effect's name.
-    pub effect: String,
+    /// The effect, or what the family has of one.
+    pub part: Part,
     /// Its compensator; `None` where it is left out.
     pub by: Option<&'static str>,
     /// Why it is left out, or what limits its compensator.
@@ -77,17 +96,26 @@ pub fn chain_of(
         },
         around: AroundPart::default(),
     };
-    let mut undone: Vec<Undone> = model
-        .effects
-        .iter()
-        .map(|effect| take_over(effect, &mut chain))
-        .collect();
-    if hold == RecordedHold::AccountedFor && undone.iter().any(|undone| undone.effect == "delay") {
+    let mut held_beside = false;
+    let mut undone = Vec::with_capacity(model.effects.len());
+    for fitted in &model.effects {
+        let Compensation { by, note } = compensation(fitted)?;
+        undone.push(Undone {
+            part: Part::Effect(fitted.name.clone()),
+            by: by.name(),
+            note,
+        });
+        if hold == RecordedHold::AccountedFor && matches!(by, Compensator::Delay { .. }) {
+            held_beside = true;
+        }
+        take_over(by, &mut chain);
+    }
+    if held_beside {
         chain.latency_s += 0.5 * sample_period_s;
     }
     if matches!(model.family, Family::Mrpi | Family::Wrpi) {
         undone.push(Undone {
-            effect: format!("rate dependence of {}", model.family.name()),
+            part: Part::RateDependenceOf(model.family),
             by: None,
             note: "its loops at rest are inverted; fit --model mpi and learn names what widens them (a delay, a lag, a mode)",
         });
@@ -119,145 +147,93 @@ fn no_creep() -> CreepPart {
 /// deviation.
 const SLOWEST_FAST_S: f64 = 0.2;
 
-/// Puts an effect's numbers where their compensator takes them from.
-fn take_over(effect: &FittedEffect, chain: &mut ControlModel) -> Undone {
-    let values: Vec<f64> = effect.parameters.iter().map(|parameter| parameter.value).collect();
-    let (by, note) = if effect.definition.is_some() {
-        (
-            None,
-            "an effect of your own has no inverse of its own; the feedback takes what it can of it",
-        )
-    } else {
-        compensator(&effect.name, &values, chain)
-    };
-    Undone {
-        effect: effect.name.clone(),
-        by,
-        note,
+/// How a controller undoes a fitted effect.
+fn compensation(fitted: &FittedEffect) -> Result<Compensation, IdentifyError> {
+    let effect = fitted.effect().ok_or_else(|| IdentifyError::Control {
+        reason: format!(
+            "neither the catalogue nor the model has a definition of `{}`",
+            fitted.name
+        ),
+    })?;
+    let values: Vec<f64> = fitted.parameters.iter().map(|parameter| parameter.value).collect();
+    let wanted = effect.description().parameters.len();
+    if values.len() != wanted {
+        return Err(IdentifyError::Control {
+            reason: format!("`{}` has {} parameters; it needs {wanted}", fitted.name, values.len()),
+        });
     }
+    Ok(effect.compensation(&values))
 }
 
-fn compensator(name: &str, values: &[f64], chain: &mut ControlModel) -> (Option<&'static str>, &'static str) {
-    match (name, values) {
-        ("delay", &[delay_s]) => {
-            chain.latency_s = delay_s;
-            (
-                Some("preview"),
-                "counted to the command's way; a sensor that is late as a whole looks the same in records",
-            )
-        }
-        ("first-order-lag", &[amplifier_s, sensor_s]) => {
+/// Puts a compensator's numbers where the controller takes them from.
+fn take_over(by: Compensator, chain: &mut ControlModel) {
+    match by {
+        Compensator::Delay { delay_s } => chain.latency_s = delay_s,
+        Compensator::Lead { amplifier_s, sensor_s } => {
             chain.linear.lag_s = amplifier_s;
             chain.around.sensor_lag_s = sensor_s;
-            match (amplifier_s > 0.0, sensor_s > 0.0) {
-                (_, false) => (
-                    Some("lead"),
-                    "asks for more voltage and current the faster the reference",
-                ),
-                (false, true) => (
-                    Some("reference through the same lag"),
-                    "a late reading moves nothing: only what the feedback compares with is made late",
-                ),
-                (true, true) => (
-                    Some("lead, and reference through the sensor's lag"),
-                    "asks for more voltage and current the faster the reference",
-                ),
-            }
         }
-        ("resonance", &[hz, damping, hz2, damping2, share2]) => {
-            let mode = |frequency_hz, damping, share| ModeOfStage {
-                frequency_hz,
-                damping,
-                share,
-            };
-            chain.linear.modes = vec![mode(hz, damping, 1.0 - share2)];
-            if share2 != 0.0 {
-                chain.linear.modes.push(mode(hz2, damping2, share2));
-                chain
-                    .linear
-                    .modes
-                    .sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
-            }
-            (
-                Some("resonance inverse"),
-                "1 % of the mode's frequency is 0.7 % of error near it; identify again when the load changes",
-            )
+        Compensator::Modes(modes) => {
+            let modes = modes.into_iter().map(|mode| ModeOfStage {
+                frequency_hz: mode.frequency_hz,
+                damping: mode.damping,
+                share: mode.share,
+            });
+            chain.linear.modes = modes.collect();
         }
-        ("creep", &[first_tau_s, ref shares @ ..]) => {
-            creep(first_tau_s, shares, &mut chain.creep);
-            (Some("creep inverse"), "slow states run once in 50 samples")
-        }
-        ("cross-coupling", &[gain, lead, weight, threshold]) => {
-            chain.around.coupling = Some([gain, lead, weight, threshold]);
-            (
-                Some("decoupling"),
-                "needs the other axis' command as early as the reference",
-            )
-        }
-        ("mains-hum", &[frequency_hz, ref amplitudes_um @ ..]) => {
+        Compensator::Creep(elements) => creep(&elements, &mut chain.creep),
+        Compensator::Coupling {
+            gain_um_per_v,
+            lead_um_s_per_v,
+            weight_um_per_v,
+            threshold_v,
+        } => chain.around.coupling = Some([gain_um_per_v, lead_um_s_per_v, weight_um_per_v, threshold_v]),
+        Compensator::Hum {
+            frequency_hz,
+            amplitudes_um,
+        } => {
             chain.around.hum = Some(HumPart {
                 frequency_hz,
-                amplitudes_um: amplitudes_um.to_vec(),
+                amplitudes_um,
             });
-            (
-                Some("hum learned in the loop"),
-                "half a hertz about each line; what a reference has there is taken for hum",
-            )
         }
-        ("sensor-nonlinearity", &[middle, quadratic, cubic]) => {
-            chain.around.sensor = Some([middle, quadratic, cubic]);
-            (
-                Some("sensor polynomial"),
-                "as good as the records tell it from a bent hysteresis",
-            )
-        }
-        ("thermal-drift", &[reference_c, tau_s, shift, gain, _]) if reference_c != 0.0 => {
-            chain.around.heat = Some([reference_c, tau_s, shift, gain]);
-            (Some("thermal gain"), "needs the temperature at every sample")
-        }
-        ("thermal-drift", _) => (
-            None,
-            "it was fitted against time, not temperature, and time starts anew; record temperature_c, or leave it to the feedback",
-        ),
-        ("hysteresis-shape" | "amplitude-gain" | "asymmetry", _) => {
-            (Some("hysteresis inverse"), "part of the table that is inverted")
-        }
-        ("rate-dependence", _) => (
-            None,
-            "the inverse at rest is static; learn whether a delay, a lag or a mode is what widens the loops",
-        ),
-        ("slew-limit", _) => (
-            None,
-            "current that the amplifier lacks cannot be given; ask for slower references",
-        ),
-        ("saturation", _) => (None, "a stop cannot be passed; keep references away from it"),
-        ("backlash", _) => (None, "a jump at every turn shakes the stage; the feedback takes it up"),
-        _ => (None, "no compensator is known"),
+        Compensator::SensorCurve {
+            middle_um,
+            quadratic_per_um,
+            cubic_per_um2,
+        } => chain.around.sensor = Some([middle_um, quadratic_per_um, cubic_per_um2]),
+        Compensator::ThermalGain {
+            reference_c,
+            tau_s,
+            shift_um_per_k,
+            gain_per_k,
+        } => chain.around.heat = Some([reference_c, tau_s, shift_um_per_k, gain_per_k]),
+        Compensator::HysteresisInverse | Compensator::None => {}
     }
 }
 
-/// Four elements, a decade apart, into the core's fast and slow ones; unused places keep a share of 0.
-fn creep(first_tau_s: f64, shares: &[f64], part: &mut CreepPart) {
-    let elements: Vec<(f64, f64)> = shares
+/// A few elements into the core's fast and slow ones; unused places keep a share of 0.
+fn creep(elements: &[CreepElement], part: &mut CreepPart) {
+    let fast = elements
         .iter()
-        .enumerate()
-        .map(|(i, &share)| (first_tau_s * 10f64.powi(i as i32), share))
-        .collect();
-    let fast = elements.iter().filter(|(tau, _)| *tau <= SLOWEST_FAST_S).count();
-    for (i, &(tau, share)) in elements.iter().enumerate() {
+        .filter(|element| element.tau_s <= SLOWEST_FAST_S)
+        .count();
+    for (i, element) in elements.iter().enumerate() {
         let place = if i < fast {
             CREEP_FAST - fast + i
         } else {
             CREEP_FAST + i - fast
         };
-        (part.tau_s[place], part.shares[place]) = (tau, share);
+        (part.tau_s[place], part.shares[place]) = (element.tau_s, element.share);
     }
 }
 
 /// The hysteresis alone, as slow as can be: what stands in its place and is static stays, all else is taken out.
 pub(super) fn quasi_static(model: &Model) -> Model {
     let mut alone = model.clone();
-    alone.effects.retain(|effect| effect.name == "asymmetry");
+    let stays =
+        |fitted: &FittedEffect| matches!(compensation(fitted), Ok(by) if by.by == Compensator::HysteresisInverse);
+    alone.effects.retain(stays);
     alone.envelope = model.envelope.map(|_| Envelope {
         alpha_s: 0.0,
         beta_s: 0.0,

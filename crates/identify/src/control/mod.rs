@@ -11,7 +11,7 @@ pub mod linear_part;
 pub mod model;
 mod refine;
 
-pub use from_model::{RecordedHold, Undone, chain_of};
+pub use from_model::{Part, RecordedHold, Undone, chain_of};
 pub use linear_part::{FrequencyResponse, LinearPart, ModeOfStage, SmallSignal, fit_small_signal, frequency_response};
 pub use model::{AroundPart, ControlModel, CreepPart, HumPart, InversePart};
 pub use refine::refine;

@@ -5,8 +5,8 @@ use super::inverse::{Pairs, fit_pairs};
 use super::model::ControlModel;
 use crate::error::IdentifyError;
 use crate::family::peak_to_peak;
-use crate::initial::InitialState;
 use crate::model::Model;
+use crate::start_state::InitialState;
 use hysteron_data::Record;
 
 /// What an error on the model's own cycles counts beside one on a record: they stand in where no record goes.

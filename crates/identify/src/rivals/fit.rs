@@ -4,13 +4,13 @@
 use super::{Columns, DeadZones, Rival, RivalModel, Shape};
 use crate::columns::Run;
 use crate::error::IdentifyError;
+use crate::family::MAX_PLAYS;
 use crate::family::{Direction, peak_to_peak, range};
-use crate::fit::MAX_PLAYS;
-use crate::initial::InitialState;
 use crate::normal::Normal;
 use crate::objective::{Weighting, runs};
 use crate::separable::{RIDGE, SEARCH_ROWS};
 use crate::simplex;
+use crate::start_state::InitialState;
 use hysteron_core::model::Hysteresis;
 use hysteron_data::Dataset;
 

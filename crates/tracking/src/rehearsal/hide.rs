@@ -1,5 +1,6 @@
 //! What can be hidden in a stage, and how strong.
 
+use hysteron_identify::EffectId;
 use hysteron_plant::{Creep, CrossCoupling, Hysteresis, MainsHum, Mode, StageConfig};
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -32,16 +33,21 @@ impl Hidden {
         Self::MainsHum,
     ];
 
-    /// The name that a model's effect has.
-    pub fn name(self) -> &'static str {
+    /// A model's effect for it.
+    pub fn effect(self) -> EffectId {
         match self {
-            Self::Delay => "delay",
-            Self::FirstOrderLag => "first-order-lag",
-            Self::Resonance => "resonance",
-            Self::Creep => "creep",
-            Self::CrossCoupling => "cross-coupling",
-            Self::MainsHum => "mains-hum",
+            Self::Delay => EffectId::Delay,
+            Self::FirstOrderLag => EffectId::FirstOrderLag,
+            Self::Resonance => EffectId::Resonance,
+            Self::Creep => EffectId::Creep,
+            Self::CrossCoupling => EffectId::CrossCoupling,
+            Self::MainsHum => EffectId::MainsHum,
         }
+    }
+
+    /// The name of that effect.
+    pub fn name(self) -> &'static str {
+        self.effect().name()
     }
 
     /// The one of a name.

@@ -177,7 +177,7 @@ fn json(args: &DesignArgs, source: &Source, controller: &Controller) -> Result<s
     let undone: Vec<_> = source
         .undone
         .iter()
-        .map(|u| serde_json::json!({"effect": u.effect, "by": u.by, "note": u.note}))
+        .map(|u| serde_json::json!({"effect": u.part.to_string(), "by": u.by, "note": u.note}))
         .collect();
     Ok(serde_json::json!({
         "file": args.output,
@@ -287,7 +287,7 @@ fn effects(text: &mut String, source: &Source) {
     text.push_str("EFFECTS\n");
     for undone in &source.undone {
         let by = undone.by.unwrap_or("LEFT OUT");
-        let _ = writeln!(text, "  {:<26} {by}: {}", undone.effect, undone.note);
+        let _ = writeln!(text, "  {:<26} {by}: {}", undone.part, undone.note);
     }
 }
 

@@ -14,7 +14,7 @@ use clap::Args;
 use hysteron_data::{Dataset, Overwrite, Record, write_dataset};
 use hysteron_diagnose::{Learned, learn_with};
 use hysteron_identify::control::{ControlModel, RecordedHold, chain_of, refine};
-use hysteron_identify::{FitOptions, Model, fit};
+use hysteron_identify::{EffectName, FitOptions, Model, fit};
 use hysteron_plant::StageConfig;
 use hysteron_tracking::design::{Controller, ReferenceKind};
 use hysteron_tracking::rehearsal::{Hidden, Rehearsal};
@@ -59,7 +59,7 @@ pub(crate) struct RehearseArgs {
 /// A step of the ladder from both sides.
 #[derive(Serialize)]
 struct Rung {
-    effects: Vec<String>,
+    effects: Vec<EffectName>,
     /// Whether the inverse was fitted to records along references as well.
     trained: bool,
     /// Error of the model on records it was not fitted to, percent of peak to peak.
@@ -199,9 +199,9 @@ fn rehearsed(
     rehearsal: &Rehearsal,
     learned: &Learned,
 ) -> Result<(Rehearsed, Option<Trained>), CliError> {
-    let hidden = rehearsal.hidden.name();
+    let hidden = rehearsal.hidden.effect();
     let mut rehearsed = Rehearsed {
-        effect: hidden,
+        effect: hidden.name(),
         seed: rehearsal.seed,
         emulator: match ground {
             Ground::Host => None,

@@ -1,6 +1,7 @@
 //! What a rehearsal says, as a table.
 
 use super::Rehearsed;
+use crate::output;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -32,7 +33,7 @@ pub(super) fn text(rehearsed: &Rehearsed) -> String {
         let name = if rung.effects.is_empty() {
             "hysteresis".to_owned()
         } else {
-            format!("+ {}", rung.effects.join(", "))
+            format!("+ {}", output::list(&rung.effects))
         };
         let name = if rung.trained { format!("{name}, trained") } else { name };
         let refused = rung.refused.as_deref().unwrap_or("");

@@ -1,13 +1,15 @@
 //! `mains-hum`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::compensator::{Compensation, Compensator};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::id::{EffectId, EffectName};
 use hysteron_core::effects::hum::Hum;
 use std::f64::consts::TAU;
 
-pub(super) struct MainsHum;
+pub(crate) struct MainsHum;
 
 static DESCRIPTION: Description = Description {
-    name: "mains-hum",
+    name: EffectId::MainsHum.name(),
     place: Place::Coupling,
     summary: "The mains and its harmonics in the position, through the amplifier's ripple or a ground loop.",
     equation: "y' = y + sum A_k sin(2 pi k f t + phi_k), k = 1 to 5; phases belong to each second of each record",
@@ -55,6 +57,10 @@ static DESCRIPTION: Description = Description {
 const HARMONICS: usize = 5;
 
 impl Effect for MainsHum {
+    fn name(&self) -> EffectName {
+        EffectId::MainsHum.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -114,6 +120,10 @@ impl Effect for MainsHum {
         }
     }
 
+    fn adds_line_spectrum(&self) -> bool {
+        true
+    }
+
     fn has_own_numbers(&self) -> bool {
         true
     }
@@ -139,6 +149,16 @@ impl Effect for MainsHum {
             })
         };
         (0..parts).flat_map(phases).collect()
+    }
+
+    fn compensation(&self, values: &[f64]) -> Compensation {
+        Compensation::new(
+            Compensator::Hum {
+                frequency_hz: values[0],
+                amplitudes_um: values[1..].to_vec(),
+            },
+            "half a hertz about each line; what a reference has there is taken for hum",
+        )
     }
 }
 

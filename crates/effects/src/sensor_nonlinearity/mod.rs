@@ -1,12 +1,14 @@
 //! `sensor-nonlinearity`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::compensator::{Compensation, Compensator};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::id::{EffectId, EffectName};
 use hysteron_core::effects::sensor::SensorCurve;
 
-pub(super) struct SensorNonlinearity;
+pub(crate) struct SensorNonlinearity;
 
 static DESCRIPTION: Description = Description {
-    name: "sensor-nonlinearity",
+    name: EffectId::SensorNonlinearity.name(),
     place: Place::Sensor,
     summary: "The sensor's reading bends over its range.",
     equation: "y_m = y + c2 y^2 + c3 y^3, y against the middle of the records' positions",
@@ -37,6 +39,10 @@ static DESCRIPTION: Description = Description {
 };
 
 impl Effect for SensorNonlinearity {
+    fn name(&self) -> EffectName {
+        EffectId::SensorNonlinearity.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -75,5 +81,16 @@ impl Effect for SensorNonlinearity {
                 .zip(position_um)
                 .for_each(|(change, y)| *change *= curve.slope(*y - values[0]));
         }
+    }
+
+    fn compensation(&self, values: &[f64]) -> Compensation {
+        Compensation::new(
+            Compensator::SensorCurve {
+                middle_um: values[0],
+                quadratic_per_um: values[1],
+                cubic_per_um2: values[2],
+            },
+            "as good as the records tell it from a bent hysteresis",
+        )
     }
 }

@@ -1,13 +1,15 @@
 //! `cross-coupling`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::compensator::{Compensation, Compensator};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::id::{EffectId, EffectName};
 use hysteron_core::effects::Block;
 use hysteron_core::effects::coupling::Coupling;
 
-pub(super) struct CrossCoupling;
+pub(crate) struct CrossCoupling;
 
 static DESCRIPTION: Description = Description {
-    name: "cross-coupling",
+    name: EffectId::CrossCoupling.name(),
     place: Place::Coupling,
     summary: "Motion of the other axis reaches this one.",
     equation: "y' = y + g u2 + d u2' + p F_r[u2], r a third of the other axis' span",
@@ -42,6 +44,10 @@ static DESCRIPTION: Description = Description {
 };
 
 impl Effect for CrossCoupling {
+    fn name(&self) -> EffectName {
+        EffectId::CrossCoupling.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -81,5 +87,17 @@ impl Effect for CrossCoupling {
                 *y += coupling.step(&mut state, u);
             }
         }
+    }
+
+    fn compensation(&self, values: &[f64]) -> Compensation {
+        Compensation::new(
+            Compensator::Coupling {
+                gain_um_per_v: values[0],
+                lead_um_s_per_v: values[1],
+                weight_um_per_v: values[2],
+                threshold_v: values[3],
+            },
+            "needs the other axis' command as early as the reference",
+        )
     }
 }

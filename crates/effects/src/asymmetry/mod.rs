@@ -1,11 +1,13 @@
 //! `asymmetry`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::compensator::{Compensation, Compensator};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::id::{EffectId, EffectName};
 
-pub(super) struct Asymmetry;
+pub(crate) struct Asymmetry;
 
 static DESCRIPTION: Description = Description {
-    name: "asymmetry",
+    name: EffectId::Asymmetry.name(),
     place: Place::Hysteresis,
     summary: "Both branches of the loop bend in the same way: the gain depends on the voltage.",
     equation: "y' = y + b2 v^2 + b3 v^3, v against the middle of the records' voltages",
@@ -38,6 +40,10 @@ static DESCRIPTION: Description = Description {
 };
 
 impl Effect for Asymmetry {
+    fn name(&self) -> EffectName {
+        EffectId::Asymmetry.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -72,5 +78,9 @@ impl Effect for Asymmetry {
             let v = v - middle;
             *y += v * v * (quadratic + cubic * v);
         }
+    }
+
+    fn compensation(&self, _: &[f64]) -> Compensation {
+        Compensation::new(Compensator::HysteresisInverse, "part of the table that is inverted")
     }
 }

@@ -1,13 +1,15 @@
 //! `thermal-drift`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
-use crate::family::range;
+use crate::compensator::{Compensation, Compensator};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::id::{EffectId, EffectName};
+use crate::series;
 use hysteron_core::effects::thermal::Thermal;
 
-pub(super) struct ThermalDrift;
+pub(crate) struct ThermalDrift;
 
 static DESCRIPTION: Description = Description {
-    name: "thermal-drift",
+    name: EffectId::ThermalDrift.name(),
     place: Place::Coupling,
     summary: "Position and gain follow the temperature (or, where it was not recorded, the time).",
     equation: "y' = y (1 + c d) + k d + s (z - k d_0), tau d' + d = T - T0; without a temperature d is the time since the \
@@ -50,7 +52,14 @@ static DESCRIPTION: Description = Description {
     scene: Scene::Hold,
 };
 
+/// Why a drift in time is left out.
+const IN_TIME: &str = "it was fitted against time, not temperature, and time starts anew; record temperature_c, or leave it to the feedback";
+
 impl Effect for ThermalDrift {
+    fn name(&self) -> EffectName {
+        EffectId::ThermalDrift.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -131,29 +140,30 @@ impl Effect for ThermalDrift {
     /// Where the record finds the stage: a body warms while nothing is recorded, and one that lags its temperature is not
     /// where that says. A record that starts in motion has its zero in its mean.
     fn settle(&self, _: &[f64], signals: &Signals<'_>, unexplained: &[f64], every: usize) -> Vec<f64> {
-        let looked_at = match rest(&signals.at_stack_v[signals.run_in..], every) {
+        let looked_at = match series::rest(&signals.at_stack_v[signals.run_in..], every) {
             Some(samples) => samples.min(unexplained.len()),
             None => unexplained.len(),
         };
         vec![unexplained[..looked_at].iter().sum::<f64>() / looked_at.max(1) as f64]
     }
-}
 
-/// Share of a record's drive within which the stage stands still: a plain thousandth of its stroke.
-const RESTS: f64 = 1e-3;
-
-/// Fewer samples are no rest: a drive in motion passes through.
-const LEAST_REST: usize = 3;
-
-/// Samples of a rest that are looked at: what it drifts in a longer one is the effect itself.
-const LONGEST_REST: usize = 200;
-
-/// Samples of the rest with which a drive begins, every so many of the series one; `None` where it begins in motion.
-pub(crate) fn rest(drive: &[f64], every: usize) -> Option<usize> {
-    let (low, high) = range(drive.iter().copied());
-    let rests = |v: &&f64| (**v - drive[0]).abs() <= RESTS * (high - low);
-    let samples = drive.iter().step_by(every).take_while(rests).take(LONGEST_REST).count();
-    (samples >= LEAST_REST).then_some(samples)
+    fn compensation(&self, values: &[f64]) -> Compensation {
+        let &[reference_c, tau_s, shift_um_per_k, gain_per_k, _] = values else {
+            return Compensation::none(IN_TIME);
+        };
+        if reference_c == 0.0 {
+            return Compensation::none(IN_TIME);
+        }
+        Compensation::new(
+            Compensator::ThermalGain {
+                reference_c,
+                tau_s,
+                shift_um_per_k,
+                gain_per_k,
+            },
+            "needs the temperature at every sample",
+        )
+    }
 }
 
 /// `d`: how much warmer the body is than the reference, or hours since the start.

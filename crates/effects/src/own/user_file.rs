@@ -2,9 +2,11 @@
 
 use super::expression::{Expression, is_taken};
 use super::user::UserEffect;
-use super::{Description, Named, Place, Scene};
-use crate::error::IdentifyError;
-use serde::{Deserialize, Serialize};
+use crate::effect::{Description, Named, Place, Scene};
+use crate::effect_file::{EffectFile, FileParameter};
+use crate::error::EffectError;
+use crate::family::Family;
+use crate::id::EffectId;
 use std::path::Path;
 use std::sync::Mutex;
 
@@ -26,79 +28,6 @@ pub(super) const V: usize = 3;
 pub(super) const TEMPERATURE: usize = 4;
 pub(super) const V2: usize = 5;
 pub(super) const PERIOD: usize = 6;
-
-/// The text of an effect file, field by field; `model.toml` keeps it as it is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct EffectFile {
-    /// Name: lower-case letters, digits and hyphens; none of the catalogue's.
-    pub name: String,
-    /// Where it stands in the chain: `delay`, `amplifier`, `creep`, `structure`, `coupling` or `sensor`.
-    pub place: String,
-    /// What it is, one sentence.
-    pub summary: String,
-    /// What comes out, in the unit of the input: volts before the hysteresis, micrometres behind it.
-    pub output: String,
-    /// Where the equation comes from.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub source: Option<String>,
-    /// How it shows in records.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub shows: Option<String>,
-    /// What it is mistaken for.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mistaken_for: Option<String>,
-    /// Which record separates it from those.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub separated_by: Option<String>,
-    /// How it is compensated.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub compensated_by: Option<String>,
-    /// Parameters.
-    #[serde(rename = "parameter", default, skip_serializing_if = "Vec::is_empty")]
-    pub parameters: Vec<FileParameter>,
-    /// States.
-    #[serde(rename = "state", default, skip_serializing_if = "Vec::is_empty")]
-    pub states: Vec<FileState>,
-}
-
-/// A parameter of an effect file.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FileParameter {
-    /// Name in the expressions.
-    pub name: String,
-    /// Unit; empty for a pure number.
-    pub unit: String,
-    /// What it is.
-    pub what: String,
-    /// Smallest physical value.
-    pub min: f64,
-    /// Largest physical value.
-    pub max: f64,
-    /// Where the effect does nothing; 0, or the bound next to it, where not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub neutral: Option<f64>,
-    /// Where searches start; spread over the bounds where not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub starts: Option<Vec<f64>>,
-}
-
-/// A state of an effect file.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FileState {
-    /// Name in the expressions.
-    pub name: String,
-    /// Its value after a long rest at the record's first input `u`.
-    pub at_rest: String,
-    /// Its rate of change, per second.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rate: Option<String>,
-    /// Its new value at each sample, from the old one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub next: Option<String>,
-}
 
 /// What moves a state.
 #[derive(Debug)]
@@ -173,15 +102,15 @@ impl UserEffect {
     ///
     /// # Errors
     /// A file that cannot be opened, or as [`UserEffect::from_toml`].
-    pub fn read(path: &Path) -> Result<Self, IdentifyError> {
+    pub fn read(path: &Path) -> Result<Self, EffectError> {
         let file = path.display().to_string();
-        let failed = |source| IdentifyError::Io {
+        let failed = |source| EffectError::Io {
             file: file.clone(),
             source,
         };
         let bytes = std::fs::metadata(path).map_err(failed)?.len();
         if bytes > MOST_BYTES {
-            return Err(IdentifyError::EffectFile {
+            return Err(EffectError::File {
                 reason: format!("{bytes} bytes; an effect file has at most {MOST_BYTES}"),
                 file,
             });
@@ -198,7 +127,7 @@ impl UserEffect {
     ///
     /// # Example
     /// ```
-    /// use hysteron_identify::effects::UserEffect;
+    /// use hysteron_effects::effects::UserEffect;
     /// let text = r#"
     /// name = "tilt"
     /// place = "sensor"
@@ -212,13 +141,13 @@ impl UserEffect {
     /// max = 0.1
     /// "#;
     /// let tilt = UserEffect::from_toml(text, "tilt.toml")?;
-    /// assert_eq!(tilt.name(), "tilt");
+    /// assert_eq!(tilt.name().as_str(), "tilt");
     /// let wrong = UserEffect::from_toml(&text.replace("u * (", "x * ("), "tilt.toml").unwrap_err();
     /// assert!(wrong.to_string().starts_with("tilt.toml: output = \"x * (1 + tilt)\": column 1: unknown name `x`"));
-    /// # Ok::<(), hysteron_identify::IdentifyError>(())
+    /// # Ok::<(), hysteron_effects::EffectError>(())
     /// ```
-    pub fn from_toml(text: &str, name: &str) -> Result<Self, IdentifyError> {
-        let refuse = |reason: String| IdentifyError::EffectFile {
+    pub fn from_toml(text: &str, name: &str) -> Result<Self, EffectError> {
+        let refuse = |reason: String| EffectError::File {
             file: name.to_owned(),
             reason,
         };
@@ -230,7 +159,7 @@ impl UserEffect {
     ///
     /// # Errors
     /// In words, which field is wrong and what is allowed.
-    pub(crate) fn of(file: &EffectFile) -> Result<Self, String> {
+    pub fn of(file: &EffectFile) -> Result<Self, String> {
         static KNOWN: Mutex<Vec<&'static Definition>> = Mutex::new(Vec::new());
         let known = || KNOWN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if let Some(definition) = known().iter().find(|definition| definition.file == *file) {
@@ -328,9 +257,10 @@ fn check_effect_name(name: &str) -> Result<(), String> {
         ));
     }
     let verdicts = ["none", "unknown", "nothing"];
-    if super::names().contains(&name) || verdicts.contains(&name) {
+    let families = Family::ALL.map(Family::name);
+    if EffectId::names().contains(&name) || verdicts.contains(&name) || families.contains(&name) {
         return Err(format!(
-            "name = \"{name}\" is taken by the catalogue or by a verdict; choose another, such as \"my-{name}\""
+            "name = \"{name}\" is taken by the catalogue, by a verdict or by a family; choose another, such as \"my-{name}\""
         ));
     }
     Ok(())

@@ -1,12 +1,15 @@
 //! `slew-limit`
 
-use super::{Bounds, Description, Effect, Facts, Named, Place, Scene, Signals, run};
+use crate::compensator::Compensation;
+use crate::effect::{Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::id::{EffectId, EffectName};
+use crate::run;
 use hysteron_core::effects::slew;
 
-pub(super) struct SlewLimit;
+pub(crate) struct SlewLimit;
 
 static DESCRIPTION: Description = Description {
-    name: "slew-limit",
+    name: EffectId::SlewLimit.name(),
     place: Place::Amplifier,
     summary: "The amplifier's current is limited, and with it the rate at which it charges the stack.",
     equation: "|v'| <= I_max / C",
@@ -25,6 +28,10 @@ static DESCRIPTION: Description = Description {
 };
 
 impl Effect for SlewLimit {
+    fn name(&self) -> EffectName {
+        EffectId::SlewLimit.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -53,5 +60,9 @@ impl Effect for SlewLimit {
 
     fn dynamic(&self) -> bool {
         true
+    }
+
+    fn compensation(&self, _: &[f64]) -> Compensation {
+        Compensation::none("current that the amplifier lacks cannot be given; ask for slower references")
     }
 }

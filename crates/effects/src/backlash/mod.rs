@@ -1,13 +1,15 @@
 //! `backlash`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::compensator::Compensation;
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::id::{EffectId, EffectName};
 use hysteron_core::effects::Block;
 use hysteron_core::effects::backlash;
 
-pub(super) struct Backlash;
+pub(crate) struct Backlash;
 
 static DESCRIPTION: Description = Description {
-    name: "backlash",
+    name: EffectId::Backlash.name(),
     place: Place::Sensor,
     summary: "Motion is lost at every reversal, in a contact or a worn joint.",
     equation: "y' = max(y - b, min(y + b, y'))",
@@ -26,6 +28,10 @@ static DESCRIPTION: Description = Description {
 };
 
 impl Effect for Backlash {
+    fn name(&self) -> EffectName {
+        EffectId::Backlash.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -83,6 +89,10 @@ impl Effect for Backlash {
             }
             *change = held;
         }
+    }
+
+    fn compensation(&self, _: &[f64]) -> Compensation {
+        Compensation::none("a jump at every turn shakes the stage; the feedback takes it up")
     }
 }
 

@@ -1,11 +1,14 @@
 //! `creep`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals, run};
+use crate::compensator::{Compensation, Compensator, CreepElement};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::id::{EffectId, EffectName};
+use crate::run;
 
-pub(super) struct Creep;
+pub(crate) struct Creep;
 
 static DESCRIPTION: Description = Description {
-    name: "creep",
+    name: EffectId::Creep.name(),
     place: Place::Creep,
     summary: "The stack goes on moving after the voltage has come to rest, a percent or two in every decade of time.",
     equation: "y' = y + sum c_i x_i, tau_i x_i' + x_i = y, tau_i = tau_1 10^(i-1), i = 1 to 4; equal c_i are the logarithmic law",
@@ -50,6 +53,10 @@ static DESCRIPTION: Description = Description {
 const ELEMENTS: usize = 4;
 
 impl Effect for Creep {
+    fn name(&self) -> EffectName {
+        EffectId::Creep.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -92,5 +99,16 @@ impl Effect for Creep {
                 position_um.iter_mut().zip(&element).for_each(|(y, x)| *y += share * x);
             }
         }
+    }
+
+    fn compensation(&self, values: &[f64]) -> Compensation {
+        let elements = values[1..].iter().enumerate().map(|(i, &share)| CreepElement {
+            tau_s: values[0] * 10f64.powi(i as i32),
+            share,
+        });
+        Compensation::new(
+            Compensator::Creep(elements.collect()),
+            "slow states run once in 50 samples",
+        )
     }
 }

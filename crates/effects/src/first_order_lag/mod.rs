@@ -1,11 +1,14 @@
 //! `first-order-lag`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals, run};
+use crate::compensator::{Compensation, Compensator};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::id::{EffectId, EffectName};
+use crate::run;
 
-pub(super) struct FirstOrderLag;
+pub(crate) struct FirstOrderLag;
 
 static DESCRIPTION: Description = Description {
-    name: "first-order-lag",
+    name: EffectId::FirstOrderLag.name(),
     place: Place::Amplifier,
     summary: "The amplifier charges the stack's capacitance through a resistance, or the sensor filters its reading.",
     equation: "tau y' + y = u, before the hysteresis (amplifier) or after it (sensor)",
@@ -35,6 +38,10 @@ static DESCRIPTION: Description = Description {
 const LONGEST_S: f64 = 1e-2;
 
 impl Effect for FirstOrderLag {
+    fn name(&self) -> EffectName {
+        EffectId::FirstOrderLag.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -66,5 +73,15 @@ impl Effect for FirstOrderLag {
 
     fn dynamic(&self) -> bool {
         true
+    }
+
+    fn compensation(&self, values: &[f64]) -> Compensation {
+        let [amplifier_s, sensor_s] = [values[0], values[1]];
+        let note = if sensor_s > 0.0 && amplifier_s <= 0.0 {
+            "a late reading moves nothing: only what the feedback compares with is made late"
+        } else {
+            "asks for more voltage and current the faster the reference"
+        };
+        Compensation::new(Compensator::Lead { amplifier_s, sensor_s }, note)
     }
 }

@@ -1,12 +1,14 @@
 //! `amplitude-gain`
 
-use super::{Bounds, Description, Effect, Facts, Place, Scene, Shape};
-use crate::fit::MAX_PLAYS;
+use crate::compensator::{Compensation, Compensator};
+use crate::effect::{Bounds, Description, Effect, Facts, Place, Scene, Shape};
+use crate::family::MAX_PLAYS;
+use crate::id::{EffectId, EffectName};
 
-pub(super) struct AmplitudeGain;
+pub(crate) struct AmplitudeGain;
 
 static DESCRIPTION: Description = Description {
-    name: "amplitude-gain",
+    name: EffectId::AmplitudeGain.name(),
     place: Place::Hysteresis,
     summary: "Gain and loop opening grow from small to large strokes, below the model's smallest threshold.",
     equation: "plays with logarithmically spaced thresholds from 0.1 % of the span up, beside the model's own",
@@ -45,6 +47,10 @@ pub fn with_small_plays(thresholds: &[f64], span: f64) -> Vec<f64> {
 }
 
 impl Effect for AmplitudeGain {
+    fn name(&self) -> EffectName {
+        EffectId::AmplitudeGain.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -60,5 +66,9 @@ impl Effect for AmplitudeGain {
             family: shape.family,
             thresholds,
         })
+    }
+
+    fn compensation(&self, _: &[f64]) -> Compensation {
+        Compensation::new(Compensator::HysteresisInverse, "part of the table that is inverted")
     }
 }

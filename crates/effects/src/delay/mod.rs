@@ -1,12 +1,15 @@
 //! `delay`
 
-use super::{Bounds, Description, Effect, Facts, Named, Place, Scene, Signals, run};
+use crate::compensator::{Compensation, Compensator};
+use crate::effect::{Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::id::{EffectId, EffectName};
+use crate::run;
 use hysteron_core::effects::delay;
 
-pub(super) struct Delay;
+pub(crate) struct Delay;
 
 static DESCRIPTION: Description = Description {
-    name: "delay",
+    name: EffectId::Delay.name(),
     place: Place::Delay,
     summary: "Everything arrives late by the same time: sampling, computing, converters, the sensor's electronics.",
     equation: "v'(t) = v(t - tau)",
@@ -44,6 +47,10 @@ pub fn late(delay_s: f64, period_s: f64, run_in: usize, series: &mut [f64]) {
 }
 
 impl Effect for Delay {
+    fn name(&self) -> EffectName {
+        EffectId::Delay.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -66,5 +73,12 @@ impl Effect for Delay {
 
     fn dynamic(&self) -> bool {
         true
+    }
+
+    fn compensation(&self, values: &[f64]) -> Compensation {
+        Compensation::new(
+            Compensator::Delay { delay_s: values[0] },
+            "counted to the command's way; a sensor that is late as a whole looks the same in records",
+        )
     }
 }

@@ -1,35 +1,9 @@
-//! The catalogue of physical effects: one file an effect, one line in [`catalogue`].
-//!
-//! An [`Effect`] says what it is (for people) and how it acts on the signals of a record (for fits). A model is a chain
-//! of them: voltage, delay, amplifier, hysteresis, creep, structure, coupling and heat, sensor.
+//! An effect: what it is, how it acts on the signals of a record, how a controller undoes it.
 
-mod amplitude_gain;
-mod asymmetry;
-mod backlash;
-mod creep;
-mod cross_coupling;
-mod delay;
-mod expression;
-mod first_order_lag;
-mod hysteresis_shape;
-mod mains_hum;
-pub(crate) mod rate_dependence;
-mod resonance;
-mod run;
-mod saturation;
-mod sensor_nonlinearity;
-mod slew_limit;
-pub(crate) mod thermal_drift;
-mod user;
-mod user_file;
-mod user_states;
-
-pub use amplitude_gain::with_small_plays;
-pub use delay::late;
-pub use user::UserEffect;
-pub use user_file::{EffectFile, FileParameter, FileState};
-
+use crate::compensator::Compensation;
+use crate::effect_file::EffectFile;
 use crate::family::Family;
+use crate::id::EffectName;
 use hysteron_core::envelope::Envelope;
 use std::sync::Arc;
 
@@ -105,7 +79,7 @@ pub struct Description {
     pub scene: Scene,
 }
 
-/// A kind of record on which an effect is shown; see [`crate::illustration`].
+/// A kind of record on which an effect is shown; an imagined stage plays it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scene {
     /// A sine of 503 Hz over the full range.
@@ -139,7 +113,7 @@ pub struct Bounds {
 
 impl Bounds {
     /// A fitted parameter.
-    pub(crate) fn new(min: f64, max: f64, scale: f64, neutral: f64) -> Self {
+    pub fn new(min: f64, max: f64, scale: f64, neutral: f64) -> Self {
         Self {
             min,
             max,
@@ -150,7 +124,7 @@ impl Bounds {
     }
 
     /// A parameter that is set once.
-    pub(crate) fn fixed(value: f64) -> Self {
+    pub fn fixed(value: f64) -> Self {
         Self {
             min: value,
             max: value,
@@ -187,11 +161,13 @@ pub struct Facts {
 }
 
 impl Facts {
-    pub(crate) fn span_v(&self) -> f64 {
+    /// Span of the voltages, volts.
+    pub fn span_v(&self) -> f64 {
         self.voltage_v[1] - self.voltage_v[0]
     }
 
-    pub(crate) fn stroke_um(&self) -> f64 {
+    /// Stroke, micrometres.
+    pub fn stroke_um(&self) -> f64 {
         self.position_um[1] - self.position_um[0]
     }
 }
@@ -245,6 +221,9 @@ pub struct Shape {
 ///
 /// The parameters of [`Description::parameters`], [`Effect::bounds`] and every `values` are the same list in the same order.
 pub trait Effect: Send + Sync {
+    /// Its name.
+    fn name(&self) -> EffectName;
+
     /// The effect in words.
     fn description(&self) -> &'static Description;
 
@@ -279,6 +258,17 @@ pub trait Effect: Send + Sync {
     /// The dynamic envelope it gives the wider plays.
     fn envelope(&self, values: &[f64]) -> Option<Envelope<f64>> {
         let _ = values;
+        None
+    }
+
+    /// Plays narrower than this share of the voltages' span do not take part in [`Effect::envelope`].
+    fn narrow_share(&self) -> f64 {
+        0.0
+    }
+
+    /// Whether it is a part of the hysteresis' family that is fitted with the effects, and no effect of its own: then the effect
+    /// that it becomes in a family without that part.
+    fn outside_family(&self) -> Option<Arc<dyn Effect>> {
         None
     }
 
@@ -328,6 +318,11 @@ pub trait Effect: Send + Sync {
         Vec::new()
     }
 
+    /// Whether it adds lines to the spectrum of a record that do not come from the drive.
+    fn adds_line_spectrum(&self) -> bool {
+        false
+    }
+
     /// Whether it moves signals in time, so that the shape between the samples matters.
     fn dynamic(&self) -> bool {
         false
@@ -354,35 +349,7 @@ pub trait Effect: Send + Sync {
         let _ = (shape, facts, place);
         None
     }
-}
 
-/// All effects, in the order of the chain.
-pub fn catalogue() -> [Arc<dyn Effect>; 15] {
-    [
-        Arc::new(delay::Delay),
-        Arc::new(first_order_lag::FirstOrderLag),
-        Arc::new(slew_limit::SlewLimit),
-        Arc::new(saturation::Saturation),
-        Arc::new(rate_dependence::RateDependence),
-        Arc::new(asymmetry::Asymmetry),
-        Arc::new(amplitude_gain::AmplitudeGain),
-        Arc::new(hysteresis_shape::HysteresisShape),
-        Arc::new(creep::Creep),
-        Arc::new(resonance::Resonance),
-        Arc::new(cross_coupling::CrossCoupling),
-        Arc::new(thermal_drift::ThermalDrift),
-        Arc::new(mains_hum::MainsHum),
-        Arc::new(backlash::Backlash),
-        Arc::new(sensor_nonlinearity::SensorNonlinearity),
-    ]
-}
-
-/// The effect of this name.
-pub fn find(name: &str) -> Option<Arc<dyn Effect>> {
-    catalogue().into_iter().find(|effect| effect.description().name == name)
-}
-
-/// Names of all effects, for messages.
-pub fn names() -> Vec<&'static str> {
-    catalogue().iter().map(|effect| effect.description().name).collect()
+    /// How a controller undoes it at these values.
+    fn compensation(&self, values: &[f64]) -> Compensation;
 }

@@ -1,12 +1,14 @@
 //! `hysteresis-shape`
 
-use super::{Bounds, Description, Effect, Facts, Place, Scene, Shape};
+use crate::compensator::{Compensation, Compensator};
+use crate::effect::{Bounds, Description, Effect, Facts, Place, Scene, Shape};
 use crate::family::Family;
+use crate::id::{EffectId, EffectName};
 
-pub(super) struct HysteresisShape;
+pub(crate) struct HysteresisShape;
 
 static DESCRIPTION: Description = Description {
-    name: "hysteresis-shape",
+    name: EffectId::HysteresisShape.name(),
     place: Place::Hysteresis,
     summary: "The family of play operators is too poor for this stage's loops: nothing physical is missing.",
     equation: "y = c + g(v) + sum (q1 w_i + q2 w_i^2 + q3 w_i^3), g of degree 5, at least 18 plays where the records exercise them",
@@ -24,6 +26,10 @@ static DESCRIPTION: Description = Description {
 const PLAYS: usize = 18;
 
 impl Effect for HysteresisShape {
+    fn name(&self) -> EffectName {
+        EffectId::HysteresisShape.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -37,5 +43,9 @@ impl Effect for HysteresisShape {
             family: Family::PlayPolynomial,
             thresholds: place(PLAYS.max(shape.thresholds.len())),
         })
+    }
+
+    fn compensation(&self, _: &[f64]) -> Compensation {
+        Compensation::new(Compensator::HysteresisInverse, "part of the table that is inverted")
     }
 }

@@ -1,10 +1,12 @@
 //! Effects of the user's own, from effect files; see `docs/effect-files.md`.
 
-use super::user_file::{DU, Definition, EffectFile, FileParameter, STARTS, TEMPERATURE, V, V2};
+use super::user_file::{DU, Definition, STARTS, TEMPERATURE, V, V2};
 use super::user_states::{Inputs, Machine, settle};
-use super::{Acts, Bounds, Description, Effect, Facts, Place, Signals};
-use crate::error::IdentifyError;
-use hysteron_data::{Dataset, Record, Role};
+use crate::compensator::Compensation;
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Place, Signals};
+use crate::effect_file::{EffectFile, FileParameter};
+use crate::id::EffectName;
+use crate::series::peak_to_peak;
 use std::fmt;
 use std::sync::Arc;
 
@@ -20,38 +22,14 @@ impl PartialEq for UserEffect {
 
 impl fmt::Debug for UserEffect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("UserEffect").field(&self.name()).finish()
+        f.debug_tuple("UserEffect").field(&self.0.description.name).finish()
     }
 }
 
 impl UserEffect {
-    /// Its name.
-    pub fn name(&self) -> &'static str {
-        self.0.description.name
-    }
-
     /// As the fit of chains takes it.
     pub fn effect(self) -> Arc<dyn Effect> {
         Arc::new(self)
-    }
-
-    /// Refuses a dataset that lacks a column which the equations need.
-    ///
-    /// # Errors
-    /// - `temperature` without a temperature in every record that is fitted.
-    /// - `v2` where the other axis stands still in all of them.
-    pub fn check(&self, dataset: &Dataset) -> Result<(), IdentifyError> {
-        let records = || dataset.with_role(Role::Identify);
-        let moves = |record: &Record| {
-            let axis = record.voltage2_v.as_deref();
-            axis.is_some_and(|axis| axis.iter().any(|v| *v != axis[0]))
-        };
-        let with_temperature = records().all(|record| record.temperature_c.is_some());
-        self.needs(with_temperature, records().any(moves))
-            .map_err(|reason| IdentifyError::EffectRefused {
-                effect: self.name().to_owned(),
-                reason,
-            })
     }
 
     /// Whether it acts on the position; the others act on the voltage.
@@ -95,7 +73,11 @@ impl UserEffect {
             .collect()
     }
 
-    fn needs(&self, with_temperature: bool, with_axis: bool) -> Result<(), String> {
+    /// Refuses records that lack a column which the equations need.
+    ///
+    /// # Errors
+    /// In words, that not every record has a temperature, or that none has another axis that moves.
+    pub fn needs(&self, with_temperature: bool, with_axis: bool) -> Result<(), String> {
         if self.0.equations.uses(TEMPERATURE) && !with_temperature {
             return Err(
                 "its equations have `temperature`, and not every record has a temperature column; import one, or write \
@@ -169,9 +151,7 @@ impl UserEffect {
         /// Between rounding (1e-16 of the position) and the bends of the finest ripple of interest, a hundredth of the span.
         const APART: f64 = 1e-6;
         let largest = |series: &[f64]| series.iter().fold(0.0_f64, |most, y| most.max(y.abs()));
-        let span = crate::family::peak_to_peak(position_um)
-            .max(1e-3 * largest(position_um))
-            .max(1e-9);
+        let span = peak_to_peak(position_um).max(1e-3 * largest(position_um)).max(1e-9);
         let lacks = self.0.equations.uses(TEMPERATURE) && signals.temperature_c.is_none();
         if lacks {
             return;
@@ -204,6 +184,10 @@ impl UserEffect {
 }
 
 impl Effect for UserEffect {
+    fn name(&self) -> EffectName {
+        EffectName::Own(self.0.description.name.to_owned())
+    }
+
     fn description(&self) -> &'static Description {
         &self.0.description
     }
@@ -261,6 +245,10 @@ impl Effect for UserEffect {
 
     fn file(&self) -> Option<&EffectFile> {
         Some(&self.0.file)
+    }
+
+    fn compensation(&self, _: &[f64]) -> Compensation {
+        Compensation::none("an effect of your own has no inverse of its own; the feedback takes what it can of it")
     }
 }
 

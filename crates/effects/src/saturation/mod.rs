@@ -1,12 +1,14 @@
 //! `saturation`
 
-use super::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::compensator::Compensation;
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::id::{EffectId, EffectName};
 use hysteron_core::effects::saturation;
 
-pub(super) struct Saturation;
+pub(crate) struct Saturation;
 
 static DESCRIPTION: Description = Description {
-    name: "saturation",
+    name: EffectId::Saturation.name(),
     place: Place::Sensor,
     summary: "A hard limit: the amplifier's rails, the converter's range, or a mechanical stop.",
     equation: "v' = min(max(v, v_low), v_high); y' = min(max(y, y_low), y_high)",
@@ -41,6 +43,10 @@ static DESCRIPTION: Description = Description {
 };
 
 impl Effect for Saturation {
+    fn name(&self) -> EffectName {
+        EffectId::Saturation.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -106,5 +112,9 @@ impl Effect for Saturation {
                 *change = 0.0;
             }
         }
+    }
+
+    fn compensation(&self, _: &[f64]) -> Compensation {
+        Compensation::none("a stop cannot be passed; keep references away from it")
     }
 }

@@ -1,13 +1,16 @@
 //! `rate-dependence`
 
-use super::{Bounds, Description, Effect, Facts, Named, Place, Scene};
+use crate::compensator::Compensation;
+use crate::effect::{Bounds, Description, Effect, Facts, Named, Place, Scene};
 use crate::family::Family;
+use crate::id::{EffectId, EffectName};
 use hysteron_core::envelope::Envelope;
+use std::sync::Arc;
 
 pub(crate) struct RateDependence;
 
 static DESCRIPTION: Description = Description {
-    name: "rate-dependence",
+    name: EffectId::RateDependence.name(),
     place: Place::Hysteresis,
     summary: "The hysteresis itself widens with the rate of the voltage; the linear path does not.",
     equation: "w_i = max(v - alpha |v'| - r_i, min(v + beta |v'|, w_i)) for plays wider than a twentieth of the span",
@@ -34,12 +37,16 @@ static DESCRIPTION: Description = Description {
 };
 
 /// Plays narrower than this share of the voltage's span belong to the linear path: with an envelope they are delays.
-pub(crate) const NARROW: f64 = 0.05;
+const NARROW: f64 = 0.05;
 
 /// Largest alpha and beta, seconds: five times the paper's figure-1 example.
 const LARGEST_S: f64 = 1e-3;
 
 impl Effect for RateDependence {
+    fn name(&self) -> EffectName {
+        EffectId::RateDependence.into()
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -67,10 +74,20 @@ impl Effect for RateDependence {
             beta_s: values[1],
         })
     }
+
+    fn narrow_share(&self) -> f64 {
+        NARROW
+    }
+
+    fn compensation(&self, _: &[f64]) -> Compensation {
+        Compensation::none(
+            "the inverse at rest is static; learn whether a delay, a lag or a mode is what widens the loops",
+        )
+    }
 }
 
 /// Alpha and beta of a family that has them, as a link of the chain that is fitted with the effects; no effect of its own.
-pub(crate) struct OfFamily;
+pub struct OfFamily;
 
 static OF_FAMILY: Description = Description {
     name: "envelope of the family",
@@ -79,6 +96,10 @@ static OF_FAMILY: Description = Description {
 };
 
 impl Effect for OfFamily {
+    fn name(&self) -> EffectName {
+        EffectId::RateDependence.into()
+    }
+
     fn description(&self) -> &'static Description {
         &OF_FAMILY
     }
@@ -95,5 +116,13 @@ impl Effect for OfFamily {
 
     fn envelope(&self, values: &[f64]) -> Option<Envelope<f64>> {
         RateDependence.envelope(values)
+    }
+
+    fn outside_family(&self) -> Option<Arc<dyn Effect>> {
+        Some(Arc::new(RateDependence))
+    }
+
+    fn compensation(&self, values: &[f64]) -> Compensation {
+        RateDependence.compensation(values)
     }
 }

@@ -1,0 +1,29 @@
+//! The catalogue: every effect by its name.
+
+use crate::effect::Effect;
+use crate::id::EffectId;
+use std::sync::Arc;
+
+macro_rules! declare {
+    ($($module:ident::$effect:ident = $name:literal,)*) => {
+        impl EffectId {
+            /// The effect itself.
+            pub fn effect(self) -> Arc<dyn Effect> {
+                match self {
+                    $(Self::$effect => Arc::new(crate::$module::$effect),)*
+                }
+            }
+        }
+    };
+}
+every_effect!(declare);
+
+/// All effects, in the order of the chain.
+pub fn catalogue() -> [Arc<dyn Effect>; EffectId::COUNT] {
+    EffectId::ALL.map(EffectId::effect)
+}
+
+/// The effect of the catalogue.
+pub fn find(id: EffectId) -> Arc<dyn Effect> {
+    id.effect()
+}

@@ -1,0 +1,8 @@
+//! Effects of the user's own, from effect files; see `docs/effect-files.md`.
+
+mod expression;
+mod user;
+mod user_file;
+mod user_states;
+
+pub use user::UserEffect;

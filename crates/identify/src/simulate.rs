@@ -1,0 +1,150 @@
+//! Runs a fitted model: free simulation over records and inputs.
+
+use crate::chain::{Chain, Link};
+use crate::chain_fit;
+use crate::chain_trace::Trace;
+use crate::columns::{Design, Run};
+use crate::error::IdentifyError;
+use crate::initial;
+use crate::model::{Model, Simulation};
+use crate::objective::run_of;
+use crate::start_state::InitialState;
+use hysteron_core::envelope::Envelope;
+use hysteron_data::{Record, Role};
+
+impl Model {
+    /// Runs the model freely over a record (never one step ahead: the measured output is used for nothing but the state
+    /// before the first sample, one number, chosen where the drive does not give it).
+    ///
+    /// # Cost
+    /// O(samples x plays); a record that does not start periodically costs about 25 runs more for its initial state.
+    pub fn simulate(&self, record: &Record) -> Simulation {
+        if let Some(chain) = self.chain() {
+            return chain_fit::simulate(&chain, &self.coefficients, record);
+        }
+        let mut run = run_of(record, self.direction, None);
+        let design = self.design();
+        run.initial = initial::choose(&design, &self.coefficients, &run);
+        self.simulate_from(&design, &run)
+    }
+
+    /// As [`Self::simulate`] of a record that is known to begin at rest at the low end of its drive.
+    pub(crate) fn simulate_from_rest(&self, record: &Record) -> Vec<f64> {
+        let rest = InitialState::Remanent { fraction: 0.0 };
+        if let Some(chain) = self.chain() {
+            return chain_fit::simulate_from(&chain, &self.coefficients, record, rest);
+        }
+        let mut run = run_of(record, self.direction, None);
+        run.initial = rest;
+        self.simulate_from(&self.design(), &run).output
+    }
+
+    /// The mains hum of the model in a record, micrometres, its phases as the record has them; `None` where the model has none.
+    ///
+    /// # Cost
+    /// As [`Self::simulate`].
+    pub fn hum_um(&self, record: &Record) -> Option<Vec<f64>> {
+        let chain = self.chain()?;
+        let is_hum = |link: &Link| link.effect.adds_line_spectrum();
+        let hum = chain.links.iter().position(is_hum)?;
+        let guess = initial::guess(&record.voltage_v, &record.position_um);
+        let trace = chain_fit::prepare(&chain, &self.coefficients, record, guess);
+        Some(chain.addition(&trace, hum))
+    }
+
+    /// Runs the model over an input alone, from a given state, with the effects around the hysteresis.
+    ///
+    /// # Errors
+    /// An effect that an input alone does not determine: heat, another axis, the mains' phases.
+    pub fn simulate_input(
+        &self,
+        input: &[f64],
+        period_s: f64,
+        initial: InitialState,
+    ) -> Result<Vec<f64>, IdentifyError> {
+        if let Some(chain) = self.chain() {
+            return self.simulate_voltage(&chain, input, period_s, initial);
+        }
+        let run = Run {
+            input,
+            output: &[],
+            period_s,
+            initial,
+            weight: 1.0,
+            fit_from: 0,
+        };
+        Ok(self.simulate_from(&self.design(), &run).output)
+    }
+
+    fn simulate_voltage(
+        &self,
+        chain: &Chain,
+        voltage_v: &[f64],
+        period_s: f64,
+        initial: InitialState,
+    ) -> Result<Vec<f64>, IdentifyError> {
+        let beyond = |link: &&Link| link.effect.needs_columns();
+        if let Some(link) = chain.links.iter().find(beyond) {
+            return Err(IdentifyError::EffectNeedsRecord {
+                effect: link.effect.name(),
+            });
+        }
+        let record = Record {
+            file: String::new(),
+            role: Role::Validate,
+            excitation: String::new(),
+            start_s: 0.0,
+            period_s,
+            voltage_v: voltage_v.to_vec(),
+            position_um: vec![0.0; voltage_v.len()],
+            reference_um: None,
+            temperature_c: None,
+            voltage2_v: None,
+        };
+        Ok(chain.respond(&self.coefficients, &Trace::new(&record, initial, chain.dynamic())))
+    }
+
+    fn simulate_from(&self, design: &Design, run: &Run<'_>) -> Simulation {
+        let mut output = Vec::with_capacity(run.input.len());
+        design.simulate(&self.coefficients, run, |_, modelled| output.push(modelled));
+        Simulation {
+            output,
+            initial: run.initial,
+        }
+    }
+
+    /// The chain of a model that has effects.
+    pub(crate) fn chain(&self) -> Option<Chain> {
+        if self.effects.is_empty() {
+            return None;
+        }
+        Some(self.chain_with(Vec::new()))
+    }
+
+    /// Whether an effect moves signals in time: then records are run on the grid of [`crate::grid::refinement`].
+    pub fn is_dynamic(&self) -> bool {
+        self.chain_with(Vec::new()).dynamic()
+    }
+
+    /// The model's chain, with further links.
+    pub(crate) fn chain_with(&self, mut links: Vec<Link>) -> Chain {
+        links.extend(self.effects.iter().filter_map(|fitted| {
+            Some(Link {
+                effect: fitted.effect()?,
+                values: fitted.parameters.iter().map(|parameter| parameter.value).collect(),
+            })
+        }));
+        Chain::new(self.design(), links, self.input_max - self.input_min)
+    }
+
+    pub(crate) fn design(&self) -> Design {
+        Design {
+            family: self.family,
+            thresholds: self.thresholds.clone(),
+            envelope: self.envelope.unwrap_or(Envelope {
+                alpha_s: 0.0,
+                beta_s: 0.0,
+            }),
+        }
+    }
+}
