@@ -3,6 +3,7 @@
 
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours with those crates of ours that it depends on (tests and benches left out).
@@ -82,4 +83,116 @@ fn val_the_core_is_no_std_and_safe() {
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/core/src/lib.rs")).unwrap();
     assert!(text.contains("#![no_std]") && text.contains("#![forbid(unsafe_code)]"));
     assert!(!text.contains("extern crate alloc"));
+}
+
+/// The top-level modules of a crate, each with those that it uses; tests left out.
+fn modules(name: &str) -> BTreeMap<String, BTreeSet<String>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../crates/{name}/src"));
+    let module = |path: &Path| path.file_stem().unwrap().to_string_lossy().into_owned();
+    let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for entry in std::fs::read_dir(&root).unwrap() {
+        let path = entry.unwrap().path();
+        let mut files = Vec::new();
+        collect(&path, &mut files);
+        let uses = files
+            .iter()
+            .flat_map(|file| used(&std::fs::read_to_string(file).unwrap()));
+        found.entry(module(&path)).or_default().extend(uses);
+    }
+    found.remove("lib");
+    let all: BTreeSet<String> = found.keys().cloned().collect();
+    for (name, uses) in &mut found {
+        uses.retain(|used| used != name && all.contains(used));
+    }
+    found
+}
+
+fn collect(path: &Path, files: &mut Vec<PathBuf>) {
+    if path.is_dir() {
+        for entry in std::fs::read_dir(path).unwrap() {
+            collect(&entry.unwrap().path(), files);
+        }
+    } else {
+        files.push(path.to_owned());
+    }
+}
+
+/// Names behind `crate::` in the code of a file, its comments and its tests left out.
+fn used(text: &str) -> Vec<String> {
+    let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+    let code: String = code
+        .lines()
+        .map(|line| line.split("//").next().unwrap_or_default())
+        .collect();
+    let word = |text: &str| -> String {
+        let is_word = |c: &char| c.is_alphanumeric() || *c == '_';
+        text.trim_start().chars().take_while(is_word).collect()
+    };
+    let mut names = Vec::new();
+    for (at, found) in code.match_indices("crate::") {
+        let behind = &code[at + found.len()..];
+        match behind.strip_prefix('{') {
+            // `use crate::{a, b::c}`: what stands at the first depth.
+            Some(list) => {
+                let (mut depth, mut start) = (0, true);
+                for (i, c) in list.char_indices() {
+                    match c {
+                        '{' => depth += 1,
+                        '}' if depth == 0 => break,
+                        '}' => depth -= 1,
+                        ',' => start = depth == 0,
+                        _ if start && c.is_alphabetic() => {
+                            names.push(word(&list[i..]));
+                            start = false;
+                        }
+                        _ => {}
+                    }
+                }
+            }
+            None => names.push(word(behind)),
+        }
+    }
+    names
+}
+
+/// What is left when modules that use no other one are taken out again and again: those in circles, and what uses them.
+fn circles(mut modules: BTreeMap<String, BTreeSet<String>>) -> BTreeMap<String, BTreeSet<String>> {
+    loop {
+        let leaves: Vec<String> = modules
+            .iter()
+            .filter(|(_, uses)| uses.is_empty())
+            .map(|(name, _)| name.clone())
+            .collect();
+        if leaves.is_empty() {
+            return modules;
+        }
+        for leaf in &leaves {
+            modules.remove(leaf);
+            modules.values_mut().for_each(|uses| {
+                uses.remove(leaf);
+            });
+        }
+    }
+}
+
+#[test]
+fn val_modules_import_each_other_one_way() {
+    for name in ["effects", "identify"] {
+        let modules = modules(name);
+        assert!(modules.len() > 10, "{name}: {modules:?}");
+        let left = circles(modules);
+        assert!(left.is_empty(), "{name} has modules in a circle: {left:#?}");
+    }
+}
+
+#[test]
+fn val_a_circle_of_modules_is_found() {
+    let text = "use crate::{chain::{Chain, Link}, model};\nfn f() { crate::period::g() } // crate::fit\n#[cfg(test)]\nmod t { use crate::x; }";
+    assert_eq!(used(text), ["chain", "model", "period"]);
+    let graph = |pairs: &[(&str, &[&str])]| {
+        let uses = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+        pairs.iter().map(|(name, of)| ((*name).to_owned(), uses(of))).collect()
+    };
+    assert!(circles(graph(&[("a", &["b"]), ("b", &["c"]), ("c", &[])])).is_empty());
+    assert_eq!(circles(graph(&[("a", &["b"]), ("b", &["a"]), ("c", &[])])).len(), 2);
 }
