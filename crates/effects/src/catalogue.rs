@@ -18,7 +18,7 @@ macro_rules! declare {
 }
 every_effect!(declare);
 
-/// All effects, in the order of the chain.
+/// All effects, in the order of the list.
 pub fn catalogue() -> [Arc<dyn Effect>; EffectId::COUNT] {
     EffectId::ALL.map(EffectId::effect)
 }

@@ -22,7 +22,7 @@ macro_rules! declare {
         }
 
         impl EffectId {
-            /// All of them, in the order of the chain.
+            /// All of them, in the order of the list.
             pub const ALL: [Self; Self::COUNT] = [$(Self::$effect,)*];
 
             /// How many there are.

@@ -1,4 +1,4 @@
-//! The one list of effects, in the order of the chain.
+//! The one list of effects.
 
 /// Calls `$then!` with a line an effect: its module, its type (also its [`crate::EffectId`]), its name.
 macro_rules! every_effect {

@@ -143,7 +143,7 @@ proptest! {
     /// For every effect, at any physical values, over any record from rest: to rounding, 1e-9 of ranges of 10 to 100.
     #[test]
     fn prop_the_fitted_form_is_the_block_of_the_core(
-        shares in prop::array::uniform5(0.0..=1.0f64),
+        shares in prop::array::uniform6(0.0..=1.0f64),
         steps in prop::collection::vec(-1.0..=1.0f64, 50..400),
         phases in prop::array::uniform5(0.0..TAU),
     ) {

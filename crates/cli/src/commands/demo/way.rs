@@ -53,7 +53,7 @@ impl Way {
 
     /// Whether the hidden effect is in the last model.
     pub(super) fn found(&self) -> bool {
-        let hidden = self.rehearsal.hidden.name();
+        let hidden = self.rehearsal.hidden.effect();
         self.learned.model.effects.iter().any(|effect| effect.name == hidden)
     }
 }
@@ -114,7 +114,9 @@ fn follow(rehearsal: &Rehearsal, model: &Model) -> Result<Followed, CliError> {
     let stage = &rehearsal.stage;
     let complete = chain(rehearsal, model)?;
     let mut without = model.clone();
-    without.effects.retain(|effect| effect.name != rehearsal.hidden.name());
+    without
+        .effects
+        .retain(|effect| effect.name != rehearsal.hidden.effect());
     let mut lacking = chain(rehearsal, &without)?;
     // The same hysteresis: only the compensator differs.
     lacking.inverse = complete.inverse.clone();
