@@ -19,7 +19,10 @@ pub const PLAYS: usize = 10;
 /// As [`Table::check`]; a table without one.
 pub fn complete(table: &Table) -> Result<Parameters<Complete>, TableError> {
     match table.law_numbers()? {
-        Some(numbers) => with_law(table, Complete::new(numbers.law()?)),
+        Some(numbers) => {
+            let v_per_um = table.sweep()?.slopes_v_per_um[0] as f32;
+            with_law(table, Complete::new(numbers.law()?, v_per_um))
+        }
         None => Err(TableError::Field {
             field: "controller".to_owned(),
             value: "none".to_owned(),
@@ -73,7 +76,8 @@ fn with_law<L>(table: &Table, law: L) -> Result<Parameters<L>, TableError> {
             um_per_code: (adc_top_um - adc_min_um) / 65_535.0,
             slopes_v_per_um: sweep.slopes_v_per_um.map(|slope| slope as f32),
             span_v: sweep.span_v as f32,
-            change_v: table.slew_v_per_s as f32 / rate_hz,
+            departure_v: table.departure_v(&sweep) as f32,
+            overshoot: table.overshoot() as f32,
         },
         dac: Converter::new(table.dac_min_v as f32, table.dac_top_v as f32)?,
         adc: Converter::new(adc_min_um, adc_top_um)?,

@@ -17,6 +17,7 @@ use crate::real::Real;
 use crate::surroundings::{CompleteLaw, HARMONICS, SensorInverse, Surroundings};
 use crate::thresholds::Thresholds;
 use crate::tracking_law::{CREEP_DIVIDER, CREEP_FAST, CREEP_SLOW, Feedback, Feedforward, PLAYS, TAPS, TrackingLaw};
+use crate::trust::Trust;
 
 /// Largest share of another axis' motion: stages couple by some percent, and what is moved by half of it is not one axis.
 pub const LARGEST_CROSS: f64 = 0.5;
@@ -108,6 +109,19 @@ pub struct FeedbackNumbers {
     pub series: [[f64; 5]; 2],
     /// Section beside it.
     pub damping: [f64; 5],
+    /// How far all of it may go from the feedforward; unbounded without.
+    pub trust: Option<TrustNumbers>,
+}
+
+/// Bounds of the feedback: see [`Trust`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrustNumbers {
+    /// Most that the correction may differ from its slow part.
+    pub quick_v: f64,
+    /// Most of the slow part.
+    pub slow_v: f64,
+    /// Its rate.
+    pub slow_v_per_s: f64,
 }
 
 /// The mains' hum: see [`HumCanceller::new`].
@@ -226,7 +240,14 @@ impl FeedbackNumbers {
             )?,
             series: [section(self.series[0])?, section(self.series[1])?],
             damping: section(self.damping)?,
+            trust: self.trust.map(|trust| trust.trust(sample_rate_hz)).transpose()?,
         })
+    }
+}
+
+impl TrustNumbers {
+    fn trust<T: Real>(&self, sample_rate_hz: f64) -> Result<Trust<T>, ParamError> {
+        Trust::new(self.quick_v, self.slow_v, self.slow_v_per_s, sample_rate_hz)
     }
 }
 

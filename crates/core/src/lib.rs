@@ -41,4 +41,5 @@ pub mod real;
 pub mod surroundings;
 pub mod thresholds;
 pub mod tracking_law;
+pub mod trust;
 pub mod wrpi;

@@ -155,6 +155,7 @@ pub struct ChainState<T, const TAPS: usize, const PLAYS: usize, const FAST: usiz
     place: usize,
     newest: T,
     due: T,
+    error: T,
     coupling: Option<CouplingState<T>>,
     hum: Option<HumCancellerState<T, HARMONICS>>,
     heat: Option<HeatState<T>>,
@@ -182,6 +183,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
             place: 0,
             newest: self.surroundings.rest,
             due: self.surroundings.rest,
+            error: T::ZERO,
             coupling: self.surroundings.coupling.map(|part| part.rest_at(T::ZERO)),
             hum: self.surroundings.hum.map(|part| part.start()),
             heat: self.surroundings.heat.map(|part| part.settled_at(temperature_c)),
@@ -208,6 +210,41 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         input: LoopInput<T>,
         limiter: &Limiter<T>,
     ) -> T {
+        let command = self.prepare(state, input);
+        let error = state.error;
+        if let (Some(part), Some(memory)) = (&self.surroundings.hum, &mut state.hum) {
+            part.learn(memory, error);
+        }
+        self.tracking.close(&mut state.tracking, command, error, limiter)
+    }
+
+    /// One sample of a stage whose command is not the law's: on its way to a safe level, or held there.
+    ///
+    /// Structure, creep and hysteresis go along with a reference that is where the platform is, so that the law can take over from there;
+    /// feedback and hum are left as they are.
+    #[inline(always)]
+    pub fn follow(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, input: LoopInput<T>, command: T) {
+        self.prepare(state, input);
+        state.tracking.resume_at(self.tracking.limiter.start_at(command));
+    }
+
+    /// Before the law takes over again: what was integrated belongs to where the platform was.
+    pub fn forget_errors(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>) {
+        state.tracking.forget_errors();
+    }
+
+    /// The reference that will be due on a step that takes in `reference_ahead`: where the platform should be when it is read.
+    #[inline(always)]
+    pub fn next_due(&self, state: &ChainState<T, TAPS, PLAYS, FAST, SLOW>, reference_ahead: T) -> T {
+        match state.ring.get(state.place) {
+            Some(&due) if self.ahead() > 0 => due,
+            _ => admit(reference_ahead, state.newest),
+        }
+    }
+
+    /// Feedforward and error of a sample.
+    #[inline(always)]
+    fn prepare(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, input: LoopInput<T>) -> T {
         let around = &self.surroundings;
         let mut target = input.reference_ahead - around.rest;
         if let (Some(part), Some(memory)) = (&around.coupling, &mut state.coupling) {
@@ -232,11 +269,8 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
             Some(part) => part.position(input.measured),
             None => input.measured,
         };
-        let error = expected - position;
-        if let (Some(part), Some(memory)) = (&around.hum, &mut state.hum) {
-            part.learn(memory, error);
-        }
-        self.tracking.close(&mut state.tracking, command, error, limiter)
+        state.error = expected - position;
+        command
     }
 
     /// Takes in a reference and gives the one that is due.
@@ -260,6 +294,16 @@ impl<T: Copy, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     /// The reference that is due now: of the last [`ChainLaw::step`], what the position is compared with.
     pub fn due(&self) -> T {
         self.due
+    }
+
+    /// That reference, as the sensor can show it, less the position.
+    pub fn error(&self) -> T {
+        self.error
+    }
+
+    /// What the feedback was allowed to add to the last command, volts.
+    pub fn correction(&self) -> T {
+        self.tracking.correction()
     }
 
     /// Whether the last command met a limit.

@@ -11,6 +11,7 @@ use crate::model::{AtRest, Hysteresis};
 use crate::pi_controller::{Asked, PiController, PiState};
 use crate::preview::{Preview, PreviewState};
 use crate::real::Real;
+use crate::trust::{Trust, TrustState};
 
 /// Coefficients of the preview filter of a designed controller: 0.64 ms at 50 kHz.
 pub const TAPS: usize = 32;
@@ -93,7 +94,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
 /// # Units
 /// Micrometres of error in, volts out.
 /// # Cost
-/// 16 multiply-adds and 6 compares a step.
+/// 16 multiply-adds and 6 compares a step; those of [`Trust`] more where it is bounded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feedback<T> {
     /// Integral (and proportional, where one is wanted).
@@ -102,6 +103,8 @@ pub struct Feedback<T> {
     pub series: [Biquad<T>; 2],
     /// Beside it.
     pub damping: Biquad<T>,
+    /// How far all of it may go from the feedforward; unbounded without.
+    pub trust: Option<Trust<T>>,
 }
 
 /// State of [`Feedback`].
@@ -110,6 +113,7 @@ pub struct FeedbackState<T> {
     integral: PiState<T>,
     series: [BiquadState<T>; 2],
     damping: BiquadState<T>,
+    trust: TrustState<T>,
 }
 
 impl<T: Real> Feedback<T> {
@@ -127,6 +131,15 @@ impl<T: Real> Feedback<T> {
         Asked {
             output: asked.output + damping,
             ..asked
+        }
+    }
+
+    /// What the sensor is trusted with of a correction that is asked for.
+    #[inline(always)]
+    pub fn bound(&self, state: &mut FeedbackState<T>, asked: Asked<T>) -> T {
+        match &self.trust {
+            Some(trust) => trust.bound(&mut state.trust, asked.output),
+            None => asked.output,
         }
     }
 
@@ -156,6 +169,8 @@ pub struct TrackingLaw<T, const TAPS: usize, const PLAYS: usize, const FAST: usi
 pub struct TrackingState<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
     pub(crate) feedforward: FeedforwardState<T, TAPS, PLAYS, FAST, SLOW>,
     feedback: FeedbackState<T>,
+    /// What the feedback was allowed to add last.
+    correction: T,
     limiter: LimiterState<T>,
 }
 
@@ -167,6 +182,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         TrackingState {
             feedforward: self.feedforward.rest(),
             feedback: FeedbackState::default(),
+            correction: T::ZERO,
             limiter: self.limiter.start_at(T::ZERO),
         }
     }
@@ -181,12 +197,19 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         limiter: &Limiter<T>,
     ) -> T {
         let Some(feedback) = &self.feedback else {
+            state.correction = T::ZERO;
             return limiter.step(&mut state.limiter, command);
         };
         let asked = feedback.ask(&mut state.feedback, error);
-        let command = command + asked.output;
-        let allowed = limiter.step(&mut state.limiter, command);
-        feedback.take(&mut state.feedback, asked, allowed - command);
+        let bounded = feedback.bound(&mut state.feedback, asked);
+        let wanted = command + bounded;
+        let allowed = limiter.step(&mut state.limiter, wanted);
+        state.correction = bounded;
+        feedback.take(
+            &mut state.feedback,
+            asked,
+            (bounded - asked.output) + (allowed - wanted),
+        );
         allowed
     }
 }
@@ -194,9 +217,29 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
 impl<T: Copy, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize>
     TrackingState<T, TAPS, PLAYS, FAST, SLOW>
 {
+    /// Goes on from another command than its own.
+    #[inline(always)]
+    pub(crate) fn resume_at(&mut self, limiter: LimiterState<T>) {
+        self.limiter = limiter;
+    }
+
+    /// Feedback as at rest.
+    pub(crate) fn forget_errors(&mut self)
+    where
+        T: Real,
+    {
+        self.feedback = FeedbackState::default();
+        self.correction = T::ZERO;
+    }
+
     /// The limiter, which knows whether the last command met a limit.
     pub fn limiter(&self) -> &LimiterState<T> {
         &self.limiter
+    }
+
+    /// What the feedback was allowed to add to the last command, volts; 0 in open loop.
+    pub fn correction(&self) -> T {
+        self.correction
     }
 
     /// What the feedback has integrated, volts.

@@ -2,7 +2,7 @@
 //! wind-up, `f32` against `f64`.
 #![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
 
-use hysteron_core::law_numbers::{CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers};
+use hysteron_core::law_numbers::{CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers, TrustNumbers};
 use hysteron_core::real::Real;
 use hysteron_core::surroundings::{HARMONICS, LoopInput};
 use hysteron_core::tracking_law::{CREEP_FAST, CREEP_SLOW, PLAYS, TAPS};
@@ -70,6 +70,7 @@ fn feedback() -> FeedbackNumbers {
         integral_v_per_um_s: 1000.0, // 0.02 V for a micrometre and sample
         series: [IDENTITY; 2],
         damping: NOTHING,
+        trust: None,
     }
 }
 
@@ -103,6 +104,11 @@ fn everything() -> LawNumbers {
         integral_v_per_um_s: 4000.0,
         series: [[1.2, -0.7, 0.3, -0.4, 0.2], [0.9, 0.5, 0.2, 0.3, 0.25]],
         damping: [0.4, -0.3, 0.1, -0.6, 0.3],
+        trust: Some(TrustNumbers {
+            quick_v: 1.0,
+            slow_v: 2.0,
+            slow_v_per_s: 60.0,
+        }),
     });
     numbers.rest_um = 0.5;
     numbers.sensor_lag_s = 40e-6;
@@ -271,6 +277,10 @@ const CHANGES: &[Change] = &[
     ("second section, back", |n| of_feedback(n, |f| f.series[1][4] += 0.1)),
     ("damping", |n| of_feedback(n, |f| f.damping[0] += 0.1)),
     ("damping, back", |n| of_feedback(n, |f| f.damping[3] += 0.1)),
+    ("trust quick", |n| of_trust(n, |t| t.quick_v *= 1.1)),
+    ("trust slow", |n| of_trust(n, |t| t.slow_v *= 0.5)),
+    ("trust slow rate", |n| of_trust(n, |t| t.slow_v_per_s *= 1.1)),
+    ("no trust", |n| of_feedback(n, |f| f.trust = None)),
     ("no feedback", |n| n.feedback = None),
     ("no coupling", |n| n.coupling = None),
     ("no cross", |n| n.cross_um_per_um = None),
@@ -286,6 +296,10 @@ fn of_hum(numbers: &mut LawNumbers, change: impl Fn(&mut HumNumbers)) {
 
 fn of_feedback(numbers: &mut LawNumbers, change: impl Fn(&mut FeedbackNumbers)) {
     numbers.feedback.iter_mut().for_each(change);
+}
+
+fn of_trust(numbers: &mut LawNumbers, change: impl Fn(&mut TrustNumbers)) {
+    of_feedback(numbers, |feedback| feedback.trust.iter_mut().for_each(&change));
 }
 
 /// No number of a law is without effect, in either number type. The least that counts is a tenth of a step of a 16-bit converter.
@@ -499,4 +513,96 @@ fn val_surroundings_by_hand() {
         (command - V_PER_UM * (5.0 - 0.5 - 0.1 - 0.2 - 0.3)).abs() < 1e-9,
         "{command}"
     );
+}
+
+/// A sensor that says 5 um for ever: the correction goes by its quick part at once, then at its slow rate, to the sum of both; its integral
+/// stands there and comes back at once.
+#[test]
+fn val_feedback_stays_about_the_feedforward() {
+    let mut numbers = closed();
+    of_feedback(&mut numbers, |f| {
+        f.integral_v_per_um_s = 1e5; // 2 V for a micrometre and sample
+        f.trust = Some(TrustNumbers {
+            quick_v: 1.5,
+            slow_v: 2.0,
+            slow_v_per_s: 50.0, // 1 mV a sample
+        });
+    });
+    let law = numbers.law::<f64>().unwrap();
+    let mut state = law.rest(0.0);
+    let mut step = |measured: f64| {
+        let input = LoopInput {
+            reference_ahead: 5.0,
+            measured,
+            ..LoopInput::default()
+        };
+        let command = law.step(&mut state, input);
+        (command, state.correction(), state.integral())
+    };
+    for _ in 0..AHEAD {
+        step(0.0);
+    }
+    for k in 0..2000 {
+        let (command, correction, integral) = step(0.0);
+        let wanted = 1.5 + 1e-3 * f64::from(k);
+        assert!((correction - wanted).abs() < 1e-9, "{k}: {correction}");
+        assert!((command - 50.0 - wanted).abs() < 1e-9, "{k}: {command}");
+        assert!((integral - wanted).abs() < 1e-9, "{k}: {integral}");
+    }
+    for _ in 0..100 {
+        step(0.0);
+    }
+    assert!((step(0.0).1 - 3.5).abs() < 1e-9);
+    // The slow part is at 2: as far on the other side of it.
+    assert!((step(6.0).1 - 1.5).abs() < 1e-9);
+    assert!((step(10.0).1 - 0.5).abs() < 0.01);
+}
+
+/// Held at 0 V while its reference comes down and rests, a law goes on as one that has been driven along the same reference; one that was
+/// made anew does not know how the stage creeps.
+#[test]
+fn val_following_keeps_the_states() {
+    let mut numbers = everything();
+    numbers.hum = None;
+    let law = numbers.law::<f64>().unwrap();
+    let (mut driven, mut following) = (law.rest(20.0), law.rest(20.0));
+    let at = |k: usize| LoopInput {
+        reference_ahead: match k {
+            0..500 => 0.5 + 0.01 * k as f64,
+            500..1000 => 5.5 - 0.01 * (k - 500) as f64,
+            1000..3000 => 0.5,
+            _ => 0.5 + 0.005 * (k - 3000) as f64,
+        },
+        ..input(k)
+    };
+    for k in 0..3000 {
+        law.step(&mut driven, at(k));
+        if k < 500 {
+            law.step(&mut following, at(k));
+        } else {
+            law.follow(&mut following, at(k), 0.0);
+        }
+    }
+    law.forget_errors(&mut driven);
+    law.forget_errors(&mut following);
+    let mut anew = law.rest(20.0);
+    let mut farthest_anew = 0.0_f64;
+    for k in 3000..3400 {
+        // A sensor that agrees: what is compared is the feedforward.
+        let input = LoopInput {
+            measured: at(k - AHEAD.min(k)).reference_ahead,
+            ..at(k)
+        };
+        let (a, b, c) = (
+            law.step(&mut driven, input),
+            law.step(&mut following, input),
+            law.step(&mut anew, input),
+        );
+        // Limiter and damping differ at first: the command comes from 0 V.
+        if k > 3100 {
+            assert!((a - b).abs() < 1e-6, "{k}: {a} {b}");
+            farthest_anew = farthest_anew.max((a - c).abs());
+        }
+    }
+    assert!(farthest_anew > 0.1, "{farthest_anew}");
 }

@@ -90,7 +90,8 @@ pub fn parameters() -> Result<crate::parameters::Parameters<Law>, hysteron_core:
             um_per_code: (ADC_TOP_UM - ADC_MIN_UM) / 65_535.0,
             slopes_v_per_um: SLOPES_V_PER_UM,
             span_v: SPAN_V,
-            change_v: SLEW_V_PER_S / SAMPLE_RATE_HZ,
+            departure_v: DEPARTURE_V,
+            overshoot: OVERSHOOT,
         },
         dac: Converter::new(DAC_MIN_V, DAC_TOP_V)?,
         adc: Converter::new(ADC_MIN_UM, ADC_TOP_UM)?,
@@ -117,7 +118,7 @@ pub fn hello() -> crate::wire::Hello {
 const COMPLETE: &str = "
 pub type Law = crate::law::Complete;
 pub fn law() -> Result<Law, hysteron_core::error::ParamError> {
-    Ok(Law::new(NUMBERS.law()?))
+    Ok(Law::new(NUMBERS.law()?, SLOPES_V_PER_UM[0]))
 }
 #[allow(unused_imports, reason = \"a law without feedback or hum has no numbers of them\")]
 use hysteron_core::law_numbers::{CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers};
@@ -180,6 +181,9 @@ impl Table {
         }
         let _ = writeln!(source, "pub const SLOPES_V_PER_UM: [f32; 2] = {slopes:?};");
         let _ = writeln!(source, "pub const SPAN_V: f32 = {:?};", sweep.span_v as f32);
+        let (departure_v, overshoot) = (self.departure_v(&sweep) as f32, self.overshoot() as f32);
+        let _ = writeln!(source, "pub const DEPARTURE_V: f32 = {departure_v:?};");
+        let _ = writeln!(source, "pub const OVERSHOOT: f32 = {overshoot:?};");
         let _ = writeln!(source, "pub const PLAYS: usize = {};", self.thresholds_um.len());
         let lists = [
             ("THRESHOLDS_UM", &self.thresholds_um),

@@ -8,7 +8,7 @@ use hysteron_core::effects::creep::CreepInverse;
 use hysteron_core::effects::lag::{HeldLagInverse, Lag};
 use hysteron_core::error::ParamError;
 use hysteron_core::law_numbers::{
-    CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LARGEST_CROSS, LawNumbers,
+    CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LARGEST_CROSS, LawNumbers, TrustNumbers,
 };
 use hysteron_core::preview::Preview;
 use hysteron_core::surroundings::{HARMONICS, SensorInverse};
@@ -72,6 +72,46 @@ pub struct Feedback {
     pub series: [[f64; 5]; 2],
     /// Section beside it.
     pub damping: [f64; 5],
+    /// How far the feedback may take the platform from where the feedforward has it, whatever the sensor says; unbounded without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trust: Option<Trust>,
+}
+
+/// How far a sensor is trusted: bounds of the feedback about the feedforward, in size and rate.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Trust {
+    /// Most that the correction may differ from its slow part.
+    pub quick_v: f64,
+    /// Most of its slow part.
+    pub slow_v: f64,
+    /// How fast the slow part goes.
+    pub slow_v_per_s: f64,
+}
+
+/// Of what the feedback may move the platform, the quick part's share.
+const QUICK_SHARE: f64 = 0.4;
+/// Rate of the slow part, of the whole bound a second: creep and warmth are slower, and a sensor that drifts faster shows.
+const SLOW_SHARE_PER_S: f64 = 0.4;
+
+impl Trust {
+    /// Bounds that move the platform by `bound_um` at most, where the inverse is as steep as `v_per_um`.
+    pub fn within(bound_um: f64, v_per_um: f64) -> Self {
+        let all_v = bound_um * v_per_um;
+        Self {
+            quick_v: QUICK_SHARE * all_v,
+            slow_v: (1.0 - QUICK_SHARE) * all_v,
+            slow_v_per_s: SLOW_SHARE_PER_S * all_v,
+        }
+    }
+
+    fn numbers(&self) -> TrustNumbers {
+        TrustNumbers {
+            quick_v: self.quick_v,
+            slow_v: self.slow_v,
+            slow_v_per_s: self.slow_v_per_s,
+        }
+    }
 }
 
 /// Hum that a [`Controller`] learns.
@@ -132,6 +172,11 @@ impl Table {
                     integral_v_per_um_s: feedback.integral_v_per_um_s,
                     series: feedback.series,
                     damping: feedback.damping,
+                    trust: feedback.trust.map(|trust| Trust {
+                        quick_v: trust.quick_v,
+                        slow_v: trust.slow_v,
+                        slow_v_per_s: trust.slow_v_per_s,
+                    }),
                 }),
                 hum: law.hum.map(|hum| Hum {
                     frequency_hz: hum.frequency_hz,
@@ -178,6 +223,7 @@ impl Table {
                 integral_v_per_um_s: feedback.integral_v_per_um_s,
                 series: feedback.series,
                 damping: feedback.damping,
+                trust: feedback.trust.as_ref().map(Trust::numbers),
             }),
             command_min_v: self.output_min_v,
             command_max_v: self.output_max_v,
@@ -289,6 +335,15 @@ impl Controller {
             named("controller.feedback.series[1]", section(feedback.series[0]))?;
             named("controller.feedback.series[2]", section(feedback.series[1]))?;
             named("controller.feedback.damping", section(feedback.damping))?;
+            if let Some(Trust {
+                quick_v,
+                slow_v,
+                slow_v_per_s,
+            }) = feedback.trust
+            {
+                let trust = hysteron_core::trust::Trust::<f32>::new(quick_v, slow_v, slow_v_per_s, rate_hz);
+                named("controller.feedback.trust", trust)?;
+            }
         }
         if let Some([g, d, p, r]) = self.coupling {
             named("controller.coupling", Coupling::<f32>::new(g, d, p, r, rate_hz))?;
@@ -337,6 +392,11 @@ impl Controller {
             list("feedback.integral_v_per_um_s", &[feedback.integral_v_per_um_s]);
             list("feedback.series", feedback.series.as_flattened());
             list("feedback.damping", &feedback.damping);
+            if let Some(trust) = &feedback.trust {
+                list("feedback.trust.quick_v", &[trust.quick_v]);
+                list("feedback.trust.slow_v", &[trust.slow_v]);
+                list("feedback.trust.slow_v_per_s", &[trust.slow_v_per_s]);
+            }
         }
         if let Some(hum) = &self.hum {
             list("hum.frequency_hz", &[hum.frequency_hz]);

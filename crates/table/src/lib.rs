@@ -10,12 +10,14 @@ mod constants;
 mod controller;
 pub mod gains;
 mod inverse;
+mod supervision;
 
 pub use banks::{MOST_BANKS, constants_of_banks};
 pub use c::CCode;
 pub use check::Sweep;
-pub use controller::{Controller, Feedback, Hum};
+pub use controller::{Controller, Feedback, Hum, Trust};
 pub use inverse::Inverse;
+pub use supervision::LEAST_TRUST;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};

@@ -276,6 +276,9 @@ fn val_every_part_of_a_complete_law_is_the_same_in_c() {
     same("all parts", &table, text, |inputs| complete(&table, inputs));
     let part = table.controller.as_mut().unwrap();
     (part.coupling, part.cross_um_per_um, part.sensor, part.heat) = (None, None, None, None);
+    part.feedback.as_mut().unwrap().trust = None;
+    same("no trust", &table, text, |inputs| complete(&table, inputs));
+    let part = table.controller.as_mut().unwrap();
     (part.sensor_lag_s, part.hum, part.feedback, part.samples_ahead) = (0.0, None, None, 0);
     same("no part", &table, text, |inputs| complete(&table, inputs));
 }

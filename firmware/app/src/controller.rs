@@ -42,6 +42,16 @@ pub struct Controller<L: Law> {
     uploaded: Uploaded,
     mode: Mode,
     fault: Option<Fault>,
+    /// The law's state belongs to the table, and to where the stage is.
+    known: bool,
+    /// Whether it fell from the way up: there was no trajectory yet.
+    rising: bool,
+    /// Share of the way to the safe level that a volt is.
+    fall_per_v: f32,
+    /// Ticks on which the law still brings the platform down; then the ramp does.
+    fading: u16,
+    /// What the law took in last of it, micrometres.
+    faded_um: f32,
     command_v: f32,
     number: u32,
 }
@@ -78,6 +88,11 @@ impl<L: Law> Controller<L> {
             uploaded,
             mode: Mode::Off,
             fault: None,
+            known: false,
+            rising: false,
+            fall_per_v: 0.0,
+            fading: 0,
+            faded_um: first_um,
             command_v: parameters.safe_v,
             number: 0,
             parameters,
@@ -104,18 +119,23 @@ impl<L: Law> Controller<L> {
     pub fn step(&mut self, input: Input, late: bool) -> Frame {
         let measured_um = self.parameters.adc.volts(AdcCode(input.adc));
         let answer = self.obey(input.order, measured_um);
+        let mut measured_um = measured_um;
         if self.mode != Mode::Off {
             let clock = self.monitor.clock(&mut self.seen, late);
-            let sensor = self.monitor.sensor(&mut self.seen, input.adc, self.command_v);
+            let expected_um = self.expected_um();
+            let (used_um, sensor) = self.monitor.sensor(&mut self.seen, input.adc, measured_um, expected_um);
+            measured_um = used_um;
             if let Some(fault) = sensor.or(clock) {
                 self.trip(fault);
             }
         }
         let (reference_um, limited) = match self.mode {
-            Mode::Running => self.run(input.adc, measured_um),
+            Mode::Running => self.run(measured_um),
             Mode::Rising => self.rise(measured_um),
-            Mode::Falling | Mode::Off => self.fall(),
+            Mode::Falling if self.fading > 0 => self.fade(measured_um),
+            Mode::Falling | Mode::Off => self.fall(measured_um, answer == 0),
         };
+        self.monitor.command(&mut self.seen, self.command_v);
         let frame = Frame {
             number: self.number,
             reference_um,
@@ -134,6 +154,9 @@ impl<L: Law> Controller<L> {
             self.fault = Some(fault);
         }
         self.begin_to_fall();
+        if !fault.is_of_the_sensor() && self.mode == Mode::Falling {
+            self.begin_to_ramp();
+        }
     }
 
     /// What the law takes in on the next tick, less where the stage rests; 0 away from the trajectory.
@@ -142,8 +165,20 @@ impl<L: Law> Controller<L> {
         match self.mode {
             Mode::Running => self.coming_um - law.rest_um(),
             Mode::Rising => law.coming_um(&self.state) - law.rest_um(),
+            Mode::Falling if self.fading > 0 => self.faded_um - law.rest_um(),
             Mode::Falling | Mode::Off => 0.0,
         }
+    }
+
+    /// Where the platform should be when this tick's reading is taken.
+    #[inline(always)]
+    fn expected_um(&self) -> f32 {
+        let law = &self.parameters.law;
+        let coming_um = match self.mode {
+            Mode::Running => self.coming_um,
+            _ => law.coming_um(&self.state),
+        };
+        law.expected_um(&self.state, coming_um)
     }
 
     /// What another axis takes in on the next tick, less its rest, and its command.
@@ -232,6 +267,7 @@ impl<L: Law> Controller<L> {
             Some(other) if allows(other.range_um, &setup) => {
                 adopt(&mut self.parameters, other);
                 self.bank_flags = u16::from(bank) << BANK_BIT;
+                self.known = false;
                 self.set_up(&setup)
             }
             _ => false,
@@ -262,14 +298,19 @@ impl<L: Law> Controller<L> {
             command_v: self.command_v,
             rise_um: self.parameters.rise_um,
         };
-        let table = self.banks.get(usize::from(self.bank_flags >> BANK_BIT));
-        begin(
-            &mut self.state,
-            &self.parameters.law,
-            table.map(|table| &table.law),
-            &start,
-        );
-        self.seen = MonitorState::default();
+        if self.known {
+            self.parameters.law.restart(&mut self.state, &start);
+        } else {
+            let table = self.banks.get(usize::from(self.bank_flags >> BANK_BIT));
+            begin(
+                &mut self.state,
+                &self.parameters.law,
+                table.map(|table| &table.law),
+                &start,
+            );
+            self.known = true;
+        }
+        self.seen = MonitorState::at(self.command_v);
         let setup = &self.setup;
         self.trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
         self.coming_um = self.trajectory.next_um(&self.uploaded);
@@ -279,13 +320,26 @@ impl<L: Law> Controller<L> {
     #[inline(always)]
     fn begin_to_fall(&mut self) {
         if self.mode == Mode::Rising || self.mode == Mode::Running {
-            self.ramp = self.parameters.ramp.start_at(self.command_v);
+            self.rising = self.mode == Mode::Rising;
             self.mode = Mode::Falling;
+            self.begin_to_ramp();
+            if self.parameters.law.comes_down_itself() {
+                self.fading = FADING_SAMPLES;
+            }
         }
     }
 
+    /// From where the command is, the law no longer in it.
     #[inline(always)]
-    fn run(&mut self, code: u16, measured_um: f32) -> (f32, bool) {
+    fn begin_to_ramp(&mut self) {
+        self.fading = 0;
+        self.ramp = self.parameters.ramp.start_at(self.command_v);
+        let way_v = self.command_v - self.parameters.safe_v;
+        self.fall_per_v = if way_v == 0.0 { 0.0 } else { 1.0 / way_v };
+    }
+
+    #[inline(always)]
+    fn run(&mut self, measured_um: f32) -> (f32, bool) {
         // A tick early, so that another axis can know of it.
         let trajectory_um = self.coming_um;
         self.coming_um = self.trajectory.next_um(&self.uploaded);
@@ -298,16 +352,14 @@ impl<L: Law> Controller<L> {
             reference_um,
             command_v,
             limited,
-            feedback_v,
+            departure_v,
         } = self.parameters.law.run(&mut self.state, trajectory_um, now);
         self.command_v = command_v;
         let tick = Tick {
-            code,
             reference_um,
             measured_um,
-            command_v,
             limited,
-            feedback_v,
+            departure_v,
         };
         if let Some(fault) = self.monitor.tracking(&mut self.seen, &tick) {
             self.trip(fault);
@@ -324,20 +376,70 @@ impl<L: Law> Controller<L> {
         };
         let (step, there) = law.rise(&mut self.state, &self.parameters.ramp, now);
         self.command_v = step.command_v;
-        if there {
+        if let Some(fault) = self.monitor.departure(&mut self.seen, step.departure_v) {
+            self.trip(fault);
+        } else if there {
             self.mode = Mode::Running;
         }
         (step.reference_um, step.limited)
     }
 
-    fn fall(&mut self) -> (f32, bool) {
+    /// Down along the reference, which shrinks towards the rest, with the trajectory in it: the platform is stopped, not let go. A sensor
+    /// in doubt is not asked: the feedback keeps what it has.
+    #[inline(never)]
+    fn fade(&mut self, measured_um: f32) -> (f32, bool) {
+        let rest_um = self.parameters.law.rest_um();
+        let share = smooth(f32::from(self.fading) * (1.0 / FADING_SAMPLES as f32));
+        let from_um = if self.rising {
+            self.parameters.law.coming_um(&self.state)
+        } else {
+            let trajectory_um = self.coming_um;
+            self.coming_um = self.trajectory.next_um(&self.uploaded);
+            trajectory_um
+        };
+        let reference_um = rest_um + share * (from_um - rest_um);
+        self.faded_um = reference_um;
+        let now = Now {
+            // No number is no error: the integral stays.
+            measured_um: if self.fault.is_some() { f32::NAN } else { measured_um },
+            beside_um: self.beside_um,
+            beside_v: self.beside_v,
+        };
+        let step = self.parameters.law.run(&mut self.state, reference_um, now);
+        self.command_v = step.command_v;
+        self.fading -= 1;
+        if self.fading == 0 {
+            self.begin_to_ramp();
+        }
+        (step.reference_um, step.limited)
+    }
+
+    /// Down, or at the safe level; the law's state goes along, but on a tick that has a change to make.
+    fn fall(&mut self, measured_um: f32, along: bool) -> (f32, bool) {
         self.command_v = self.parameters.ramp.step(&mut self.ramp, self.parameters.safe_v);
         let limited = self.ramp.limited();
         if !limited {
             self.mode = Mode::Off;
         }
+        if self.known && along {
+            let share = (self.command_v - self.parameters.safe_v) * self.fall_per_v;
+            let now = Now {
+                measured_um: if self.fault.is_some() { f32::NAN } else { measured_um },
+                beside_um: self.beside_um,
+                beside_v: self.beside_v,
+            };
+            self.parameters.law.follow(&mut self.state, share, self.command_v, now);
+        }
         (self.first_um, limited)
     }
+}
+
+/// 20 ms at 50 kHz, as long as the ramp over the whole range.
+const FADING_SAMPLES: u16 = 1000;
+
+/// From 0 to 1 without a corner at either end.
+fn smooth(share: f32) -> f32 {
+    share * share * (3.0 - 2.0 * share)
 }
 
 /// As [`adopt`]: straight into its place.

@@ -4,6 +4,7 @@ use hysteron_core::control_law::{ControlLaw, ControlState};
 use hysteron_core::limiter::Limiter;
 use hysteron_core::model::AtRest;
 use hysteron_core::pi_controller::PiController;
+use hysteron_core::real::Real as _;
 use hysteron_core::surroundings::{CompleteLaw, CompleteState, LoopInput};
 use hysteron_core::tracking_law::Feedback;
 
@@ -47,8 +48,9 @@ pub struct Step {
     pub command_v: f32,
     /// Whether a limiter changed it.
     pub limited: bool,
-    /// The integral beside a feedforward; 0 without one or the other.
-    pub feedback_v: f32,
+    /// How far stage and sensor are from what the law expects: of an inverse alone its integral, of a chain the error and what the
+    /// feedback added to it; 0 where the law expects nothing.
+    pub departure_v: f32,
 }
 
 /// A control law as the controller runs it.
@@ -65,14 +67,29 @@ pub trait Law: Copy + core::fmt::Debug + 'static {
     /// Takes over another table's numbers, but for what only [`Law::start`] needs: a tick has not the time to copy that as well.
     fn adopt(&mut self, other: &Self);
 
-    /// The state that a run begins with, at the safe level; `table` is what was adopted last.
+    /// The state that the first run with a table begins with, at the safe level; `table` is what was adopted last.
     fn start(&self, start: &Start, table: &Self) -> Self::State;
+
+    /// The state that another run begins with, at the safe level: what can be known of where the stage is stays.
+    fn restart(&self, state: &mut Self::State, start: &Start);
+
+    /// A tick away from the trajectory, on the way to the safe level or at it: the command is not the law's, and `share` is left of the
+    /// way.
+    fn follow(&self, state: &mut Self::State, share: f32, command_v: f32, now: Now);
+
+    /// Where the platform should be on a tick that takes in `coming_um`.
+    fn expected_um(&self, state: &Self::State, coming_um: f32) -> f32;
 
     /// A tick on the way to the trajectory's first value, through the ramp's limiter; whether it is there.
     fn rise(&self, state: &mut Self::State, ramp: &Limiter<f32>, now: Now) -> (Step, bool);
 
     /// A tick along the trajectory, which the law takes in as many ticks before it is due as it was designed for.
     fn run(&self, state: &mut Self::State, trajectory_um: f32, now: Now) -> Step;
+
+    /// Whether it comes down along its reference where only the sensor is in doubt; for the others the command goes down on a ramp.
+    fn comes_down_itself(&self) -> bool {
+        false
+    }
 
     /// What [`Law::rise`] will take in on its next tick.
     fn coming_um(&self, state: &Self::State) -> f32;
@@ -144,6 +161,18 @@ where
         }
     }
 
+    /// The plays alone: what else there is, begins anew.
+    fn restart(&self, state: &mut Self::State, start: &Start) {
+        *state = self.start(start, self);
+    }
+
+    fn follow(&self, _: &mut Self::State, _: f32, _: f32, _: Now) {}
+
+    #[inline(always)]
+    fn expected_um(&self, _: &Self::State, coming_um: f32) -> f32 {
+        coming_um
+    }
+
     /// Towards the inverse's command at the trajectory's first value; feedback alone starts from where it is.
     fn rise(&self, state: &mut Self::State, ramp: &Limiter<f32>, _: Now) -> (Step, bool) {
         let before_v = state.control.limiter.last();
@@ -160,7 +189,7 @@ where
             reference_um: state.first_um,
             command_v,
             limited,
-            feedback_v: 0.0,
+            departure_v: 0.0,
         };
         // Where the stage rests above the trajectory, the inverse asks for less than the amplifier has: as near as it goes is there.
         (step, !limited || command_v == before_v)
@@ -169,7 +198,7 @@ where
     #[inline(always)]
     fn run(&self, state: &mut Self::State, trajectory_um: f32, now: Now) -> Step {
         let control = &mut state.control;
-        let (command_v, feedback_v) = if self.feedforward {
+        let (command_v, departure_v) = if self.feedforward {
             let command_v = self.law.step(control, trajectory_um, now.measured_um);
             (command_v, control.feedback.integral())
         } else {
@@ -182,7 +211,7 @@ where
             command_v,
             reference_um: trajectory_um,
             limited: control.limiter.limited(),
-            feedback_v,
+            departure_v,
         }
     }
 
@@ -201,38 +230,74 @@ where
 pub struct Complete {
     law: CompleteLaw<f32>,
     feedback: Option<Feedback<f32>>,
+    /// Volts of the inverse that a micrometre is at least.
+    v_per_um: f32,
     /// What a run begins with: made before the clock runs, since making it takes as long as a tick may.
     rest: CompleteState<f32>,
 }
 
 impl Complete {
-    /// Feedforward, and feedback where the law has it.
-    pub fn new(law: CompleteLaw<f32>) -> Self {
+    /// Feedforward, and feedback where the law has it; `v_per_um` is the inverse's smallest slope.
+    pub fn new(law: CompleteLaw<f32>, v_per_um: f32) -> Self {
         let feedback = law.tracking.feedback;
         Self {
             law,
             feedback,
+            v_per_um,
             rest: law.rest(0.0),
         }
     }
 
     /// Once in the image: rising, running and falling from the watchdog would each have some kilobytes of it.
     #[inline(never)]
-    fn step(&self, chain: &mut CompleteState<f32>, limiter: &Limiter<f32>, reference_um: f32, now: Now) -> Step {
-        let input = LoopInput {
-            reference_ahead: reference_um,
-            measured: now.measured_um,
-            // Not ahead: its reference is known early, its command is not.
-            voltage2_ahead: now.beside_v,
-            motion2_ahead: now.beside_um,
-            ..LoopInput::default()
+    fn step(&self, state: &mut Preparing, limiter: &Limiter<f32>, reference_um: f32, now: Now) -> Step {
+        let way_um = (reference_um - self.law.surroundings.rest).abs();
+        state.reach_um = if way_um > state.reach_um {
+            way_um
+        } else {
+            state.reach_um
         };
+        let chain = &mut state.chain;
+        let offset_um = match state.offset_um {
+            Some(offset_um) => offset_um,
+            None => now.measured_um - self.law.next_due(chain, reference_um),
+        };
+        let command_v = self
+            .law
+            .step_through(chain, input(reference_um, now.measured_um - offset_um, now), limiter);
+        state.offset_um = Some(if offset_um.abs() > LEAST_OFFSET_UM {
+            OFFSET_FADING * offset_um
+        } else {
+            0.0
+        });
         Step {
-            command_v: self.law.step_through(chain, input, limiter),
+            command_v,
             reference_um: chain.due(),
             limited: chain.limited(),
-            feedback_v: chain.integral(),
+            departure_v: (chain.error() - offset_um) * self.v_per_um + chain.correction(),
         }
+    }
+}
+
+/// Of how far the platform has been, what creep leaves of it at rest at most.
+const RESIDUE_SHARE: f32 = 0.03;
+/// Of what the sensor says at rest, the share that is taken over in a sample: 5 ms at 50 kHz, or its noise would move the plays.
+const RESTING_SHARE: f32 = 1.0 / 256.0;
+/// What is left after a sample of the error that a run begins with: it goes to the feedback over 20 ms at 50 kHz, without a bump.
+const OFFSET_FADING: f32 = 0.999;
+/// No offset any more, micrometres.
+const LEAST_OFFSET_UM: f32 = 1e-6;
+
+/// What the chain takes in.
+#[inline(always)]
+fn input(reference_um: f32, measured_um: f32, now: Now) -> LoopInput<f32> {
+    LoopInput {
+        reference_ahead: reference_um,
+        measured: measured_um,
+        // Not ahead: its reference is known early, its command is not.
+        voltage2_ahead: now.beside_v,
+        motion2_ahead: now.beside_um,
+        ..LoopInput::default()
     }
 }
 
@@ -244,6 +309,14 @@ pub struct Preparing {
     rise_um: f32,
     /// Where the reference will be on the next tick of its way.
     coming_um: f32,
+    /// What the law took in last before it came down.
+    last_um: f32,
+    /// How far from the rest it has been since it rose.
+    reach_um: f32,
+    /// Where the platform is at rest, as the sensor says: it creeps back.
+    resting_um: f32,
+    /// What the error that the run began with is taken for, and is not the feedback's yet; none before its first tick.
+    offset_um: Option<f32>,
     /// Ticks until the first value is due.
     left: usize,
 }
@@ -252,9 +325,9 @@ impl Law for Complete {
     type State = Preparing;
 
     /// The feedforward always runs: the feedback compares with what it has prepared. A gain between none and the one that the loop was
-    /// designed for is not used.
+    /// designed for is not used: above the frequency up to which feedback helps there is none.
     fn set_parts(&mut self, _: bool, feedback: bool, weight: f32) {
-        self.law.tracking.feedback = self.feedback.filter(|_| feedback && weight > 0.0);
+        self.law.tracking.feedback = self.feedback.filter(|_| feedback && weight >= 1.0);
     }
 
     fn set_gains(&mut self, gains: PiController<f32>) {
@@ -270,6 +343,7 @@ impl Law for Complete {
     fn adopt(&mut self, other: &Self) {
         self.law = other.law;
         self.feedback = other.feedback;
+        self.v_per_um = other.v_per_um;
     }
 
     /// A stage that was cycled and rests at 0 V, the safe level of such a table.
@@ -279,13 +353,58 @@ impl Law for Complete {
             first_um: start.first_um,
             rise_um: start.rise_um,
             coming_um: self.law.surroundings.rest,
+            last_um: self.law.surroundings.rest,
+            reach_um: 0.0,
+            resting_um: self.law.surroundings.rest,
+            offset_um: None,
             left: self.law.ahead() + 1,
         }
     }
 
+    /// A platform in motion has to be stopped before it is let go: its modes go on otherwise.
+    fn comes_down_itself(&self) -> bool {
+        true
+    }
+
+    /// Structure, creep and hysteresis are where the way down and the rest have taken them; an error begins anew.
+    fn restart(&self, state: &mut Preparing, start: &Start) {
+        self.law.forget_errors(&mut state.chain);
+        state.first_um = start.first_um;
+        state.rise_um = start.rise_um;
+        state.coming_um = state.resting_um;
+        state.last_um = state.resting_um;
+        state.offset_um = None;
+        state.left = self.law.ahead() + 1;
+    }
+
+    /// Along a reference that comes down to the stage's rest as the command does to the safe level, and then is where the platform creeps.
+    #[inline(never)]
+    fn follow(&self, state: &mut Preparing, share: f32, command_v: f32, now: Now) {
+        let rest_um = self.law.surroundings.rest;
+        let reference_um = if share > 0.0 {
+            state.resting_um = rest_um;
+            rest_um + share * (state.last_um - rest_um)
+        } else {
+            let most_um = RESIDUE_SHARE * state.reach_um;
+            let left_um = (now.measured_um - rest_um).select_min(most_um).select_max(-most_um);
+            // A NaN fails the comparison: what the sensor does not say is rest.
+            let left_um = if now.measured_um.is_finite() { left_um } else { 0.0 };
+            state.resting_um += RESTING_SHARE * (rest_um + left_um - state.resting_um);
+            state.resting_um
+        };
+        self.law
+            .follow(&mut state.chain, input(reference_um, now.measured_um, now), command_v);
+    }
+
+    #[inline(always)]
+    fn expected_um(&self, state: &Preparing, coming_um: f32) -> f32 {
+        self.law.next_due(&state.chain, coming_um)
+    }
+
     /// The reference goes from the stage's rest to the trajectory's first value in a straight line, and the whole law with it.
     fn rise(&self, state: &mut Preparing, ramp: &Limiter<f32>, now: Now) -> (Step, bool) {
-        let step = self.step(&mut state.chain, ramp, state.coming_um, now);
+        let step = self.step(state, ramp, state.coming_um, now);
+        state.last_um = state.coming_um;
         let left_um = state.first_um - state.coming_um;
         if left_um > state.rise_um {
             state.coming_um += state.rise_um;
@@ -300,7 +419,8 @@ impl Law for Complete {
 
     #[inline(always)]
     fn run(&self, state: &mut Preparing, trajectory_um: f32, now: Now) -> Step {
-        self.step(&mut state.chain, &self.law.tracking.limiter, trajectory_um, now)
+        state.last_um = trajectory_um;
+        self.step(state, &self.law.tracking.limiter, trajectory_um, now)
     }
 
     fn coming_um(&self, state: &Preparing) -> f32 {

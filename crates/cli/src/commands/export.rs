@@ -72,6 +72,10 @@ pub(crate) struct ExportArgs {
     /// feedback helps up to
     #[arg(long, value_name = "HZ")]
     pub feedback_up_to: Option<f64>,
+    /// Of a controller: how far its feedback may take the platform from where the feedforward has it, whatever the sensor says; by
+    /// default four times the rms error that the design predicts for the feedforward alone, and at least 2.5 % of the range
+    #[arg(long, value_name = "UM")]
+    pub feedback_bound_um: Option<f64>,
     /// Of a controller beside that of another axis: what of the other's motion reaches this one, um/um; move the other axis and read this
     /// axis' sensor
     #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]

@@ -163,19 +163,35 @@ static void learn_hum(@name@_state *s, float error) {
 }
 
 //} hum
+//{ trust
+/* What the sensor is trusted with: about a slow part that follows at a rate. */
+static float trusted(@name@_state *s, float asked) {
+    float slow = s->trust_slow;
+    float allowed = larger(slow - TRUST[0], smaller(asked, slow + TRUST[0]));
+    float toward = larger(smaller(allowed - slow, TRUST[2]), -TRUST[2]);
+    s->trust_slow = larger(smaller(slow + toward, TRUST[1]), -TRUST[1]);
+    return allowed;
+}
+
+//} trust
 //{ feedback
 /* Integral behind two sections, a damping filter beside it, through the limiter. */
 static float close_loop(@name@_state *s, float command, float error) {
-    float damping, shaped, integral, allowed;
+    float damping, shaped, integral, asked, bounded, allowed;
     error = admit(error, 0.0f);
     damping = section(DAMPING, &s->damping, error);
     shaped = section(SERIES[0], &s->series[0], error);
     shaped = section(SERIES[1], &s->series[1], shaped);
     shaped = fabsf(shaped) <= 1e25f ? shaped : 0.0f;
     integral = s->integral + INTEGRAL_A_SAMPLE * shaped;
-    command = command + ((PROPORTIONAL * shaped + integral) + damping);
+    asked = (PROPORTIONAL * shaped + integral) + damping;
+    bounded = asked;
+//{ trust
+    bounded = trusted(s, asked);
+//} trust
+    command = command + bounded;
     allowed = limit(s, command);
-    take(s, integral, allowed - command);
+    take(s, integral, (bounded - asked) + (allowed - command));
     return allowed;
 }
 

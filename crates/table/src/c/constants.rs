@@ -172,11 +172,15 @@ impl Constants {
             integral,
             series,
             damping,
+            trust,
         }) = feedback
         {
             self.gains(integral);
             self.rows("SERIES", &series.map(|section| section_of(section.coefficients())));
             self.list("DAMPING", &section_of(damping.coefficients()));
+            if let Some(trust) = trust {
+                self.list("TRUST", &trust.sizes());
+            }
         }
         self.surroundings(surroundings);
     }

@@ -84,6 +84,9 @@ typedef struct {
 //} complete
 //{ feedback
     @name@_section series[2], damping;
+//{ trust
+    float trust_slow;
+//} trust
 //} feedback
 //{ coupling
     float coupling_last, coupling_play;

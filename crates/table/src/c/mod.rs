@@ -40,6 +40,7 @@ enum Part {
     Sections,
     Integral,
     Feedback,
+    Trust,
     Ahead,
     Coupling,
     Cross,
@@ -70,6 +71,7 @@ impl Part {
             Self::Sections => "sections",
             Self::Integral => "integral",
             Self::Feedback => "feedback",
+            Self::Trust => "trust",
             Self::Ahead => "ahead",
             Self::Coupling => "coupling",
             Self::Cross => "cross",
@@ -207,6 +209,10 @@ fn complete_parts(law: &CompleteLaw<f32>) -> Vec<Part> {
     let some = [
         (Part::Integral, law.tracking.feedback.is_some()),
         (Part::Feedback, law.tracking.feedback.is_some()),
+        (
+            Part::Trust,
+            law.tracking.feedback.is_some_and(|feedback| feedback.trust.is_some()),
+        ),
         (Part::Ahead, law.ahead() > 0),
         (Part::Coupling, around.coupling.is_some()),
         (Part::Cross, around.cross.is_some()),

@@ -60,6 +60,8 @@ impl FeedbackDesign {
             integral_v_per_um_s: self.integral_v_per_um_s,
             series: self.series,
             damping: self.damping,
+            // A table's, which is made for a range; a simulated stage has no other sensor.
+            trust: None,
         }
     }
 }

@@ -5,8 +5,9 @@ use crate::commands::simulate::StageName;
 use crate::error::CliError;
 use hysteron_core::law_numbers::LawNumbers;
 use hysteron_core::model::{AtRest as _, Hysteresis as _};
-use hysteron_table::{FORMAT, Family, Table};
+use hysteron_table::{FORMAT, Family, LEAST_TRUST, Table};
 use hysteron_tracking::design::Controller;
+use hysteron_tracking::design::prediction::predict;
 use std::fmt::Write;
 
 /// The whole range in five samples at 50 kHz: a sine of 1 kHz over the whole of it has pi thousand ranges a second, and the turns of a
@@ -61,12 +62,31 @@ pub(super) fn table(controller: &Controller, args: &ExportArgs) -> Result<Table,
         adc_top_um,
         ..super::empty(Family::PlayPolynomial)
     };
-    let mut table = bare.with_law(&numbers);
+    let bound_um = match args.feedback_bound_um {
+        Some(bound_um) if bound_um.is_finite() && bound_um > 0.0 => bound_um,
+        Some(bound_um) => {
+            return Err(CliError::Option(format!(
+                "--feedback-bound-um {bound_um} must be positive and finite: micrometres, a few percent of the range"
+            )));
+        }
+        None => needed_um(controller, bare.input_max_um - bare.input_min_um)?,
+    };
+    let mut table = bare.with_law(&numbers).trusting(bound_um);
     // Where C runs there may be a thermometer.
     if let (Format::C, Some(part)) = (args.format, &mut table.controller) {
         part.heat = numbers.heat;
     }
     Ok(table)
+}
+
+/// Rms of an error to what a feedback needs for it: the peak of a sine is 1.4 of it, that of a history's errors three.
+const NEED_OF_RMS: f64 = 4.0;
+
+/// What the feedback needs by the design's own prediction of what the feedforward leaves, micrometres.
+fn needed_um(controller: &Controller, range_um: f64) -> Result<f64, CliError> {
+    let predicted = predict(controller, None)?;
+    let worst_percent = predicted.iter().map(|at| at.open_percent).fold(0.0, f64::max);
+    Ok(range_um * (NEED_OF_RMS * worst_percent / 100.0).max(LEAST_TRUST))
 }
 
 /// Steps of the sweep: the table's own check takes as many.
@@ -104,6 +124,21 @@ fn reach_um(numbers: &LawNumbers, [min_v, max_v]: [f64; 2]) -> Result<[f64; 2], 
     ])
 }
 
+/// How far the feedback may go, in words.
+fn bound_said(table: &Table) -> String {
+    let trust = table
+        .controller
+        .as_ref()
+        .and_then(|part| part.feedback.as_ref()?.trust.as_ref());
+    trust.map_or_else(String::new, |trust| {
+        format!(
+            ";\nit moves the command by {:.2} V at once and {:.2} V in all, whatever the sensor says; --feedback-bound-um changes that",
+            2.0 * trust.quick_v,
+            trust.quick_v + trust.slow_v
+        )
+    })
+}
+
 /// What the command says of it.
 pub(super) fn said(table: &Table, controller: &Controller) -> String {
     let mut text = format!(
@@ -118,8 +153,11 @@ pub(super) fn said(table: &Table, controller: &Controller) -> String {
     let _ = match &controller.feedback {
         Some(feedback) => writeln!(
             text,
-            "feedback {}: integral gain {:.0} V/(um s), whole up to {:.0} Hz, off from twice it",
-            feedback.structure, feedback.integral_v_per_um_s, table.feedback_up_to_hz
+            "feedback {}: integral gain {:.0} V/(um s), on for references up to {:.0} Hz{}",
+            feedback.structure,
+            feedback.integral_v_per_um_s,
+            table.feedback_up_to_hz,
+            bound_said(table)
         ),
         None => writeln!(text, "open loop: the controller has no feedback"),
     };

@@ -1,0 +1,57 @@
+//! How far a stage may be from where a table expects it.
+
+use crate::{Sweep, Table, Trust};
+
+/// The integral beside an inverse without a chain around it may be as large as this, as a share of the inverse's span: above what
+/// hysteresis, creep and drift leave to it. A stage without an inverse has loops of 15 to 23 % up to 100 Hz (the paper's openings), and
+/// creeps by a few percent.
+const BESIDE_AN_INVERSE: f64 = 0.3;
+/// What a complete law in open loop may be off by, as a share of the range: 2 % of gain and as much of creep and drift.
+const OPEN_LOOP: f64 = 0.0375;
+/// Of what the feedback may take away, beyond which sensor and model are not of one stage.
+const BEYOND_TRUST: f64 = 1.5;
+/// A lightly damped mode doubles a step of the command, and an inverse without the mode does not see it coming.
+const OVERSHOOT: f64 = 2.0;
+/// What a chain with the mode in it leaves of a step.
+const OVERSHOOT_OF_A_CHAIN: f64 = 0.5;
+
+/// Least that the feedback is trusted with, as a share of the range: 2 % of gain, and creep and drift that no model has. It is also less
+/// than 5 % of a reference over half of the range and more, which is as far as any sensor may take the platform beyond it.
+pub const LEAST_TRUST: f64 = 0.025;
+
+impl Table {
+    /// With bounds of its feedback that move the platform by `bound_um` at most where the inverse is flattest; a table without a feedback
+    /// is left as it is, and so is one that cannot run.
+    #[must_use]
+    pub fn trusting(mut self, bound_um: f64) -> Self {
+        let sweep = self.sweep();
+        let feedback = self.controller.as_mut().and_then(|part| part.feedback.as_mut());
+        if let (Some(feedback), Ok(sweep)) = (feedback, sweep) {
+            feedback.trust = Some(Trust::within(bound_um, sweep.slopes_v_per_um[0]));
+        }
+        self
+    }
+
+    /// How far a stage may depart from what the law expects, volts: beyond it, stage or sensor is not the one that the table is of.
+    ///
+    /// Of a complete law the error, in volts where the inverse is flattest, with what the feedback added; of an inverse alone the integral.
+    pub fn departure_v(&self, sweep: &Sweep) -> f64 {
+        let Some(part) = &self.controller else {
+            return BESIDE_AN_INVERSE * sweep.span_v;
+        };
+        let trust = part.feedback.as_ref().and_then(|feedback| feedback.trust.as_ref());
+        match (trust, &part.feedback) {
+            (Some(trust), _) => BEYOND_TRUST * (trust.quick_v + trust.slow_v),
+            (None, Some(_)) => BESIDE_AN_INVERSE * sweep.span_v,
+            (None, None) => OPEN_LOOP * (self.input_max_um - self.input_min_um) * sweep.slopes_v_per_um[0],
+        }
+    }
+
+    /// How much further than a change of the command the platform may go.
+    pub fn overshoot(&self) -> f64 {
+        match self.controller {
+            Some(_) => OVERSHOOT_OF_A_CHAIN,
+            None => OVERSHOOT,
+        }
+    }
+}

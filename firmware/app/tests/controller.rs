@@ -1,0 +1,506 @@
+//! The controller around a law of three lines: what it does on each order and fault, by literal numbers.
+
+use hysteron_core::codes::Converter;
+use hysteron_core::limiter::Limiter;
+use hysteron_core::pi_controller::PiController;
+use hysteron_firmware::controller::Controller;
+use hysteron_firmware::law::{Law, Now, Start, Step};
+use hysteron_firmware::monitor::{Fault, Scales};
+use hysteron_firmware::parameters::Parameters;
+use hysteron_firmware::trajectory::Shape;
+use hysteron_firmware::wire::{ACCEPTED, Frame, Input, LIMITED, Mode, Order, REFUSED, Setup};
+
+/// 10 V a micrometre. Gains of a micrometre tell how often the law was started, parts what was set.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Lines {
+    v_per_um: f32,
+    parts: [bool; 2],
+    weight: f32,
+    gains: Option<PiController<f32>>,
+    departure_v: f32,
+    comes_down: bool,
+}
+
+/// What the law has been through.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Seen {
+    command_v: f32,
+    first_um: f32,
+    measured_um: f32,
+    share: f32,
+    starts: u32,
+    restarts: u32,
+    followed: u32,
+}
+
+impl Law for Lines {
+    type State = Seen;
+
+    fn set_parts(&mut self, feedforward: bool, feedback: bool, weight: f32) {
+        (self.parts, self.weight) = ([feedforward, feedback], weight);
+    }
+
+    fn set_gains(&mut self, gains: PiController<f32>) {
+        self.gains = Some(gains);
+    }
+
+    fn adopt(&mut self, other: &Self) {
+        *self = *other;
+    }
+
+    fn start(&self, start: &Start, _: &Self) -> Seen {
+        Seen {
+            command_v: start.command_v,
+            first_um: start.first_um,
+            measured_um: start.measured_um,
+            share: 0.0,
+            starts: 1,
+            restarts: 0,
+            followed: 0,
+        }
+    }
+
+    fn restart(&self, state: &mut Seen, start: &Start) {
+        state.restarts += 1;
+        state.command_v = start.command_v;
+        state.first_um = start.first_um;
+    }
+
+    fn follow(&self, state: &mut Seen, share: f32, command_v: f32, _: Now) {
+        state.followed += 1;
+        (state.share, state.command_v) = (share, command_v);
+    }
+
+    fn comes_down_itself(&self) -> bool {
+        self.comes_down
+    }
+
+    fn expected_um(&self, _: &Seen, coming_um: f32) -> f32 {
+        coming_um
+    }
+
+    fn rise(&self, state: &mut Seen, ramp: &Limiter<f32>, now: Now) -> (Step, bool) {
+        let mut limiter = ramp.start_at(state.command_v);
+        state.command_v = ramp.step(&mut limiter, self.v_per_um * state.first_um);
+        state.measured_um = now.measured_um;
+        let step = Step {
+            reference_um: state.first_um,
+            command_v: state.command_v,
+            limited: limiter.limited(),
+            departure_v: self.departure_v,
+        };
+        (step, !limiter.limited())
+    }
+
+    fn run(&self, state: &mut Seen, trajectory_um: f32, now: Now) -> Step {
+        state.command_v = self.v_per_um * trajectory_um;
+        state.measured_um = now.measured_um;
+        Step {
+            reference_um: trajectory_um,
+            command_v: state.command_v,
+            limited: false,
+            departure_v: self.departure_v,
+        }
+    }
+
+    fn coming_um(&self, state: &Seen) -> f32 {
+        state.first_um
+    }
+
+    fn rest_um(&self) -> f32 {
+        0.0
+    }
+}
+
+const LINES: Lines = Lines {
+    v_per_um: 10.0,
+    parts: [false; 2],
+    weight: 0.0,
+    gains: None,
+    departure_v: 0.0,
+    comes_down: false,
+};
+
+/// 0 to 10 um, 0 to 100 V, safe at 5 V, 0.5 V a sample on the ramp; a code of the sensor is 1 nm less 10 um.
+fn parameters(law: Lines) -> Parameters<Lines> {
+    Parameters {
+        law,
+        ramp: Limiter::new(0.0, 100.0, 25e3, 50e3).unwrap(),
+        rise_um: 0.05,
+        scales: Scales {
+            range_um: 10.0,
+            um_per_code: 1e-3,
+            slopes_v_per_um: [10.0, 10.0],
+            span_v: 100.0,
+            departure_v: 4.0,
+            overshoot: 2.0,
+        },
+        dac: Converter::new(0.0, 131.07).unwrap(),
+        adc: Converter::new(-10.0, 55.535).unwrap(),
+        range_um: [0.0, 10.0],
+        sample_rate_hz: 50e3,
+        feedback_up_to_hz: 100.0,
+        safe_v: 5.0,
+    }
+}
+
+/// A triangle between 2 and 4 um, of 1000 ticks.
+const SETUP: Setup = Setup {
+    ticks: u32::MAX,
+    shape: Shape::Triangle,
+    phase_step: 4_294_967,
+    low_um: 2.0,
+    high_um: 4.0,
+    feedforward: true,
+    feedback: true,
+    clocked: true,
+};
+
+fn code(position_um: f32) -> u16 {
+    ((position_um + 10.0) * 1000.0).round() as u16
+}
+
+/// The controller with a platform that is where the last command puts it, and what the sensor makes of that.
+struct Rig {
+    controller: Controller<Lines>,
+    command_v: f32,
+}
+
+impl Rig {
+    fn new(law: Lines) -> Self {
+        Self {
+            controller: Controller::new(parameters(law), &SETUP),
+            command_v: 5.0,
+        }
+    }
+
+    fn order(&mut self, order: Order) -> Frame {
+        self.reading(order, |um| um)
+    }
+
+    fn reading(&mut self, order: Order, sensor: impl Fn(f32) -> f32) -> Frame {
+        let input = Input {
+            adc: code(sensor(self.command_v / 10.0)),
+            order,
+        };
+        let frame = self.controller.step(input, false);
+        self.command_v = frame.command_v;
+        frame
+    }
+
+    fn ticks(&mut self, ticks: u32) -> Frame {
+        (0..ticks).map(|_| self.order(Order::None)).last().unwrap()
+    }
+
+    fn running() -> Self {
+        let mut rig = Self::new(LINES);
+        rig.order(Order::Start);
+        rig.ticks(60);
+        rig
+    }
+}
+
+/// From 5 V to the 20 V of 2 um: 30 ticks of 0.5 V, and one that is not limited any more.
+#[test]
+fn val_rises_runs_falls_and_rests() {
+    let mut rig = Rig::new(LINES);
+    assert_eq!(rig.ticks(3).mode(), Mode::Off);
+    assert_eq!(rig.command_v, 5.0);
+    let first = rig.order(Order::Start);
+    assert_eq!(
+        (first.mode(), first.command_v, first.reference_um),
+        (Mode::Rising, 5.5, 2.0)
+    );
+    let last_limited = rig.ticks(28);
+    assert_eq!((last_limited.mode(), last_limited.command_v), (Mode::Rising, 19.5));
+    assert_ne!(last_limited.flags & LIMITED, 0);
+    let there = rig.ticks(1);
+    assert_eq!((there.mode(), there.command_v), (Mode::Running, 20.0));
+    assert_eq!(there.flags & LIMITED, 0);
+    let run = rig.ticks(501);
+    assert_eq!(run.mode(), Mode::Running);
+    assert!(
+        (run.reference_um - 4.0).abs() < 0.005 && (run.command_v - 40.0).abs() < 0.05,
+        "{run:?}"
+    );
+    assert_eq!(run.dac, (run.command_v / 0.002).round() as u16);
+    // 70 ticks of 0.5 V from 40 V, of a stop on the first of them.
+    let top_v = run.command_v;
+    let falling = rig.order(Order::Stop);
+    assert_eq!(falling.mode(), Mode::Falling);
+    assert!((falling.command_v - (top_v - 0.5)).abs() < 1e-4);
+    let off = rig.ticks(((top_v - 5.0) / 0.5) as u32 + 1);
+    assert_eq!((off.mode(), off.command_v, off.fault()), (Mode::Off, 5.0, None));
+    assert_eq!(rig.ticks(100).command_v, 5.0);
+}
+
+/// A fault is latched, the first one stays, the command comes down on the ramp; neither a start nor a clear on the way counts.
+#[test]
+fn val_a_fault_is_latched() {
+    let mut rig = Rig::running();
+    let before_v = rig.command_v;
+    // The sensor at an end of its range.
+    let found: Vec<_> = (0..5).map(|_| rig.reading(Order::None, |_| -10.0)).collect();
+    let faults: Vec<_> = found.iter().map(|frame| frame.fault()).collect();
+    let range = Some(Fault::SensorRange);
+    assert_eq!(faults, [None, None, range, range, range]);
+    assert_eq!(found[2].mode(), Mode::Falling);
+    assert!(found[2].command_v < found[1].command_v && found[1].command_v < before_v + 0.2);
+    rig.controller.trip(Fault::Overrun);
+    for order in [Order::Start, Order::Clear, Order::Start] {
+        let frame = rig.order(order);
+        assert_eq!((frame.fault(), frame.mode()), (range, Mode::Falling), "{order:?}");
+    }
+    let off = rig.ticks(100);
+    assert_eq!((off.mode(), off.command_v, off.fault()), (Mode::Off, 5.0, range));
+    assert_eq!(rig.order(Order::Start).mode(), Mode::Off);
+    assert_eq!(rig.order(Order::Clear).fault(), None);
+    assert_eq!(rig.order(Order::Start).mode(), Mode::Rising);
+}
+
+/// A law that can stop a platform does: its reference shrinks to the rest over 1000 ticks, with the trajectory in it, and a sensor in doubt
+/// is not asked; where the clock or the stage is in doubt, it is the ramp.
+#[test]
+fn val_a_law_may_come_down_itself() {
+    let law = Lines {
+        comes_down: true,
+        ..LINES
+    };
+    let begun = || {
+        let mut rig = Rig::new(law);
+        rig.order(Order::Start);
+        rig.ticks(360);
+        rig
+    };
+    let mut rig = begun();
+    let at_um = rig.command_v / 10.0;
+    let first = rig.order(Order::Stop);
+    assert_eq!(first.mode(), Mode::Falling);
+    assert!((first.reference_um - at_um - 0.004).abs() < 1e-4, "{first:?}");
+    // Half of the time is half of the way: the triangle is 500 ticks further, as far from its other end.
+    let half = rig.ticks(500);
+    let triangle_um = 6.0 - at_um;
+    assert!(
+        (half.reference_um - 0.5 * triangle_um).abs() < 0.02,
+        "{half:?} {triangle_um}"
+    );
+    assert!((half.command_v - 10.0 * half.reference_um).abs() < 1e-4);
+    let last = rig.ticks(499);
+    assert!(last.mode() == Mode::Falling && last.command_v.abs() < 0.01, "{last:?}");
+    // From below the safe level up to it.
+    let off = rig.ticks(12);
+    assert_eq!((off.mode(), off.command_v), (Mode::Off, 5.0));
+    let measured = |rig: &Rig| format!("{:?}", rig.controller).contains("measured_um: NaN");
+    let mut rig = begun();
+    for _ in 0..3 {
+        rig.reading(Order::None, |_| -10.0);
+    }
+    assert!(measured(&rig));
+    assert_eq!(rig.ticks(500).fault(), Some(Fault::SensorRange));
+    assert!((rig.command_v - 0.5 * 10.0 * triangle_um).abs() < 0.5);
+    let mut rig = begun();
+    let before_v = rig.command_v;
+    rig.controller.trip(Fault::Overrun);
+    assert!(!measured(&rig));
+    assert!((rig.ticks(10).command_v - (before_v - 5.0)).abs() < 1e-3);
+}
+
+/// A hung interrupt may hang again.
+#[test]
+fn val_only_a_reset_clears_the_watchdog() {
+    let mut rig = Rig::running();
+    rig.controller.trip(Fault::Watchdog);
+    assert_eq!(rig.ticks(200).mode(), Mode::Off);
+    assert_eq!(rig.order(Order::Clear).fault(), Some(Fault::Watchdog));
+    assert_eq!(rig.order(Order::Start).mode(), Mode::Off);
+}
+
+/// The law gets what the last good reading leads to, not the bad one; and a good one as it is.
+#[test]
+fn val_bad_readings_do_not_reach_the_law() {
+    let mut rig = Rig::running();
+    let state = |rig: &Rig| format!("{:?}", rig.controller);
+    let frame = rig.reading(Order::None, |um| um + 2.0);
+    assert_eq!(frame.fault(), None);
+    let measured = |text: &str| -> f32 {
+        let at = text.find("measured_um: ").unwrap() + 13;
+        let end = text[at..].find(',').unwrap() + at;
+        text[at..end].parse().unwrap()
+    };
+    assert!(
+        (measured(&state(&rig)) - frame.reference_um).abs() < 0.05,
+        "{}",
+        state(&rig)
+    );
+    let frame = rig.reading(Order::None, |um| um + 0.02);
+    assert_eq!(frame.fault(), None);
+    // A tick ago, 0.004 um each, and 0.02.
+    assert!((measured(&state(&rig)) - frame.reference_um - 0.016).abs() < 0.002);
+}
+
+/// Three in a row of the clock; what a law departs by, running and rising alike.
+#[test]
+fn val_clock_and_departure_trip() {
+    let mut rig = Rig::running();
+    let mut late = |late| {
+        let adc = code(rig.command_v / 10.0);
+        let frame = rig.controller.step(
+            Input {
+                adc,
+                order: Order::None,
+            },
+            late,
+        );
+        rig.command_v = frame.command_v;
+        frame.fault()
+    };
+    assert_eq!([true, true, true].map(&mut late), [None, None, Some(Fault::Overrun)]);
+    let mut rig = Rig::new(Lines {
+        departure_v: 4.1,
+        ..LINES
+    });
+    assert_eq!(rig.order(Order::Start).fault(), None);
+    let frame = rig.ticks(2);
+    assert_eq!(frame.fault(), Some(Fault::Disagreement));
+    // Three steps up, and down again: 1.5 V of a platform that is not where it should be.
+    assert_eq!((frame.mode(), frame.command_v), (Mode::Falling, 6.5));
+    assert_eq!(rig.ticks(4).command_v, 5.0);
+}
+
+/// The law's state is made once, and goes along on the way down and at rest; share by share.
+#[test]
+fn val_the_state_is_kept() {
+    let mut rig = Rig::running();
+    let text = |rig: &Rig| format!("{:?}", rig.controller);
+    assert!(text(&rig).contains("starts: 1, restarts: 0, followed: 0"));
+    rig.order(Order::Stop);
+    let share = |text: &str| -> f32 {
+        let at = text.find("share: ").unwrap() + 7;
+        let end = text[at..].find(',').unwrap() + at;
+        text[at..end].parse().unwrap()
+    };
+    let way_v = rig.command_v + 0.5 - 5.0;
+    assert!((share(&text(&rig)) - (rig.command_v - 5.0) / way_v).abs() < 1e-5);
+    rig.ticks(200);
+    assert_eq!(share(&text(&rig)), 0.0);
+    assert!(
+        text(&rig).contains("starts: 1, restarts: 0, followed: 201"),
+        "{}",
+        text(&rig)
+    );
+    rig.order(Order::Start);
+    assert!(text(&rig).contains("starts: 1, restarts: 1, followed: 201"));
+}
+
+/// A change is in force or refused, in the frame of its tick; all but gains at the safe level alone.
+#[test]
+fn bva_changes() {
+    use hysteron_firmware::tuning::Change;
+    let with = |rig: &mut Rig, change: Change| {
+        let mut last = None;
+        for order in change.orders() {
+            last = Some(rig.order(order));
+        }
+        let flags = last.unwrap().flags & (ACCEPTED | REFUSED);
+        assert!(flags == ACCEPTED || flags == REFUSED);
+        flags == ACCEPTED
+    };
+    let trajectory = |low_um, high_um, phase_step| Change::Trajectory {
+        shape: Shape::Sine,
+        phase_step,
+        low_um,
+        high_um,
+    };
+    let tenth = u32::MAX / 10;
+    let cases = [
+        (trajectory(0.0, 10.0, 1000), true),
+        (trajectory(-0.1, 10.0, 1000), false),
+        (trajectory(0.0, 10.1, 1000), false),
+        (trajectory(5.0, 5.0, 1000), false),
+        (trajectory(6.0, 5.0, 1000), false),
+        (trajectory(f32::NAN, 5.0, 1000), false),
+        (trajectory(0.0, 5.0, tenth), true),
+        (trajectory(0.0, 5.0, tenth + 1), false),
+        (
+            Change::Parts {
+                feedforward: true,
+                feedback: false,
+            },
+            true,
+        ),
+        (Change::Bank(0), false),
+        (
+            Change::Gains {
+                proportional_v_per_um: 1.0,
+                integral_v_per_um_s: 100.0,
+            },
+            true,
+        ),
+        (
+            Change::Gains {
+                proportional_v_per_um: -1.0,
+                integral_v_per_um_s: 100.0,
+            },
+            false,
+        ),
+    ];
+    for (change, accepted) in cases {
+        assert_eq!(with(&mut Rig::new(LINES), change), accepted, "{change:?}");
+        let gains = matches!(change, Change::Gains { .. });
+        assert_eq!(
+            with(&mut Rig::running(), change),
+            accepted && gains,
+            "running, {change:?}"
+        );
+    }
+}
+
+/// Feedback is whole up to a frequency, here 100 Hz, half at half as much again, none from twice it; 10 Hz is 859 993 steps of a phase.
+#[test]
+fn bva_the_feedbacks_share() {
+    for (hz, weight) in [(10.0, 1.9), (100.0, 1.0), (150.0, 0.5), (200.0, 0.0), (400.0, -2.0)] {
+        let phase_step = (hz / 50e3 * 4_294_967_296.0_f64).round() as u32;
+        let setup = Setup { phase_step, ..SETUP };
+        let controller = Controller::new(parameters(LINES), &setup);
+        let text = format!("{controller:?}");
+        let at = text.find("weight: ").unwrap() + 8;
+        let end = text[at..].find(',').unwrap() + at;
+        let found: f32 = text[at..end].parse().unwrap();
+        assert!((found - weight).abs() < 1e-3, "{hz}: {found}");
+        assert!(text.contains("parts: [true, true]"));
+    }
+}
+
+/// Whatever comes, and in whatever order: within the limits, and never faster than the ramp but while the law runs.
+#[test]
+fn prop_total() {
+    let mut rig = Rig::new(LINES);
+    let mut seed = 1_u32;
+    let mut last_v = 5.0_f32;
+    for _ in 0..200_000 {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let order = match seed >> 22 {
+            0..40 => Order::Start,
+            40..44 => Order::Stop,
+            44..60 => Order::Clear,
+            60..70 => Order::Apply((seed >> 8) as u8),
+            70..90 => Order::Byte((seed >> 8) as u8),
+            _ => Order::None,
+        };
+        let wild = seed >> 28 == 0;
+        let adc = if wild {
+            (seed >> 4) as u16
+        } else {
+            code(rig.command_v / 10.0)
+        };
+        let frame = rig.controller.step(Input { adc, order }, seed >> 30 == 3);
+        assert!((0.0..=100.0).contains(&frame.command_v));
+        let most_v = if frame.mode() == Mode::Running {
+            100.0
+        } else {
+            0.5 + 1e-4
+        };
+        assert!((frame.command_v - last_v).abs() <= most_v, "{frame:?}");
+        (rig.command_v, last_v) = (frame.command_v, frame.command_v);
+    }
+}
