@@ -44,8 +44,9 @@ fn val_data_flows_one_way() {
     check("data", &[]);
     check("plant", &["data"]);
     check("effects", &["core"]);
-    check("identify", &["core", "data", "effects"]);
-    check("diagnose", &["core", "data", "identify"]);
+    check("acquisition", &["data"]);
+    check("identify", &["acquisition", "core", "data", "effects"]);
+    check("diagnose", &["acquisition", "core", "data", "identify"]);
     check("tracking", &["core", "data", "identify", "plant"]);
     check("table", &["core"]);
     check("board", &["core", "firmware", "plant", "table"]);
@@ -58,6 +59,7 @@ fn val_data_flows_one_way() {
         "plant",
         "challenge",
         "effects",
+        "acquisition",
         "identify",
         "diagnose",
         "tracking",

@@ -114,7 +114,7 @@ fn val_compare_json_has_what_programs_rely_on() {
         .success();
     let answer: Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
     assert!(answer["noise_rms_um"].as_f64().unwrap() > 0.0);
-    assert!(answer["noise_source"].is_string());
+    assert!(answer["noise"]["words"].is_string());
     for role in ["identify", "validate"] {
         for figure in ["nrmse_percent", "fit_percent"] {
             assert!(answer[role][figure].is_f64(), "{role}.{figure}");

@@ -1,9 +1,10 @@
 //! Model against measurement, free simulation, on every record.
 
 use crate::breakdown::{Sample, breakdowns};
-use crate::comparison::{Comparison, NoiseSource, Pooled, RecordComparison, Series};
+use crate::comparison::{Comparison, Pooled, RecordComparison, Series};
 use crate::straight_line::StraightLine;
 use crate::{error_map, noise, spectrum, swing_map};
+use hysteron_acquisition::{Basis, NoiseFloor, NoiseSource};
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::family::peak_to_peak;
 use hysteron_identify::{Direction, Model};
@@ -17,19 +18,28 @@ use rayon::prelude::*;
 /// # Cost
 /// Linear in the samples; the series of all records are held for the pictures (4 numbers a sample).
 pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)) -> Comparison {
-    let floor = noise::noise_floor(dataset);
-    let noise_rms = floor.rms_um * output_per_um(dataset, model.direction);
+    let per_um = output_per_um(dataset, model.direction);
     let done = std::sync::atomic::AtomicUsize::new(0);
-    let records: Vec<RecordComparison> = dataset
+    let mut records: Vec<RecordComparison> = dataset
         .records
         .par_iter()
         .map(|record| {
-            let compared = compare_record(record, model, noise_rms);
+            let compared = compare_record(record, model);
             let count = 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             progress(0.8 * count as f64 / dataset.records.len() as f64);
             compared
         })
         .collect();
+    let least_left = records
+        .iter()
+        .filter(|record| record.samples >= ENOUGH_TO_BOUND_NOISE)
+        .map(|record| record.rms_um)
+        .fold(f64::INFINITY, f64::min);
+    let floor = noise::noise_floor(dataset).at_most(least_left / per_um);
+    let noise_rms = floor.rms_um * per_um;
+    records
+        .iter_mut()
+        .for_each(|record| record.noise_ratio = record.rms_um / noise_rms);
     let samples: Vec<Sample<'_>> = dataset
         .records
         .iter()
@@ -44,7 +54,7 @@ pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)
     };
     let comparison = Comparison {
         noise_rms_um: noise_rms,
-        noise_source: floor.source,
+        noise: floor,
         identify: of_role(&records, Role::Identify),
         validate: of_role(&records, Role::Validate),
         straight_line: line.and_then(|line| line.pooled(&records, judged)),
@@ -53,12 +63,15 @@ pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)
         swing_map: swing_map::swing_map(&samples, noise_rms),
         spectrum: spectrum::spectrum(&records, noise_rms),
         output_unit: model.direction.output_unit(),
-        notices: notices(dataset, model, &records, floor.source),
+        notices: notices(dataset, model, &records, &floor),
         records,
     };
     progress(1.0);
     comparison
 }
+
+/// Samples of a record from which on the error that is left there bounds the noise.
+const ENOUGH_TO_BOUND_NOISE: usize = 200;
 
 /// What a micrometre of position noise means at the model's output: 1, or for an inverse the mean slope in volts.
 fn output_per_um(dataset: &Dataset, direction: Direction) -> f64 {
@@ -75,7 +88,7 @@ fn output_per_um(dataset: &Dataset, direction: Direction) -> f64 {
     }
 }
 
-fn compare_record(record: &Record, model: &Model, noise_rms: f64) -> RecordComparison {
+fn compare_record(record: &Record, model: &Model) -> RecordComparison {
     let simulation = model.simulate(record);
     let measured = model.direction.output(record);
     // A record at constant voltage has no stroke to be a percentage of, only noise.
@@ -88,7 +101,7 @@ fn compare_record(record: &Record, model: &Model, noise_rms: f64) -> RecordCompa
         fit_percent: errors.percent.map(|percent| percent.1),
         rms_um: errors.rms,
         max_um: errors.largest,
-        noise_ratio: errors.rms / noise_rms,
+        noise_ratio: 0.0,
         samples: measured.len(),
         initial_state: simulation.initial.to_string(),
         series: Series {
@@ -155,7 +168,7 @@ fn of_role(records: &[RecordComparison], role: Role) -> Option<Pooled> {
     )
 }
 
-fn notices(dataset: &Dataset, model: &Model, records: &[RecordComparison], source: NoiseSource) -> Vec<String> {
+fn notices(dataset: &Dataset, model: &Model, records: &[RecordComparison], floor: &NoiseFloor) -> Vec<String> {
     let mut notices = Vec::new();
     if dataset.with_role(Role::Validate).next().is_none() {
         notices.push(
@@ -164,9 +177,9 @@ fn notices(dataset: &Dataset, model: &Model, records: &[RecordComparison], sourc
                 .to_owned(),
         );
     }
-    if source == NoiseSource::HighPass {
+    if floor.source == NoiseSource::HighPass && floor.basis == Basis::UpperBound {
         notices.push(
-            "the noise floor is an upper bound from neighbouring samples; a record at constant voltage would tell it"
+            "the noise floor is an upper bound from the fastest part of the position; a record at constant voltage would tell it"
                 .to_owned(),
         );
     }

@@ -1,32 +1,8 @@
 //! What a comparison of model and measurement says: figures for each record, pooled figures, and where the error is.
 
+use hysteron_acquisition::NoiseFloor;
 use hysteron_data::Role;
 use serde::Serialize;
-
-/// Where the noise floor comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum NoiseSource {
-    /// Given in the dataset (`[known] sensor_noise_um`).
-    Given,
-    /// Records at constant voltage.
-    QuietRecord,
-    /// Scatter between the periods of periodic records.
-    PeriodScatter,
-    /// High-frequency content of the position that the drive cannot have caused; an upper bound where nothing better is there.
-    HighPass,
-}
-
-/// The noise floor of the position, and what it rests on.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct NoiseFloor {
-    /// Noise, micrometres rms.
-    pub rms_um: f64,
-    /// What it was estimated from.
-    pub source: NoiseSource,
-    /// Degrees of freedom behind the estimate (0 where it was given).
-    pub samples: usize,
-}
 
 /// Figures pooled over the records of one role: root mean square over records.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -81,6 +57,11 @@ pub struct Series {
 }
 
 impl Comparison {
+    /// The noise floor in words, in the output's unit.
+    pub fn noise_in_words(&self) -> String {
+        self.noise.in_words(self.noise_rms_um, self.output_unit)
+    }
+
     /// What the model takes away of a straight line's error, in one sentence.
     pub fn beside_a_straight_line(&self) -> Option<String> {
         let (line, judged) = (self.straight_line?, self.validate.or(self.identify)?);
@@ -168,8 +149,8 @@ pub struct Spectrum {
 pub struct Comparison {
     /// Noise floor, micrometres rms; for an inverse model volts rms, by the mean slope of the records.
     pub noise_rms_um: f64,
-    /// What the noise floor rests on.
-    pub noise_source: NoiseSource,
+    /// The noise floor of the position: what it is worth and rests on.
+    pub noise: NoiseFloor,
     /// Pooled over the records that the role `identify` marks.
     pub identify: Option<Pooled>,
     /// Pooled over the records that the role `validate` marks.

@@ -1,5 +1,6 @@
 //! What a diagnosis says, in numbers and names.
 
+use hysteron_acquisition::NoiseFloor;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
@@ -177,6 +178,9 @@ pub struct Diagnosis {
     pub cannot_answer: Vec<String>,
     /// Noise floor, micrometres rms.
     pub noise_rms_um: f64,
+    /// What the noise floor of these records is worth and rests on.
+    #[serde(default)]
+    pub noise: Option<NoiseFloor>,
     /// Delay of the controller's own, as the recordings say, that the model lacks: taken off before the search, so that the stage
     /// is not blamed for it. A delay that is named comes on top.
     #[serde(default)]

@@ -1,6 +1,7 @@
 //! How the error of a model fell, step by step, down to the noise floor.
 
 use crate::noise::noise_floor;
+use hysteron_acquisition::NoiseFloor;
 use hysteron_data::{Dataset, Role};
 use hysteron_identify::effects::UserEffect;
 use hysteron_identify::{Added, Change, EffectId, EffectName, IdentifyError, Model, RecordError, Step};
@@ -17,6 +18,8 @@ pub struct Ladder {
     pub dataset: String,
     /// Noise floor, micrometres rms.
     pub noise_rms_um: Option<f64>,
+    /// What it is worth and rests on.
+    pub noise: Option<NoiseFloor>,
     /// The error that the noise alone would leave on the records it was fitted to, percent of peak to peak.
     pub noise_identify_percent: Option<f64>,
     /// The same on validation records.
@@ -71,7 +74,7 @@ pub fn add(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Added, IdentifyError> {
     let mut added = hysteron_identify::add_effect(dataset, model, effect, progress)?;
-    added.model.fitted_on.noise_rms = Some(noise_floor(dataset).rms_um);
+    added.model.fitted_on.noise = Some(noise_floor(dataset));
     Ok(added)
 }
 
@@ -86,7 +89,7 @@ pub fn add_own(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Added, IdentifyError> {
     let mut added = hysteron_identify::add_own_effect(dataset, model, effect, progress)?;
-    added.model.fitted_on.noise_rms = Some(noise_floor(dataset).rms_um);
+    added.model.fitted_on.noise = Some(noise_floor(dataset));
     Ok(added)
 }
 
@@ -103,7 +106,10 @@ pub fn add_own(
 /// ```
 pub fn ladder(model: &Model) -> Option<Ladder> {
     let last = model.history.last()?;
-    let noise_rms_um = model.fitted_on.noise_rms;
+    let left = last.records.iter().map(|record| record.rms).filter(|&rms| rms > 0.0);
+    let least_left = left.fold(f64::INFINITY, f64::min);
+    let noise = model.fitted_on.noise.map(|floor| floor.at_most(least_left));
+    let noise_rms_um = noise.map(|floor| floor.rms_um);
     let noise_of = |role| noise_rms_um.and_then(|noise_um| noise_percent(&last.records, role, noise_um));
     let (identify, validate) = (noise_of(Role::Identify), noise_of(Role::Validate));
     let floor = validate.or(identify);
@@ -124,6 +130,7 @@ pub fn ladder(model: &Model) -> Option<Ladder> {
         effects: model.effects.iter().map(|effect| effect.name.clone()).collect(),
         dataset: model.fitted_on.dataset.clone(),
         noise_rms_um,
+        noise,
         noise_identify_percent: identify,
         noise_validate_percent: validate,
         steps,

@@ -139,7 +139,7 @@ fn go_on(dataset: &Dataset, model: Model, own: &[UserEffect], progress: &(dyn Fn
         diagnosis = learner.diagnose();
         stop = answered(&diagnosis).unwrap_or(stop);
     }
-    learner.model.fitted_on.noise_rms = Some(noise_floor(dataset).rms_um);
+    learner.model.fitted_on.noise = Some(noise_floor(dataset));
     Learned {
         model: learner.model,
         attempts: learner.attempts,

@@ -11,7 +11,6 @@ pub mod ladder;
 pub mod learn;
 mod learner;
 mod missing;
-pub mod noise;
 mod region;
 mod signature;
 mod spectrum;
@@ -19,9 +18,9 @@ mod straight_line;
 mod swing_map;
 
 pub use compare::compare;
-pub use comparison::{
-    Bin, Breakdown, Comparison, ErrorMap, NoiseFloor, NoiseSource, Pooled, RecordComparison, Series, Spectrum, SwingMap,
-};
+pub use comparison::{Bin, Breakdown, Comparison, ErrorMap, Pooled, RecordComparison, Series, Spectrum, SwingMap};
+use hysteron_acquisition::noise;
+pub use hysteron_acquisition::{Basis, NoiseFloor, NoiseSource};
 pub use ladder::{Ladder, Rung, add, add_own, ladder};
 pub use learn::{Attempt, Learned, Stop, learn, learn_from, learn_with};
 pub use missing::{diagnose, diagnose_with};

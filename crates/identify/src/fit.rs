@@ -198,7 +198,7 @@ fn assemble(dataset: &Dataset, options: &FitOptions, runs: &[Run<'_>], solved: &
             placement: options.placement,
             seed: (options.method == Method::Mpso).then_some(options.seed),
             ridge: solved.ridge,
-            noise_rms: None,
+            noise: None,
             records,
         },
         notices: Vec::new(),

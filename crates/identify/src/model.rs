@@ -5,6 +5,7 @@ use crate::family::Direction;
 use crate::objective::Weighting;
 use crate::placement::Placement;
 use crate::start_state::InitialState;
+use hysteron_acquisition::NoiseFloor;
 use hysteron_core::envelope::Envelope;
 use hysteron_data::Role;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -77,9 +78,9 @@ pub struct FittedOn {
     pub seed: Option<u64>,
     /// Ridge on the scaled columns.
     pub ridge: f64,
-    /// Noise floor of the records, output unit, rms; known once a step of the history has been measured against it.
+    /// Noise floor of the records; known once a step of the history has been measured against it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub noise_rms: Option<f64>,
+    pub noise: Option<NoiseFloor>,
     /// The records.
     #[serde(rename = "record", default)]
     pub records: Vec<FittedRecord>,

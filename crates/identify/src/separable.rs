@@ -21,8 +21,15 @@ const POLYNOMIAL_RIDGE: f64 = 1e-7;
 /// Rows that the search over alpha and beta looks at; the final solution takes all.
 pub(crate) const SEARCH_ROWS: usize = 5_000;
 
-/// Largest alpha and beta searched, seconds: five times the seed's figure-1 example.
+/// Largest alpha and beta searched, seconds: five times the seed's figure-1 example; one sample where sampling is slower.
 const LARGEST_S: f64 = 1e-3;
+
+/// The shortest and the longest envelope that records of this finest sample period can show, seconds.
+fn searched(finest_s: f64) -> (f64, f64) {
+    // Below a fiftieth of a sample an envelope of a play without width is a pure derivative: nothing new, and weights
+    // without bound.
+    (finest_s / 50.0, LARGEST_S.max(finest_s))
+}
 
 /// A separable fit.
 pub(crate) struct Solved {
@@ -110,13 +117,11 @@ fn search_envelope(design: &Design, runs: &[Run<'_>], progress: &(dyn Fn(f64) + 
     let rows: usize = runs.iter().map(|run| run.input.len()).sum();
     let stride = rows.div_ceil(SEARCH_ROWS).max(1);
     let finest = runs.iter().map(|run| run.period_s).fold(f64::INFINITY, f64::min);
+    let (least, largest) = searched(finest);
     let objective = &|alpha_s: f64, beta_s: f64| -> f64 {
-        // Below a fiftieth of a sample an envelope of a play without width is a pure derivative: nothing new, and
-        // weights without bound.
-        let least = finest / 50.0;
         let envelope = Envelope {
-            alpha_s: alpha_s.clamp(least, LARGEST_S),
-            beta_s: beta_s.clamp(least, LARGEST_S),
+            alpha_s: alpha_s.clamp(least, largest),
+            beta_s: beta_s.clamp(least, largest),
         };
         let trial = Design {
             envelope,
@@ -125,7 +130,7 @@ fn search_envelope(design: &Design, runs: &[Run<'_>], progress: &(dyn Fn(f64) + 
         let system = pooled(&normals(&trial, runs, stride), runs);
         // Outside the bounds the objective grows, so that the simplex comes back.
         let outside = (alpha_s - envelope.alpha_s).abs() + (beta_s - envelope.beta_s).abs();
-        system.squared_error(&system.solve(RIDGE)) * (1.0 + outside / LARGEST_S)
+        system.squared_error(&system.solve(RIDGE)) * (1.0 + outside / largest)
     };
     let grid = [0.0, finest, 3.0 * finest, 1e-4, 3e-4];
     let mut best = (f64::INFINITY, 0.0, 0.0);
@@ -145,10 +150,9 @@ fn search_envelope(design: &Design, runs: &[Run<'_>], progress: &(dyn Fn(f64) + 
         let (found, _) = minimum(&[alpha_s, beta_s], size, 20, have_met, |x| objective(x[0], x[1]));
         (alpha_s, beta_s) = (found[0], found[1]);
     }
-    let least = finest / 50.0;
     Envelope {
-        alpha_s: alpha_s.clamp(least, LARGEST_S),
-        beta_s: beta_s.clamp(least, LARGEST_S),
+        alpha_s: alpha_s.clamp(least, largest),
+        beta_s: beta_s.clamp(least, largest),
     }
 }
 

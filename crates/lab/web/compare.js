@@ -12,10 +12,6 @@ const WORDS = {
   offset: "a constant offset", speed: "the speed of the motion", acceleration: "the acceleration", position: "the position",
   curvature: "the square of the position", time: "time",
 };
-const SOURCES = {
-  given: "given with the data", "quiet-record": "from stretches at constant voltage", "period-scatter": "from the scatter between periods",
-  "high-pass": "an upper bound, from neighbouring samples",
-};
 
 /** The error in a selection, in words. */
 function regionText(region, outputUnit) {
@@ -53,7 +49,7 @@ export async function comparePage(lab) {
     tiles([
       ["Error, records not fitted to", comparison.validate ? percent(comparison.validate.nrmse_percent) : "–", pooled(comparison.validate)],
       ["Error, records fitted to", comparison.identify ? percent(comparison.identify.nrmse_percent) : "–", pooled(comparison.identify)],
-      ["Noise floor", quantity(comparison.noise_rms_um, raw), `rms, ${SOURCES[comparison.noise_source] || comparison.noise_source}`]]),
+      ["Noise floor", quantity(comparison.noise_rms_um, raw), `rms, ${comparison.noise.words}`]]),
     ...comparison.notices.map((line) => el("p", { class: "notice" }, sentence(line))),
     el("p", {}, el("label", { for: "record" }, "Look at "), select,
       el("span", { class: "hint" }, " Wheel zooms, Shift and wheel pans, double click shows all; by keyboard: arrows, plus, minus, 0.")),

@@ -1,7 +1,7 @@
 //! The page that `compare` leaves: how far the model is off, where, and what it looks like.
 
 use hysteron_data::Role;
-use hysteron_diagnose::{Bin, Breakdown, Comparison, NoiseSource, Pooled, RecordComparison};
+use hysteron_diagnose::{Bin, Breakdown, Comparison, Pooled, RecordComparison};
 
 use crate::canvas::{LegendEntry, Size, Swatch};
 use crate::figures::{Bar, ErrorMapData, SpectrumData, bars, error_map, spectrum};
@@ -106,7 +106,7 @@ fn summary(comparison: &Comparison) -> Section {
         tiles.push(Tile {
             label: "Noise floor".to_owned(),
             value: quantity(comparison.noise_rms_um, comparison.output_unit),
-            note: format!("rms, {}", noise_source(comparison.noise_source)),
+            note: format!("rms, {}", comparison.noise.basis_in_words()),
         });
     }
     if let Some(line) = &comparison.straight_line {
@@ -120,16 +120,6 @@ fn summary(comparison: &Comparison) -> Section {
     Section::new("Summary")
         .with(Block::Tiles(tiles))
         .with(Block::Notices(notices))
-}
-
-/// What the noise floor rests on, in words.
-fn noise_source(source: NoiseSource) -> &'static str {
-    match source {
-        NoiseSource::Given => "given with the data",
-        NoiseSource::QuietRecord => "from records at constant voltage",
-        NoiseSource::PeriodScatter => "from the scatter between periods",
-        NoiseSource::HighPass => "an upper bound, from neighbouring samples",
-    }
 }
 
 /// Bars and table of all records.

@@ -80,11 +80,15 @@ fn summary(ladder: &Ladder) -> Section {
             });
         }
     }
-    if let (Some(rms_um), Some(percent)) = (ladder.noise_rms_um, ladder.noise_percent()) {
+    if let (Some(noise), Some(percent)) = (&ladder.noise, ladder.noise_percent()) {
         tiles.push(Tile {
             label: "Noise floor".to_owned(),
             value: percent_text(percent),
-            note: format!("of peak to peak, {} rms", quantity(rms_um, "um")),
+            note: format!(
+                "of peak to peak, {} rms, {}",
+                quantity(noise.rms_um, "um"),
+                noise.basis_in_words()
+            ),
         });
     }
     Section::new("Summary").with(Block::Tiles(tiles))

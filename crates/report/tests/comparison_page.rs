@@ -5,7 +5,8 @@ use std::f64::consts::TAU;
 
 use hysteron_data::Role;
 use hysteron_diagnose::{
-    Bin, Breakdown, Comparison, ErrorMap, NoiseSource, Pooled, RecordComparison, Series, Spectrum, SwingMap,
+    Basis, Bin, Breakdown, Comparison, ErrorMap, NoiseFloor, NoiseSource, Pooled, RecordComparison, Series, Spectrum,
+    SwingMap,
 };
 use hysteron_report::{Context, comparison_page};
 use scraper::{Html, Selector};
@@ -52,7 +53,12 @@ fn comparison(records: Vec<RecordComparison>) -> Comparison {
     let falling = |scale: f64| frequency_hz.iter().map(|f| scale / (1.0 + f)).collect();
     Comparison {
         noise_rms_um: 0.002,
-        noise_source: NoiseSource::QuietRecord,
+        noise: NoiseFloor {
+            rms_um: 0.002,
+            source: NoiseSource::QuietRecord,
+            basis: Basis::Estimate,
+            samples: 5000,
+        },
         identify: Some(pooled(0.5, 0.05)),
         validate: Some(pooled(1.3, 0.08)),
         straight_line: Some(pooled(5.2, 0.3)),

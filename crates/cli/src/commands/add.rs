@@ -180,7 +180,7 @@ fn json(args: &AddArgs, name: &EffectName, added: &Added) -> serde_json::Value {
         "file": args.output,
         "model": added.model.family.name(),
         "effects": added.model.effects,
-        "noise_rms_um": added.model.fitted_on.noise_rms,
+        "noise_rms_um": added.model.fitted_on.noise.map(|noise| noise.rms_um),
         "before": pooled(&added.before),
         "after": pooled(&added.after),
         "records": records,

@@ -6,7 +6,7 @@ use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_data::{Dataset, Role};
-use hysteron_diagnose::{Comparison, NoiseSource, Pooled};
+use hysteron_diagnose::{Comparison, Pooled};
 use hysteron_identify::Model;
 use hysteron_report::{Context, comparison_page, facts};
 use std::fmt::Write;
@@ -87,12 +87,7 @@ fn text(comparison: &Comparison) -> String {
     let unit = comparison.output_unit;
     let mut text = String::new();
     // Writing to a String does not fail.
-    let _ = writeln!(
-        text,
-        "noise floor {:.3e} {unit} rms, from {}\n",
-        comparison.noise_rms_um,
-        source_in_words(comparison.noise_source)
-    );
+    let _ = writeln!(text, "noise floor {}\n", comparison.noise_in_words());
     let error = format!("error % p-p   fit %   rms {unit}   max {unit}   x noise");
     let widest = comparison
         .records
@@ -153,16 +148,6 @@ fn role(role: Role) -> &'static str {
     match role {
         Role::Identify => "identify",
         Role::Validate => "validate",
-    }
-}
-
-/// The noise floor's source in words.
-fn source_in_words(source: NoiseSource) -> &'static str {
-    match source {
-        NoiseSource::Given => "the dataset ([known] sensor_noise_um)",
-        NoiseSource::QuietRecord => "stretches at constant voltage",
-        NoiseSource::PeriodScatter => "the scatter between periods",
-        NoiseSource::HighPass => "the differences between neighbouring samples (an upper bound)",
     }
 }
 

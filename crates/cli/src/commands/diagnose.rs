@@ -142,7 +142,9 @@ fn instead(d: &Diagnosis) -> &'static str {
 
 fn is_anything_missing(text: &mut String, d: &Diagnosis) {
     let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.3} %"));
-    let _ = writeln!(text, "noise floor {:.3e} um rms", d.noise_rms_um);
+    if let Some(noise) = &d.noise {
+        let _ = writeln!(text, "noise floor {noise}");
+    }
     let _ = writeln!(
         text,
         "{:<38} {:>10} {:>10}",

@@ -81,7 +81,7 @@ pub(super) fn text(ladder: &Ladder) -> String {
             percent(rung.step.validate_percent)
         );
     }
-    if ladder.noise_rms_um.is_some() {
+    if let Some(noise) = &ladder.noise {
         let _ = writeln!(
             text,
             "{:<22} {:>9} {:>13} {:>12} {:>8}",
@@ -91,6 +91,7 @@ pub(super) fn text(ladder: &Ladder) -> String {
             "",
             "1.0"
         );
+        let _ = writeln!(text, "noise floor {noise}");
     }
     records(
         &mut text,

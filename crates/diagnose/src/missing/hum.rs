@@ -94,17 +94,6 @@ pub(crate) fn find(traces: &Traces, residuals: &[Vec<f64>], noise_um: f64) -> Op
 /// Power at the lines over the larger power beside them, from which on a record shows hum.
 const CONTRAST: f64 = 6.0;
 
-/// A series without the lines of the mains, or as it is where it has none or cannot tell.
-pub(crate) fn taken_out(own: &[f64], period_s: f64) -> Vec<f64> {
-    let power = |f: f64| Lines::fit(own, period_s, f).of_the_mains();
-    let powers = candidates().map(|f| (power(f), f));
-    let mut humless = own.to_vec();
-    if let Some((_, frequency_hz)) = powers.max_by(|a, b| a.0.total_cmp(&b.0)) {
-        take_out(&mut humless, period_s, frequency_hz);
-    }
-    humless
-}
-
 /// Takes lines at a frequency and its harmonics out of a series that has them.
 fn take_out(own: &mut [f64], period_s: f64, frequency_hz: f64) {
     let length_s = own.len() as f64 * period_s;
@@ -243,6 +232,17 @@ impl Lines {
 mod tests {
     use super::*;
     use std::f64::consts::TAU;
+
+    /// A series without the lines of the mains, or as it is where it has none or cannot tell.
+    fn taken_out(own: &[f64], period_s: f64) -> Vec<f64> {
+        let power = |f: f64| Lines::fit(own, period_s, f).of_the_mains();
+        let powers = candidates().map(|f| (power(f), f));
+        let mut humless = own.to_vec();
+        if let Some((_, frequency_hz)) = powers.max_by(|a, b| a.0.total_cmp(&b.0)) {
+            take_out(&mut humless, period_s, frequency_hz);
+        }
+        humless
+    }
 
     #[test]
     fn val_a_hum_is_taken_out_and_noise_stays() {

@@ -135,6 +135,7 @@ fn answer(
         }
     };
     diagnosis.where_it_fails = fails;
+    diagnosis.noise = Some(floor.at_most(diagnosis.noise_rms_um));
     diagnosis
 }
 
@@ -680,6 +681,7 @@ fn conclude(
         shape_determined: bench.base.shape == Shape::Free,
         cannot_answer: reasons,
         noise_rms_um: bench.noise_um,
+        noise: None,
         known_delay_s: None,
         before,
         where_it_fails: WhereItFails::default(),

@@ -21,7 +21,8 @@ pub(crate) fn remains(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>]) -
     let own = bench.traces.each.iter().zip(residuals).map(|(t, r)| &r[t.from..]);
     Unexplained {
         percent: (percent / count).sqrt(),
-        noise_percent: (noise / count).sqrt(),
+        // Noise is never larger than what is left.
+        noise_percent: (noise.min(percent) / count).sqrt(),
         locked_to: Courses::new(bench.traces, own).locks(),
     }
 }
