@@ -4,8 +4,8 @@ use crate::commands::{
     add::AddArgs, board::BoardArgs, challenge::ChallengeArgs, compare::CompareArgs, control::design::DesignArgs,
     control::record::CampaignArgs, control::rehearse::RehearseArgs, control::track::TrackArgs, demo::DemoArgs,
     diagnose::DiagnoseArgs, example::ExampleArgs, explain::ExplainArgs, export::ExportArgs, fit::FitArgs,
-    import::ImportArgs, lab::LabArgs, ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs, report::ReportArgs,
-    simulate::SimulateArgs,
+    import::ImportArgs, lab::LabArgs, ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs, predict::PredictArgs,
+    report::ReportArgs, simulate::SimulateArgs,
 };
 use clap::{Parser, Subcommand};
 
@@ -23,7 +23,7 @@ pub(crate) struct Args {
 
 #[derive(Subcommand)]
 pub(crate) enum Command {
-    /// Turn recordings (CSV of any dialect, MATLAB .mat, PI GCS arrays) into a dataset
+    /// Turn recordings (CSV of any dialect, TDMS, MATLAB, HDF5, NumPy, Excel, ...) into a dataset
     Import(ImportArgs),
     /// Record the built-in simulated stage as a dataset
     Simulate(SimulateArgs),
@@ -31,6 +31,8 @@ pub(crate) enum Command {
     Fit(FitArgs),
     /// Compare a model with every record: how far off, and where
     Compare(CompareArgs),
+    /// Write what a model says of every record, sample by sample: CSV, NumPy or Parquet
+    Predict(PredictArgs),
     /// Name the physical effect that a model lacks, and the record that would tell more
     Diagnose(DiagnoseArgs),
     /// Add an effect to a model and fit everything anew: the error before and after, on every record

@@ -5,6 +5,8 @@
 //! - 2: bad input; standard error says what, which value, what is allowed, what to do
 
 use crate::error::CliError;
+use std::error::Error;
+use std::fmt;
 use std::io::Write;
 use std::process::ExitCode;
 
@@ -25,9 +27,46 @@ pub(crate) fn code(result: Result<Done, CliError>) -> ExitCode {
         Err(CliError::Output(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
             // Nothing is left to say it on if standard error is gone, too.
-            let _ = writeln!(std::io::stderr(), "{:?}", miette::Report::new(error));
+            let _ = writeln!(std::io::stderr(), "{:?}", miette::Report::new(Said::of(&error)));
             ExitCode::from(2)
         }
+    }
+}
+
+/// An error as it is said: every message of its causes once, though an error repeats what its cause says.
+#[derive(Debug)]
+struct Said {
+    text: String,
+    help: Option<String>,
+}
+
+impl Said {
+    fn of(error: &CliError) -> Self {
+        let mut text = error.to_string();
+        let mut cause = error.source();
+        while let Some(inner) = cause {
+            let words = inner.to_string();
+            if !text.contains(&words) {
+                text = format!("{text}: {words}");
+            }
+            cause = inner.source();
+        }
+        let help = miette::Diagnostic::help(error).map(|help| help.to_string());
+        Self { text, help }
+    }
+}
+
+impl fmt::Display for Said {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(&self.text)
+    }
+}
+
+impl Error for Said {}
+
+impl miette::Diagnostic for Said {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.help.as_ref().map(|help| Box::new(help) as Box<dyn fmt::Display>)
     }
 }
 

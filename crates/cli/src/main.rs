@@ -24,6 +24,7 @@ fn main() -> ExitCode {
         Command::Simulate(args) => commands::simulate::run(&args),
         Command::Fit(args) => commands::fit::run(&args),
         Command::Compare(args) => commands::compare::run(&args),
+        Command::Predict(args) => commands::predict::run(&args),
         Command::Diagnose(args) => commands::diagnose::run(&args),
         Command::Add(args) => commands::add::run(&args),
         Command::Ladder(args) => commands::ladder::run(&args),

@@ -117,6 +117,16 @@ pub(crate) fn is_representable(largest: f64, period: f64) -> bool {
     largest.is_finite() && ROUNDING_ULPS * ulp(largest) <= room * COARSEST_ROUNDING * period
 }
 
+/// The rate of a period, as a person writes it where the two differ by rounding only.
+pub(crate) fn rate(period: f64) -> f64 {
+    let rate = 1.0 / period;
+    // 12 digits are more than any oscillator is good for; 4 units in the last place are what two divisions leave
+    match round_to_digits(rate, 12) {
+        Some(written) if (written - rate).abs() <= 4.0 * ulp(rate) => written,
+        _ => rate,
+    }
+}
+
 /// Finds the clock of the stamps; see the head of the file for the rules.
 ///
 /// # Cost
@@ -140,8 +150,11 @@ pub(crate) fn infer(stamps: &[f64], printed: Printed) -> Result<Clock, ClockFaul
         printed,
         floating,
     };
-    for period in printed_steps(first, second, printed) {
-        if test.passes(period, Some(floating)) {
+    for step in printed_steps(first, second, printed) {
+        if test.passes(step, Some(floating)) {
+            // what a person writes, where the stamps' own rounding cannot tell it from their step
+            let written = simplest(step, floating / steps).find(|period| test.passes(*period, Some(floating)));
+            let period = written.unwrap_or(step);
             return Ok(Clock { start: first, period });
         }
     }
@@ -316,6 +329,21 @@ mod tests {
             &printed_at(30e3, 5000, |t| format!("{:.6}", (t * 1e6 + 1e-6).floor() / 1e6)),
             Ok((0.0, 1.0 / 30e3)),
         );
+    }
+
+    /// A clock that begins late has steps that are off by the rounding of its stamps.
+    #[test]
+    fn regress_a_rate_is_what_a_person_writes() {
+        for rate_hz in [12e3, 50e3, 48e3, 30e3, 7.0, 4999.7] {
+            for start_s in [0.0, 0.3, 17.77] {
+                let stamps: Vec<f64> = (0..400).map(|k| start_s + f64::from(k) / rate_hz).collect();
+                let clock = infer(&stamps, Printed::significant(17)).unwrap();
+                assert_eq!(rate(clock.period), rate_hz, "from {start_s} s");
+            }
+        }
+        // 1 / (1 / 49) is not 49
+        assert!((1..100_000).all(|rate_hz| rate(1.0 / f64::from(rate_hz)) == f64::from(rate_hz)));
+        assert_eq!(rate(std::f64::consts::PI), 1.0 / std::f64::consts::PI);
     }
 
     #[test]

@@ -75,6 +75,18 @@ pub enum DataError {
         /// What is allowed, and what to do.
         allowed: String,
     },
+    /// Several things about the columns that are not clear.
+    #[error("{at}: {found}; {columns}; {what_to_do}")]
+    Unclear {
+        /// The header line.
+        at: Place,
+        /// What is not clear, one after the other.
+        found: String,
+        /// The columns that are there.
+        columns: String,
+        /// The options that settle it.
+        what_to_do: String,
+    },
     /// Two columns of one quantity.
     #[error("{at}: a second column of {quantity} (the first is column {first}); {what_to_do}")]
     DuplicateColumn {

@@ -1,17 +1,19 @@
 //! Records with units and provenance; the only crate that knows file formats.
 //!
 //! - [`record`]: what a recording is in memory
-//! - [`import`]: tables, MATLAB files and GCS arrays of other programs
+//! - [`import`]: recordings of other programs; [`export`]: tables for them
 //! - [`native`]: the one native format, a folder with `dataset.toml` and CSVs; [`read_dataset`], [`write_dataset`]
 #![forbid(unsafe_code)]
 
 mod clock;
 pub mod error;
+pub mod export;
 pub mod import;
 mod lines;
 pub mod native;
 pub mod place;
 pub mod record;
+mod suspicion;
 pub mod units;
 
 pub use error::DataError;
@@ -20,3 +22,4 @@ pub use native::{
     write_record_csv, write_record_to,
 };
 pub use record::{Dataset, Known, Notice, Record, Role};
+pub use suspicion::{Suspicion, suspicions};

@@ -51,6 +51,12 @@ impl Record {
         self.period_s * self.len().saturating_sub(1) as f64
     }
 
+    /// Sample rate, hertz: what a person writes where that and the period differ by their rounding only, so that a period
+    /// of 1/12000 s is 12000 Hz and not 11999.999999999998 Hz.
+    pub fn rate_hz(&self) -> f64 {
+        crate::clock::rate(self.period_s)
+    }
+
     /// Samples at which the position stays exactly at a value while the voltage moves: at its highest or lowest, a sensor or converter
     /// at the end of its range.
     pub fn stuck_at(&self, position_um: f64) -> usize {

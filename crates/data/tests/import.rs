@@ -184,33 +184,49 @@ fn refuse_columns_and_units_that_are_not_clear() {
     for (text, expect) in [
         (
             "t [s],CH1 [V],CH2 [V]\n0,1,2\n1,2,3\n",
-            "run.csv, line 1: no voltage among the columns 1 `t [s]`, 2 `CH1 [V]`, 3 `CH2 [V]`; say which it \
-             is, as in `--column voltage=1:V`",
+            "run.csv, line 1: no voltage, no position; the columns are 1 `t [s]`, 2 `CH1 [V]`, 3 `CH2 [V]`; say which they \
+             are, as in `--column voltage=2:V --column position=3:um`",
+        ),
+        (
+            "t [s],CH1 [V],y [um]\n0,1,2\n1,2,3\n",
+            "run.csv, line 1: no voltage among the columns 1 `t [s]`, 2 `CH1 [V]`, 3 `y [um]`; say which it is, as in \
+             `--column voltage=2:V`",
+        ),
+        (
+            "t,u,y\n0,1,2\n1,2,3\n",
+            "run.csv, line 1: no unit given for voltage (column 2 `u`), no unit given for position (column 3 `y`); the \
+             columns are 1 `t`, 2 `u`, 3 `y`; say which they are, as in `--column voltage=2:V --column position=3:um`",
+        ),
+        (
+            "stamp [s],u,x [nm],y [um]\n0,1,2,3\n1,2,3,4\n",
+            "run.csv, line 1: no time, no unit given for voltage (column 2 `u`); the columns are 1 `stamp [s]`, 2 `u`, 3 \
+             `x [nm]`, 4 `y [um]`; say which they are, as in `--column time=1:s --column voltage=2:V`, or the sample rate \
+             with `--rate HZ`",
         ),
         (
             "t [s],u,y [um]\n0,1,2\n1,2,3\n",
             "run.csv, line 1, column 2 (u): no unit given for voltage; known are V, mV, µV, kV; say which it is, as in \
-             `--column voltage=2:V` (with a factor: `V*20`)",
+             `--column voltage=2:V` (with a gain: `V*20`)",
         ),
         (
             "t [s],u [MV],y [um]\n0,1,2\n1,2,3\n",
             "run.csv, line 1, column 2 (u [MV]): `MV` is no unit of voltage; known are V, mV, µV, kV; say which it is, \
-             as in `--column voltage=2:V` (with a factor: `V*20`)",
+             as in `--column voltage=2:V` (with a gain: `V*20`)",
         ),
         (
             "t [s],u [V],position [V]\n0,1,2\n1,2,3\n",
             "run.csv, line 1, column 3 (position [V]): `V` is no unit of position; known are µm, nm, pm, mm, m; say \
-             which it is, as in `--column position=3:µm` (with a factor: `µm*20`)",
+             which it is, as in `--column position=3:um` (with a gain: `um*20`)",
         ),
         (
             "t [s],u [V],x position [um],y position [um]\n0,1,2,3\n1,2,3,4\n",
             "run.csv, line 1, column 4 (y position [um]): a second column of position (the first is column 3); say \
-             which it is, as in `--column position=3:µm`",
+             which it is, as in `--column position=3:um`",
         ),
         (
             "0,1,2\n1,2,3\n",
-            "run.csv: the 3 columns have no names; say which is time, as in `--column time=1:s`, or the sample rate \
-             with `--rate HZ`",
+            "run.csv: no time, no voltage, no position; the 3 columns have no names; say which they are, as in `--column \
+             time=1:s --column voltage=2:V --column position=3:um`, or the sample rate with `--rate HZ`",
         ),
     ] {
         refuse(text, &default, expect);
@@ -245,7 +261,7 @@ fn refuse_choices_that_cannot_be() {
     for (text, expect) in [
         (
             "voltage",
-            "`voltage` has no `=`; give QUANTITY=COLUMN:UNIT*FACTOR, as in `voltage=CH1:mV*20` or `position=3:um`",
+            "`voltage` has no `=`; give QUANTITY=COLUMN:UNIT*FACTOR+OFFSET, as in `voltage=CH1:mV*20` or `position=3:um`",
         ),
         (
             "volt=1",
@@ -260,12 +276,16 @@ fn refuse_choices_that_cannot_be() {
             "`voltage=1:V*x`: `x` is no factor; a factor is a finite number, not 0",
         ),
         (
+            "position=1:um*5+x",
+            "`position=1:um*5+x`: `+x` is no offset; an offset is a finite number in the unit before it, as in `um*5-50`",
+        ),
+        (
             "voltage=0:V",
             "`voltage=0:V`: there is no column 0; columns count from 1",
         ),
         (
             "voltage=",
-            "`voltage=` says nothing; give QUANTITY=COLUMN:UNIT*FACTOR, as in `voltage=CH1:mV*20` or `position=3:um`",
+            "`voltage=` says nothing; give QUANTITY=COLUMN:UNIT*FACTOR+OFFSET, as in `voltage=CH1:mV*20` or `position=3:um`",
         ),
     ] {
         assert_eq!(
@@ -373,8 +393,13 @@ fn refuse_what_is_no_text() {
     for (bytes, expect) in [
         (
             b"\x89PNG\r\n\x1a\n\0\0\0\0".as_slice(),
-            "run.csv: this is a binary file of a kind that is not known; tables of text, MATLAB files of version 5 to 7 \
-             and PI's GCS arrays are read; export one of them",
+            "run.csv: this is a picture; this makes a table of it that can be imported: save the samples instead of the \
+             screen",
+        ),
+        (
+            b"\x01\x02\0\0\0\0".as_slice(),
+            "run.csv: this is a binary file of a kind that is not known; CSV, TDMS, LVM, MATLAB, HDF5, NumPy, Parquet, \
+             Feather, Excel, JSON and PI's GCS are read; export one of them",
         ),
         (
             b"t,u\r1,2\r3,4\r",
@@ -434,6 +459,44 @@ fn val_missing_samples_are_trimmed_and_closed_when_told() {
         &trim,
         "run.csv: 1 sample(s); a record needs at least 2",
     );
+}
+
+/// The offset of a sensor, after its gain, in the unit.
+#[test]
+fn val_units_with_gain_and_offset() {
+    for (column, expect) in [
+        ("position=CH2:um*5-50", [-45.0, -40.0]),
+        ("position=CH2:nm*1e3+0.5e3", [1.5, 2.5]),
+        ("position=CH2:um*-2", [-2.0, -4.0]),
+        ("position=CH2:um+1e-1", [1.1, 2.1]),
+        ("position=3:mm*2e-3-1e-3", [1.0, 3.0]),
+    ] {
+        let text = "t [s],u [V],CH2 [V]\n0,1,1\n1,2,2\n";
+        let found = try_with(text.as_bytes(), &told(&[column])).unwrap_or_else(|error| panic!("{column}: {error}"));
+        let found = &found.records[0].position_um;
+        assert!(
+            found
+                .iter()
+                .zip(expect)
+                .all(|(found, expect)| (found - expect).abs() < 1e-12),
+            "{column}: {found:?}"
+        );
+    }
+}
+
+/// A cell that is no number is said where it is, though it is in the first rows.
+#[test]
+fn regress_a_text_cell_near_the_head_is_said_as_such() {
+    for row in 0..3 {
+        let cell = |k: usize| if k == row { "abc".to_owned() } else { k.to_string() };
+        let rows: String = (0..8).map(|k| format!("{k},{},{k}\n", cell(k))).collect();
+        let text = format!("time_s,voltage_v,position_um\n{rows}");
+        let expect = format!(
+            "run.csv, line {}, column 2 (voltage_v): found `abc`; allowed is a number with `.` as decimal sign",
+            row + 2
+        );
+        refuse(&text, &ImportOptions::default(), &expect);
+    }
 }
 
 /// A table of `samples` rows with the given time stamps, `u = row`, `y = 2 row`.
@@ -675,8 +738,9 @@ fn refuse_gcs_arrays_that_do_not_hold_together() {
     refuse(
         GCS,
         &ImportOptions::default(),
-        "run.csv, column 1 (Voltage of output chan 1): no unit given for voltage; known are V, mV, µV, kV; say which it \
-         is, as in `--column voltage=1:V` (with a factor: `V*20`)",
+        "run.csv: no unit given for voltage (column 1 `Voltage of output chan 1`), no unit given for position (column 2 \
+         `Actual Position of axis 1`); the columns are 1 `Voltage of output chan 1`, 2 `Actual Position of axis 1`; say \
+         which they are, as in `--column voltage=1:V --column position=2:um`",
     );
 }
 

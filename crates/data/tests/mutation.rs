@@ -61,12 +61,11 @@ fn damage(bytes: &mut Vec<u8>, random: &mut Pcg64) {
 /// No damage makes a reader panic, hang, or give a record that is not sound.
 #[test]
 fn prop_damaged_files_never_give_an_unsound_record() {
-    const CASES_A_SEED: usize = 3000;
     for target in TARGETS {
         for (index, seed) in (target.seeds)().into_iter().enumerate() {
             (target.run)(&seed);
             let mut random = Pcg64::seed_from_u64(index as u64);
-            for _ in 0..CASES_A_SEED {
+            for _ in 0..target.cases {
                 let mut bytes = seed.clone();
                 damage(&mut bytes, &mut random);
                 if let Err(panic) = std::panic::catch_unwind(|| (target.run)(&bytes)) {

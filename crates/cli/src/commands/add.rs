@@ -34,7 +34,7 @@ pub(crate) struct AddArgs {
 }
 
 pub(crate) fn run(args: &AddArgs) -> Result<Done, CliError> {
-    let model = Model::read(&args.model)?;
+    let model = load::model(&args.model)?;
     let dataset = load::dataset(&args.data)?;
     let effect = NamedEffect::read(&args.effect)?;
     let name = effect.effect().name();

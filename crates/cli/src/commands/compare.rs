@@ -33,7 +33,7 @@ pub(crate) struct CompareArgs {
 }
 
 pub(crate) fn run(args: &CompareArgs) -> Result<Done, CliError> {
-    let model = Model::read(&args.model)?;
+    let model = load::model(&args.model)?;
     let dataset = load::dataset(&args.data)?;
     let bar = progress::bar("comparing");
     let comparison = hysteron_diagnose::compare(&dataset, &model, &|share| progress::advance(&bar, share));

@@ -37,7 +37,7 @@ pub(crate) struct DiagnoseArgs {
 }
 
 pub(crate) fn run(args: &DiagnoseArgs) -> Result<Done, CliError> {
-    let model = Model::read(&args.model)?;
+    let model = load::model(&args.model)?;
     if model.direction == Direction::Inverse {
         return Err(CliError::Option(format!(
             "{}: an inverse model has no place for physical effects; give a forward model (hysteron fit --direction forward)",

@@ -114,7 +114,7 @@ fn own(args: &ExplainArgs, named: NamedEffect) -> Result<Option<OnOwnData>, CliE
     let (Some(data), Some(model)) = (&args.data, &args.model) else {
         return Ok(None);
     };
-    let before = Model::read(model)?;
+    let before = load::model(model)?;
     let dataset = load::dataset(data)?;
     let name = named.effect().name();
     let bar = progress::bar(&format!("trying {name}"));

@@ -4,18 +4,25 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::{Args, ValueEnum};
-use hysteron_data::import::{ColumnChoice, Decimal, Gaps, ImportOptions, Jitter, Missing, Separator, import};
+use hysteron_data::import::{
+    ColumnChoice, Decimal, Gaps, ImportOptions, Jitter, Missing, Separator, import, import_joined,
+};
 use hysteron_data::{Dataset, Overwrite, Record, Role, write_dataset};
 use std::fmt::Write;
 use std::path::PathBuf;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hysteron import scope.csv -o stage\n  \
-    hysteron import run1.mat run2.mat --validate run3.mat --rate 50000 --column voltage=u:V --column position=y:um -o stage\n\n\
+    hysteron import run1.mat run2.mat --validate run3.mat --rate 50000 --column voltage=u:V --column position=y:um -o stage\n  \
+    hysteron import log.tdms -o stage --column voltage=AO0:V*20 --column position=AI1:um*5-50    # an amplifier, a sensor\n  \
+    hysteron import --join F0001CH1.CSV F0001CH2.CSV -o stage \\\n    \
+    --column voltage=F0001CH1:V*20 --column position=F0001CH2:um*10\n\n\
     QUANTITY is one of time, voltage, position, reference, temperature, voltage2; COLUMN a name or a number from 1.\n\
-    MATLAB files of version 7.3 are not read; in MATLAB save them with: save('file.mat', '-v7')")]
+    A number x of the file is x*FACTOR+OFFSET in UNIT. --dry-run shows what was found, and writes nothing.\n\
+    docs/recordings.md lists what oscilloscopes and programs write, and how each is read.")]
 pub(crate) struct ImportArgs {
-    /// Recordings that models are fitted to: CSV, TSV, TXT, .mat (v5), PI GCS arrays
+    /// Recordings that models are fitted to: text of any dialect, xlsx, JSON, TDMS, LVM, MATLAB, HDF5, NumPy, Parquet,
+    /// Feather, PI GCS; also packed by gzip or zip
     #[arg(required_unless_present = "validate")]
     pub files: Vec<PathBuf>,
     /// A recording that models are judged on; may be given several times
@@ -27,8 +34,8 @@ pub(crate) struct ImportArgs {
     /// Name of the dataset; the folder's name if not given
     #[arg(long)]
     pub name: Option<String>,
-    /// Which column is which quantity, its unit and a factor: voltage=CH1:mV*20
-    #[arg(long = "column", value_name = "QUANTITY=COLUMN:UNIT*FACTOR")]
+    /// Which column is which quantity, its unit, a gain and an offset: voltage=CH1:mV*20, position=CH2:um*5-50
+    #[arg(long = "column", value_name = "QUANTITY=COLUMN:UNIT*FACTOR+OFFSET")]
     pub columns: Vec<ColumnChoice>,
     /// Sample rate in hertz, for files without time and instead of the time in the file
     #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
@@ -51,6 +58,10 @@ pub(crate) struct ImportArgs {
     /// What to do with time stamps that jitter by more than a tenth of a sample
     #[arg(long, value_enum, default_value_t = JitterName::Refuse)]
     pub jitter: JitterName,
+    /// The files are channels of one recording, joined on their clocks; columns count through all, and a file's only
+    /// channel has the file's name
+    #[arg(long)]
+    pub join: bool,
     /// Say what was found in the files, and write nothing
     #[arg(long)]
     pub dry_run: bool,
@@ -102,17 +113,19 @@ pub(crate) enum JitterName {
 }
 
 pub(crate) fn run(args: &ImportArgs) -> Result<Done, CliError> {
-    let files = args.files.iter().map(|file| (file, Role::Identify));
-    let files: Vec<_> = files
-        .chain(args.validate.iter().map(|file| (file, Role::Validate)))
-        .collect();
     let mut text = String::new();
     let mut dataset = Dataset::default();
     let bar = progress::bar("importing");
-    for (i, (file, role)) in files.iter().enumerate() {
-        let imported = import(file, &options(args, *role)?, &mut |done, all| {
-            progress::advance(&bar, (i as f64 + done as f64 / all.max(1) as f64) / files.len() as f64);
-        })?;
+    let tasks = tasks(args);
+    for (i, (files, role)) in tasks.iter().enumerate() {
+        let options = options(args, *role)?;
+        let mut advance = |done: u64, all: u64| {
+            progress::advance(&bar, (i as f64 + done as f64 / all.max(1) as f64) / tasks.len() as f64);
+        };
+        let imported = match files.as_slice() {
+            [file] => import(file, &options, &mut advance)?,
+            files => import_joined(files, &options, &mut advance)?,
+        };
         // Writing to a String does not fail.
         let _ = writeln!(text, "{}", imported.preview);
         dataset.records.extend(imported.records);
@@ -147,6 +160,15 @@ pub(crate) fn run(args: &ImportArgs) -> Result<Done, CliError> {
     }
     output::print(&text)?;
     Ok(Done::Answered)
+}
+
+/// What is read at once: each file, or all of a role where they are joined.
+fn tasks(args: &ImportArgs) -> Vec<(Vec<PathBuf>, Role)> {
+    let of = |files: &[PathBuf], role: Role| -> Vec<(Vec<PathBuf>, Role)> {
+        let size = if args.join { files.len().max(1) } else { 1 };
+        files.chunks(size).map(|files| (files.to_vec(), role)).collect()
+    };
+    [of(&args.files, Role::Identify), of(&args.validate, Role::Validate)].concat()
 }
 
 fn options(args: &ImportArgs, role: Role) -> Result<ImportOptions, CliError> {

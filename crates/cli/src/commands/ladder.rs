@@ -25,7 +25,7 @@ pub(crate) struct LadderArgs {
 }
 
 pub(crate) fn run(args: &LadderArgs) -> Result<Done, CliError> {
-    let model = Model::read(&args.model)?;
+    let model = load::model(&args.model)?;
     let ladder = hysteron_diagnose::ladder(&model).ok_or_else(|| {
         CliError::Option(format!(
             "{0}: nothing was added to this model yet, so there are no steps to show; hysteron add EFFECT DATA {0} -o MODEL2",

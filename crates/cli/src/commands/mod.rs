@@ -19,5 +19,6 @@ pub(crate) mod ladder;
 pub(crate) mod learn;
 pub(crate) mod load;
 pub(crate) mod paper;
+pub(crate) mod predict;
 pub(crate) mod report;
 pub(crate) mod simulate;

@@ -22,7 +22,7 @@ pub(crate) struct ReportArgs {
 }
 
 pub(crate) fn run(args: &ReportArgs) -> Result<Done, CliError> {
-    let model = Model::read(&args.model)?;
+    let model = load::model(&args.model)?;
     let dataset = load::dataset(&args.data)?;
     let bar = progress::bar("comparing");
     let comparison = hysteron_diagnose::compare(&dataset, &model, &|share| progress::advance(&bar, 0.2 * share));

@@ -92,8 +92,88 @@ pub(crate) fn all(line: &[u8], separator: Separator) -> Vec<&[u8]> {
 /// The longest cell that can be a number: a subnormal in full has some 1100 digits, real ones below 30.
 const LONGEST_NUMBER: usize = 64;
 
+/// How numbers are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Numerals {
+    pub(crate) decimal: Decimal,
+    /// Whether digits before the decimal sign may stand in groups of three: `1,234.5`, `1.234,5`, `1'234.5`.
+    pub(crate) grouped: bool,
+}
+
+impl Numerals {
+    /// Without groups.
+    pub(crate) const fn plain(decimal: Decimal) -> Numerals {
+        Numerals {
+            decimal,
+            grouped: false,
+        }
+    }
+}
+
 /// Reads a cell.
-pub(crate) fn read(cell: &[u8], decimal: Decimal) -> Cell {
+pub(crate) fn read(cell: &[u8], numerals: Numerals) -> Cell {
+    match read_plain(cell, numerals.decimal) {
+        Cell::Text if numerals.grouped => match without_groups(cell, numerals.decimal) {
+            Some((bytes, length)) => read_plain(&bytes[..length], numerals.decimal),
+            None => Cell::Text,
+        },
+        found => found,
+    }
+}
+
+/// A number without the signs between its groups of three digits, which must all be there and all the same.
+fn without_groups(cell: &[u8], decimal: Decimal) -> Option<([u8; LONGEST_NUMBER], usize)> {
+    let point = if decimal == Decimal::Comma { b',' } else { b'.' };
+    if cell.len() > LONGEST_NUMBER {
+        return None;
+    }
+    let signed = usize::from(matches!(cell.first(), Some(b'+' | b'-')));
+    let end = cell.iter().position(|&byte| byte == point).unwrap_or(cell.len());
+    let (sign, whole, rest) = (&cell[..signed], cell.get(signed..end)?, &cell[end..]);
+    let lead = whole.iter().take_while(|byte| byte.is_ascii_digit()).count();
+    let after = &whole[lead..];
+    let mark_end = after.iter().position(u8::is_ascii_digit)?;
+    let mark = &after[..mark_end];
+    // a comma or a point (the one that is not the decimal sign), an apostrophe, a blank that does not break lines
+    let other = if decimal == Decimal::Comma { b"." } else { b"," };
+    let known: [&[u8]; 8] = [
+        other,
+        b"'",
+        b" ",
+        b"\xa0",
+        "\u{2019}".as_bytes(),
+        "\u{a0}".as_bytes(),
+        "\u{202f}".as_bytes(),
+        "\u{2009}".as_bytes(),
+    ];
+    if !(1..=3).contains(&lead) || whole[0] == b'0' || !known.contains(&mark) {
+        return None;
+    }
+    let mut out = [0; LONGEST_NUMBER];
+    let mut length = 0;
+    let mut push = |bytes: &[u8]| {
+        for &byte in bytes {
+            out[length] = byte;
+            length += 1;
+        }
+    };
+    push(sign);
+    push(&whole[..lead]);
+    let mut groups = after;
+    while !groups.is_empty() {
+        let group = groups.strip_prefix(mark)?.get(..3)?;
+        if !group.iter().all(u8::is_ascii_digit) {
+            return None;
+        }
+        push(group);
+        groups = &groups[mark.len() + 3..];
+    }
+    push(rest);
+    Some((out, length))
+}
+
+/// Reads a cell without groups of digits.
+fn read_plain(cell: &[u8], decimal: Decimal) -> Cell {
     let parsed = match decimal {
         Decimal::Point => std::str::from_utf8(cell).ok().and_then(|text| text.parse::<f64>().ok()),
         Decimal::Comma => with_point(cell).and_then(|(bytes, length)| {
@@ -166,7 +246,30 @@ mod tests {
             ("1e999", Decimal::Point, Cell::Text),
             ("2 V", Decimal::Point, Cell::Text),
         ] {
-            assert_eq!(read(cell.as_bytes(), decimal), expect, "{cell}");
+            assert_eq!(read(cell.as_bytes(), Numerals::plain(decimal)), expect, "{cell}");
+        }
+    }
+
+    #[test]
+    fn val_thousands_in_groups_of_three() {
+        for (cell, decimal, expect) in [
+            ("1,234.5", Decimal::Point, Cell::Number(1234.5)),
+            ("-12,345,678", Decimal::Point, Cell::Number(-12_345_678.0)),
+            ("1.234,5", Decimal::Comma, Cell::Number(1234.5)),
+            ("1'234.5e-3", Decimal::Point, Cell::Number(1.2345)),
+            ("1\u{202f}234,5", Decimal::Comma, Cell::Number(1234.5)),
+            ("999.5", Decimal::Point, Cell::Number(999.5)),
+            ("1,23.5", Decimal::Point, Cell::Text),
+            ("1234,567.5", Decimal::Point, Cell::Text),
+            ("0,123", Decimal::Point, Cell::Text),
+            ("1,234'567", Decimal::Point, Cell::Text),
+            ("1,2345", Decimal::Point, Cell::Text),
+            (",234", Decimal::Point, Cell::Text),
+            ("1,", Decimal::Point, Cell::Text),
+            ("-", Decimal::Point, Cell::Missing),
+        ] {
+            let numerals = Numerals { decimal, grouped: true };
+            assert_eq!(read(cell.as_bytes(), numerals), expect, "{cell}");
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Which column of a file is which quantity, in which unit.
 
+use super::doubts::{self, Doubt};
 use super::options::{ColumnChoice, ImportOptions, Source};
 use super::spelling::{self, Certainty};
 use crate::error::DataError;
@@ -12,6 +13,8 @@ pub(crate) struct Offer<'a> {
     pub(crate) noun: &'static str,
     /// Names; empty for columns without.
     pub(crate) names: &'a [String],
+    /// What a name is recognised by, where that is only a part of it (the last piece of a path); else the names.
+    pub(crate) labels: &'a [String],
     /// Units from a line of their own (empty where there is none).
     pub(crate) units: &'a [String],
     /// The file, and the line of the names.
@@ -28,12 +31,27 @@ pub(crate) struct Chosen {
     pub(crate) quantity: Quantity,
     pub(crate) unit: Unit,
     pub(crate) factor: f64,
+    /// Added after the factor, in the unit.
+    pub(crate) offset: f64,
     /// Why it is read so, for the preview.
     pub(crate) told: bool,
 }
 
+impl Chosen {
+    /// A number of the file in the unit of a record.
+    pub(crate) fn to_base(&self, value: f64) -> f64 {
+        // adding 0 would make 0 of -0, which is another number to whoever compares files
+        let scaled = value * self.factor;
+        self.unit.to_base(if self.offset == 0.0 {
+            scaled
+        } else {
+            scaled + self.offset
+        })
+    }
+}
+
 impl Offer<'_> {
-    fn place(&self, index: usize) -> Place {
+    pub(super) fn place(&self, index: usize) -> Place {
         let name = self.names.get(index).map_or("", String::as_str);
         if self.noun != "column" {
             return Place::file(&format!("{}, {} {} ({name})", self.at.file, self.noun, index + 1));
@@ -58,23 +76,80 @@ impl Offer<'_> {
         listed.join(", ")
     }
 
-    fn all_listed(&self) -> String {
+    pub(super) fn all_listed(&self) -> String {
         self.listed(&(0..self.names.len()).collect::<Vec<_>>())
     }
 
-    fn has_names(&self) -> bool {
+    /// The unit that the file gives for a column, as it is spelled there.
+    pub(super) fn unit_in_file(&self, index: usize) -> Option<String> {
+        spelling::read(&with_unit(self, index)).unit
+    }
+
+    pub(super) fn has_names(&self) -> bool {
         self.names.iter().any(|name| !name.is_empty())
     }
 }
 
-/// Chooses the columns; also says which are ignored.
+/// Chooses the columns; also says which are ignored. Whatever is not clear is asked for at once.
 pub(crate) fn choose(offer: &Offer, options: &ImportOptions) -> Result<(Vec<Chosen>, Vec<String>), DataError> {
     let mut notices = Vec::new();
-    let mut indices: Vec<(Quantity, usize)> = Vec::new();
-    for choice in &options.columns {
-        if choice.source == Source::Find {
+    let mut indices = told(offer, options)?;
+    let mut doubts = Vec::new();
+    for quantity in Quantity::ALL {
+        let taken = |index: &usize| indices.iter().any(|(_, taken)| taken == index);
+        if indices.iter().any(|(known, _)| *known == quantity)
+            || (quantity == Quantity::Time && options.rate_hz.is_some())
+        {
             continue;
         }
+        match find(offer, quantity, taken) {
+            Ok(Some(index)) => indices.push((quantity, index)),
+            Ok(None) if quantity.is_required() && !(quantity == Quantity::Time && offer.has_clock) => {
+                doubts.push(Doubt::Missing(quantity));
+            }
+            Ok(None) => {}
+            Err((first, second)) => doubts.push(Doubt::Twice(quantity, first, second)),
+        }
+    }
+    let mut chosen = Vec::new();
+    for &(quantity, index) in &indices {
+        let choice = options.choice(quantity);
+        match unit(offer, quantity, index, choice, &mut notices) {
+            Ok(unit) => chosen.push(Chosen {
+                index,
+                name: offer.names[index].clone(),
+                quantity,
+                unit,
+                factor: choice.map_or(1.0, |choice| choice.factor),
+                offset: choice.map_or(0.0, |choice| choice.offset),
+                told: choice.is_some(),
+            }),
+            Err(spelled) if quantity.is_required() || choice.is_some() => {
+                doubts.push(Doubt::Unit(quantity, index, spelled));
+            }
+            Err(spelled) => notices.push(format!(
+                "ignored: {}",
+                Doubt::Unit(quantity, index, spelled).error(offer, &[index])
+            )),
+        }
+    }
+    if !doubts.is_empty() {
+        let taken: Vec<usize> = indices.iter().map(|(_, index)| *index).collect();
+        return Err(doubts::refuse(offer, doubts, &taken));
+    }
+    chosen.sort_by_key(|column| column.quantity);
+    let ignored = (0..offer.names.len()).filter(|index| !chosen.iter().any(|column| column.index == *index));
+    let ignored: Vec<usize> = ignored.collect();
+    if !ignored.is_empty() {
+        notices.push(format!("{}s ignored: {}", offer.noun, offer.listed(&ignored)));
+    }
+    Ok((chosen, notices))
+}
+
+/// The columns that the user names, each of one quantity.
+fn told(offer: &Offer, options: &ImportOptions) -> Result<Vec<(Quantity, usize)>, DataError> {
+    let mut indices: Vec<(Quantity, usize)> = Vec::new();
+    for choice in options.columns.iter().filter(|choice| choice.source != Source::Find) {
         let index = locate(offer, choice)?;
         if let Some((other, _)) = indices.iter().find(|(_, taken)| *taken == index) {
             return Err(DataError::Choice {
@@ -84,44 +159,7 @@ pub(crate) fn choose(offer: &Offer, options: &ImportOptions) -> Result<(Vec<Chos
         }
         indices.push((choice.quantity, index));
     }
-    for quantity in Quantity::ALL {
-        let taken = |index: &usize| indices.iter().any(|(_, taken)| taken == index);
-        if indices.iter().any(|(known, _)| *known == quantity)
-            || (quantity == Quantity::Time && options.rate_hz.is_some())
-        {
-            continue;
-        }
-        match find(offer, quantity, taken)? {
-            Some(index) => indices.push((quantity, index)),
-            None if quantity.is_required() && !(quantity == Quantity::Time && offer.has_clock) => {
-                return Err(missing(offer, quantity));
-            }
-            None => {}
-        }
-    }
-    let mut chosen = Vec::new();
-    for (quantity, index) in indices {
-        let choice = options.choice(quantity);
-        match unit(offer, quantity, index, choice, &mut notices) {
-            Ok(unit) => chosen.push(Chosen {
-                index,
-                name: offer.names[index].clone(),
-                quantity,
-                unit,
-                factor: choice.map_or(1.0, |choice| choice.factor),
-                told: choice.is_some(),
-            }),
-            Err(error) if quantity.is_required() || choice.is_some() => return Err(error),
-            Err(error) => notices.push(format!("ignored: {error}")),
-        }
-    }
-    chosen.sort_by_key(|column| column.quantity);
-    let ignored = (0..offer.names.len()).filter(|index| !chosen.iter().any(|column| column.index == *index));
-    let ignored: Vec<usize> = ignored.collect();
-    if !ignored.is_empty() {
-        notices.push(format!("{}s ignored: {}", offer.noun, offer.listed(&ignored)));
-    }
-    Ok((chosen, notices))
+    Ok(indices)
 }
 
 /// The column the user names.
@@ -144,8 +182,10 @@ fn locate(offer: &Offer, choice: &ColumnChoice) -> Result<usize, DataError> {
                 .filter(|&index| offer.names[index] == *name)
                 .collect();
             let alike = |index: &usize| {
-                let here = &offer.names[*index];
-                here.eq_ignore_ascii_case(name) || spelling::read(here).base.eq_ignore_ascii_case(name)
+                let (here, label) = (&offer.names[*index], &offer.labels[*index]);
+                here.eq_ignore_ascii_case(name)
+                    || label.eq_ignore_ascii_case(name)
+                    || spelling::read(label).base.eq_ignore_ascii_case(name)
             };
             let alike: Vec<usize> = (0..offer.names.len()).filter(alike).collect();
             match (equal.as_slice(), alike.as_slice()) {
@@ -163,71 +203,60 @@ fn locate(offer: &Offer, choice: &ColumnChoice) -> Result<usize, DataError> {
     }
 }
 
-/// The column whose name is, or else contains, the quantity's.
-fn find(offer: &Offer, quantity: Quantity, taken: impl Fn(&usize) -> bool) -> Result<Option<usize>, DataError> {
+/// The column whose name is, or else contains, the quantity's; two of them if there are several.
+fn find(offer: &Offer, quantity: Quantity, taken: impl Fn(&usize) -> bool) -> Result<Option<usize>, (usize, usize)> {
     for certainty in [Certainty::Is, Certainty::Contains] {
         let named = |index: &usize| {
             !taken(index) && spelling::read(&with_unit(offer, *index)).quantity == Some((quantity, certainty))
         };
-        let found: Vec<usize> = (0..offer.names.len()).filter(named).collect();
-        match found.as_slice() {
-            [] => {}
-            [one] => return Ok(Some(*one)),
-            [first, second, ..] => {
-                return Err(DataError::DuplicateColumn {
-                    at: offer.place(*second),
-                    quantity: quantity.to_string(),
-                    first: first + 1,
-                    what_to_do: format!(
-                        "say which it is, as in `--column {quantity}={}:{}`",
-                        first + 1,
-                        quantity.base_unit().symbol
-                    ),
-                });
-            }
+        let mut found = (0..offer.names.len()).filter(named);
+        match (found.next(), found.next()) {
+            (None, _) => {}
+            (Some(one), None) => return Ok(Some(one)),
+            (Some(first), Some(second)) => return Err((first, second)),
         }
     }
     Ok(None)
 }
 
+/// The column of time of a file that is joined with others; none if there is none, or more than one.
+pub(super) fn time(offer: &Offer) -> Option<usize> {
+    find(offer, Quantity::Time, |_| false).ok().flatten()
+}
+
+/// The column of time as it is read.
+pub(super) fn chosen_time(offer: &Offer, index: usize, options: &ImportOptions) -> Result<Chosen, DataError> {
+    let choice = options.choice(Quantity::Time);
+    match unit(offer, Quantity::Time, index, choice, &mut Vec::new()) {
+        Ok(unit) => Ok(Chosen {
+            index,
+            name: offer.names[index].clone(),
+            quantity: Quantity::Time,
+            unit,
+            factor: choice.map_or(1.0, |choice| choice.factor),
+            offset: choice.map_or(0.0, |choice| choice.offset),
+            told: choice.is_some(),
+        }),
+        Err(spelled) => Err(Doubt::Unit(Quantity::Time, index, spelled).error(offer, &[index])),
+    }
+}
+
 /// The name with the unit of the units line, as a person would write it in one.
 fn with_unit(offer: &Offer, index: usize) -> String {
     match offer.units.get(index) {
-        Some(unit) if !unit.is_empty() => format!("{} [{unit}]", offer.names[index]),
-        _ => offer.names[index].clone(),
+        Some(unit) if !unit.is_empty() => format!("{} [{unit}]", offer.labels[index]),
+        _ => offer.labels[index].clone(),
     }
 }
 
-fn missing(offer: &Offer, quantity: Quantity) -> DataError {
-    let symbol = quantity.base_unit().symbol;
-    let rate = if quantity == Quantity::Time {
-        ", or the sample rate with `--rate HZ`"
-    } else {
-        ""
-    };
-    if !offer.has_names() {
-        return DataError::NoHeader {
-            at: offer.at.clone(),
-            found: format!("the {} columns have no names", offer.names.len()),
-            allowed: format!("say which is {quantity}, as in `--column {quantity}=1:{symbol}`{rate}"),
-        };
-    }
-    DataError::MissingColumn {
-        at: offer.at.clone(),
-        quantity: quantity.to_string(),
-        found: format!("the {}s {}", offer.noun, offer.all_listed()),
-        allowed: format!("say which it is, as in `--column {quantity}=1:{symbol}`{rate}"),
-    }
-}
-
-/// The unit of a column: told, or in its name, or (time only) seconds.
+/// The unit of a column: told, or in its name, or (time only) seconds; else what stands for it.
 fn unit(
     offer: &Offer,
     quantity: Quantity,
     index: usize,
     choice: Option<&ColumnChoice>,
     notices: &mut Vec<String>,
-) -> Result<Unit, DataError> {
+) -> Result<Unit, Option<String>> {
     let spelled = spelling::read(&with_unit(offer, index)).unit;
     let named = spelled.as_deref().and_then(|spelled| spelling::unit(quantity, spelled));
     if let Some(told) = choice.and_then(|choice| choice.unit) {
@@ -253,19 +282,6 @@ fn unit(
             ));
             Ok(quantity.base_unit())
         }
-        (None, spelled) => Err(DataError::Unit {
-            at: offer.place(index),
-            found: match spelled {
-                Some(spelled) => format!("`{spelled}` is no unit of {quantity}"),
-                None => format!("no unit given for {quantity}"),
-            },
-            known: format!(
-                "{}; say which it is, as in `--column {quantity}={}:{}` (with a factor: `{}*20`)",
-                spelling::known_units(quantity),
-                index + 1,
-                quantity.base_unit().symbol,
-                quantity.base_unit().symbol
-            ),
-        }),
+        (None, spelled) => Err(spelled),
     }
 }

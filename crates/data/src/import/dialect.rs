@@ -5,8 +5,9 @@
 
 use std::cmp::Reverse;
 
-use super::cells::{self, Cell};
+use super::cells::{self, Cell, Numerals};
 use super::decode::{self, Encoding};
+use super::open::Layout;
 use super::options::{Decimal, ImportOptions, Separator};
 use super::preview::Kind;
 use super::spelling;
@@ -17,7 +18,7 @@ use crate::place::{Place, shown};
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Dialect {
     pub(crate) separator: Separator,
-    pub(crate) decimal: Decimal,
+    pub(crate) numerals: Numerals,
     pub(crate) header_line: Option<u64>,
     pub(crate) units_line: Option<u64>,
     pub(crate) first_sample: u64,
@@ -33,33 +34,44 @@ pub(crate) struct Dialect {
 
 impl Dialect {
     /// The kind of the file, for the preview.
-    pub(crate) fn kind(&self, encoding: Encoding, is_gcs: bool) -> Kind {
-        if is_gcs {
-            return Kind::Gcs {
+    pub(crate) fn kind(&self, encoding: Encoding, layout: &Layout) -> Kind {
+        match layout {
+            Layout::Gcs => Kind::Gcs {
                 first_sample_line: self.first_sample,
-            };
-        }
-        Kind::Text {
-            encoding,
-            separator: self.separator,
-            decimal: self.decimal,
-            header_line: self.header_line,
-            units_line: self.units_line,
-            first_sample_line: self.first_sample,
+            },
+            Layout::Sheet(name, _) => Kind::Sheet {
+                name: name.clone(),
+                header_row: self.header_line,
+                units_row: self.units_line,
+                first_sample_row: self.first_sample,
+            },
+            Layout::Table => Kind::Text {
+                encoding,
+                separator: self.separator,
+                decimal: self.numerals.decimal,
+                header_line: self.header_line,
+                units_line: self.units_line,
+                first_sample_line: self.first_sample,
+            },
         }
     }
 }
 
-/// Layouts in the order in which they win when equal: a blank also splits what a tab splits, and integers look the
-/// same with both decimal signs.
-const LAYOUTS: [(Separator, Decimal); 7] = [
-    (Separator::Tab, Decimal::Point),
-    (Separator::Tab, Decimal::Comma),
-    (Separator::Semicolon, Decimal::Point),
-    (Separator::Semicolon, Decimal::Comma),
-    (Separator::Comma, Decimal::Point),
-    (Separator::Blank, Decimal::Point),
-    (Separator::Blank, Decimal::Comma),
+/// Layouts in the order in which they win when equal: a blank also splits what a tab splits, integers look the same with
+/// both decimal signs, and `1,500` is a decimal comma unless another cell says that it is not.
+const LAYOUTS: [(Separator, Decimal, bool); 12] = [
+    (Separator::Tab, Decimal::Point, false),
+    (Separator::Tab, Decimal::Comma, false),
+    (Separator::Semicolon, Decimal::Point, false),
+    (Separator::Semicolon, Decimal::Comma, false),
+    (Separator::Comma, Decimal::Point, false),
+    (Separator::Blank, Decimal::Point, false),
+    (Separator::Blank, Decimal::Comma, false),
+    (Separator::Tab, Decimal::Point, true),
+    (Separator::Tab, Decimal::Comma, true),
+    (Separator::Semicolon, Decimal::Point, true),
+    (Separator::Semicolon, Decimal::Comma, true),
+    (Separator::Comma, Decimal::Point, true),
 ];
 
 /// Rows of equal length by which the table begins, if the file has so many.
@@ -92,24 +104,25 @@ pub(crate) fn find(
     let after = options
         .header_line
         .map_or(0, |line| usize::try_from(line).unwrap_or(usize::MAX));
-    let mut best: Option<(Rows, Separator, Decimal)> = None;
-    for (separator, decimal) in LAYOUTS {
+    let mut best: Option<(Rows, Separator, Numerals)> = None;
+    for (separator, decimal, grouped) in LAYOUTS {
         let told = |told: Option<Separator>, found| told.is_none_or(|told| told == found);
         if !told(options.separator, separator) || options.decimal.is_some_and(|told| told != decimal) {
             continue;
         }
-        if let Some(rows) = rows(lines, after, separator, decimal)
+        let numerals = Numerals { decimal, grouped };
+        if let Some(rows) = rows(lines, after, separator, numerals)
             && best.as_ref().is_none_or(|(other, ..)| rows.score() > other.score())
         {
-            best = Some((rows, separator, decimal));
+            best = Some((rows, separator, numerals));
         }
     }
-    let Some((rows, separator, decimal)) = best else {
+    let Some((rows, separator, numerals)) = best else {
         return Err(no_table(lines, file));
     };
     let mut dialect = Dialect {
         separator,
-        decimal,
+        numerals,
         header_line: None,
         units_line: None,
         first_sample: rows.first as u64 + 1,
@@ -130,18 +143,20 @@ pub(crate) fn find(
 }
 
 /// The first block of rows under a layout.
-fn rows(lines: &[Vec<u8>], after: usize, separator: Separator, decimal: Decimal) -> Option<Rows> {
+fn rows(lines: &[Vec<u8>], after: usize, separator: Separator, numerals: Numerals) -> Option<Rows> {
     let mut first = after;
     while first < lines.len() {
-        let Some(kinds) = kinds_of_row(&lines[first], separator, decimal) else {
+        let Some(kinds) = kinds_of_row(&lines[first], separator, numerals) else {
             first += 1;
             continue;
         };
         let following = || lines[first..].iter().filter(|line| !line.trim_ascii().is_empty());
         let run = following()
-            .take_while(|line| is_like(line, &kinds, separator, decimal))
+            .take_while(|line| is_like(line, &kinds, separator, numerals))
             .count();
-        if run >= ROWS_TO_BEGIN || run == following().count() {
+        // the line of names says where the table begins, though a cell in its first rows is damaged
+        if run >= ROWS_TO_BEGIN || run == following().count() || follows_names(&lines[..first], separator, kinds.len())
+        {
             let texts = kinds.iter().filter(|kind| **kind == Cell::Text).count();
             return Some(Rows {
                 first,
@@ -155,12 +170,27 @@ fn rows(lines: &[Vec<u8>], after: usize, separator: Separator, decimal: Decimal)
     None
 }
 
+/// Whether the line before is one of names, one a column, of which two are quantities.
+fn follows_names(before: &[Vec<u8>], separator: Separator, columns: usize) -> bool {
+    let Some(line) = before.iter().rfind(|line| !line.trim_ascii().is_empty()) else {
+        return false;
+    };
+    let Some(names) = names(line, separator, Encoding::of(line), columns) else {
+        return false;
+    };
+    names
+        .iter()
+        .filter(|name| spelling::read(name).quantity.is_some())
+        .count()
+        >= 2
+}
+
 /// The cells of a row: at least two that are numbers, or none that is text and one that is not just empty.
-fn kinds_of_row(line: &[u8], separator: Separator, decimal: Decimal) -> Option<Vec<Cell>> {
+fn kinds_of_row(line: &[u8], separator: Separator, numerals: Numerals) -> Option<Vec<Cell>> {
     let mut kinds = Vec::new();
     let (mut numbers, mut spelled, mut texts) = (0, 0, 0);
     cells::split(line, separator, |_, cell| {
-        let kind = cells::read(cell, decimal);
+        let kind = cells::read(cell, numerals);
         numbers += usize::from(matches!(kind, Cell::Number(_)));
         spelled += usize::from(kind == Cell::Missing && !cell.is_empty());
         texts += usize::from(kind == Cell::Text);
@@ -171,10 +201,10 @@ fn kinds_of_row(line: &[u8], separator: Separator, decimal: Decimal) -> Option<V
 }
 
 /// Whether a line has as many cells as a row, and no text where the row has a number.
-fn is_like(line: &[u8], kinds: &[Cell], separator: Separator, decimal: Decimal) -> bool {
+fn is_like(line: &[u8], kinds: &[Cell], separator: Separator, numerals: Numerals) -> bool {
     let mut alike = true;
     let count = cells::split(line, separator, |index, cell| {
-        let text = || cells::read(cell, decimal) == Cell::Text;
+        let text = || cells::read(cell, numerals) == Cell::Text;
         alike &= kinds.get(index).is_some_and(|kind| *kind == Cell::Text || !text());
     });
     alike && count == kinds.len()
@@ -368,7 +398,7 @@ mod tests {
         let names: Vec<&str> = found.names.iter().map(String::as_str).collect();
         let found = (
             found.separator,
-            found.decimal,
+            found.numerals.decimal,
             found.header_line,
             found.units_line,
             found.first_sample,

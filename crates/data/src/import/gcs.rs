@@ -16,6 +16,7 @@
 //!
 //! `SEPARATOR` is the character's code, `SAMPLE_TIME` is in seconds, `NDATA` counts rows. Units are not in the file.
 
+use super::cells::Numerals;
 use super::dialect::Dialect;
 use super::options::{Decimal, Separator};
 use crate::error::DataError;
@@ -128,7 +129,7 @@ pub(crate) fn find(lines: &[Vec<u8>], file: &str) -> Result<Dialect, DataError> 
     }
     Ok(Dialect {
         separator: header.separator.unwrap_or(Separator::Blank),
-        decimal: Decimal::Point,
+        numerals: Numerals::plain(Decimal::Point),
         header_line: None,
         units_line: None,
         first_sample: end + 1,

@@ -5,7 +5,7 @@
 //! the format that holds numbers is small.
 //!
 //! Elements are a tag (type, bytes) and data padded to 8 bytes. Sizes in the file are claims: numbers are taken as they
-//! arrive and no memory is laid out for more, at most [`MOST_NUMBERS`] in all.
+//! arrive and no memory is laid out for more, at most [`MOST_NUMBERS`](super::arrays::MOST_NUMBERS) in all.
 //!
 //! # Reference
 //! MathWorks, "MAT-File Format", Level 5.
@@ -14,62 +14,21 @@ use std::io::{self, Read};
 
 use flate2::read::ZlibDecoder;
 
-/// The most numbers that are read from a file: half a gigabyte as f64.
-pub(crate) const MOST_NUMBERS: u64 = 1 << 26;
+use super::arrays::{Array, Budget, Contents, Fault, Format, MOST_ARRAYS, broken};
 
-/// The most variables and fields that are read.
-const MOST_ARRAYS: usize = 4096;
+/// MATLAB's files of version 5 to 7.
+pub(crate) const FORMAT: Format = Format {
+    what: "MATLAB file",
+    noun: "variable",
+    again: "save it again with `save('file.mat','-v7')`",
+    read,
+};
 
 /// How deep structures may be nested.
 const DEEPEST: usize = 8;
 
 /// Bytes of the file's head.
 const HEAD: usize = 128;
-
-/// A numeric array.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Array {
-    /// Its name; `s.field` in a structure.
-    pub(crate) name: String,
-    /// Its size, at least two numbers.
-    pub(crate) size: Vec<usize>,
-    /// Its numbers, the first dimension fastest.
-    pub(crate) values: Vec<f64>,
-    /// Whether they are of single precision.
-    pub(crate) single: bool,
-}
-
-/// What is in a file.
-#[derive(Debug, Default, PartialEq)]
-pub(crate) struct Contents {
-    pub(crate) arrays: Vec<Array>,
-    /// Variables that are no real numeric arrays, and what they are.
-    pub(crate) skipped: Vec<String>,
-}
-
-/// Why a file cannot be read.
-#[derive(Debug)]
-pub(crate) enum Fault {
-    Io(io::Error),
-    /// What is wrong.
-    Broken(String),
-}
-
-impl From<io::Error> for Fault {
-    fn from(error: io::Error) -> Fault {
-        match error.kind() {
-            io::ErrorKind::UnexpectedEof => Fault::Broken("the file ends in the middle of a variable".into()),
-            io::ErrorKind::InvalidInput | io::ErrorKind::InvalidData => {
-                Fault::Broken("a compressed variable cannot be unpacked".into())
-            }
-            _ => Fault::Io(error),
-        }
-    }
-}
-
-fn broken<T>(what: impl Into<String>) -> Result<T, Fault> {
-    Err(Fault::Broken(what.into()))
-}
 
 // types of elements
 const INT8: u32 = 1;
@@ -91,12 +50,13 @@ const SINGLE_CLASS: u32 = 7;
 const NUMERIC_CLASSES: std::ops::RangeInclusive<u32> = 6..=15;
 
 /// Reads a file; `progress` gets the bytes read so far.
-pub(crate) fn read(mut source: impl Read, progress: &mut dyn FnMut(u64)) -> Result<Contents, Fault> {
+fn read(source: &mut dyn Read, progress: &mut dyn FnMut(u64)) -> Result<Contents, Fault> {
+    let mut source = source;
     let mut head = [0; HEAD];
     source.read_exact(&mut head)?;
     let big_endian = &head[126..128] == b"MI";
     let mut contents = Contents::default();
-    let mut budget = MOST_NUMBERS;
+    let mut budget = Budget::new();
     let mut done = HEAD as u64;
     loop {
         let mut tag = [0; 8];
@@ -107,7 +67,7 @@ pub(crate) fn read(mut source: impl Read, progress: &mut dyn FnMut(u64)) -> Resu
             number32(&tag[..4], big_endian),
             u64::from(number32(&tag[4..], big_endian)),
         );
-        let mut element = source.by_ref().take(bytes);
+        let mut element = (&mut source).take(bytes);
         match kind {
             MATRIX => Elements::new(&mut element, bytes, big_endian).matrix("", 0, &mut contents, &mut budget)?,
             COMPRESSED => {
@@ -131,14 +91,14 @@ pub(crate) fn read(mut source: impl Read, progress: &mut dyn FnMut(u64)) -> Resu
         } else {
             bytes.wrapping_neg() % 8
         };
-        io::copy(&mut source.by_ref().take(padding), &mut io::sink())?;
+        io::copy(&mut (&mut source).take(padding), &mut io::sink())?;
         done += 8 + bytes + padding;
         progress(done);
     }
 }
 
 /// Fills the buffer, or finds the end of the file at its beginning.
-fn fill_or_end(source: &mut impl Read, buffer: &mut [u8]) -> Result<bool, Fault> {
+fn fill_or_end(source: &mut dyn Read, buffer: &mut [u8]) -> Result<bool, Fault> {
     let mut filled = 0;
     while filled < buffer.len() {
         match source.read(&mut buffer[filled..]) {
@@ -266,7 +226,7 @@ impl<'a> Elements<'a> {
     }
 
     /// An array: numbers, a structure, or something that is left out.
-    fn matrix(&mut self, outer: &str, depth: usize, contents: &mut Contents, budget: &mut u64) -> Result<(), Fault> {
+    fn matrix(&mut self, outer: &str, depth: usize, contents: &mut Contents, budget: &mut Budget) -> Result<(), Fault> {
         if self.left == 0 {
             return Ok(()); // an empty field
         }
@@ -303,25 +263,19 @@ impl<'a> Elements<'a> {
             contents.skipped.push(format!("{name}: {name_of_class}"));
             return Ok(());
         }
-        if count > *budget {
-            return broken(format!(
-                "variable {name} claims {count} numbers; at most {MOST_NUMBERS} are read from a file"
-            ));
-        }
+        budget.take(count, &format!("variable {name}"))?;
         let tag = self.tag()?;
         let values = self.numbers(&tag, count, &name)?;
-        *budget -= count;
         contents.arrays.push(Array {
-            name,
             size,
-            values,
             single: class == SINGLE_CLASS,
+            ..Array::vector(name, values)
         });
         Ok(())
     }
 
     /// The fields of a structure.
-    fn fields(&mut self, name: &str, depth: usize, contents: &mut Contents, budget: &mut u64) -> Result<(), Fault> {
+    fn fields(&mut self, name: &str, depth: usize, contents: &mut Contents, budget: &mut Budget) -> Result<(), Fault> {
         let length = self.short(INT32, 4, "length of field names")?;
         if length.len() != 4 {
             return broken("the length of field names is cut short");

@@ -116,7 +116,8 @@ pub enum Jitter {
     Interpolate,
 }
 
-/// Where a quantity is in the file, `QUANTITY=COLUMN:UNIT*FACTOR`; COLUMN, `:UNIT` and `*FACTOR` may each be left out.
+/// Where a quantity is in the file, `QUANTITY=COLUMN:UNIT*FACTOR+OFFSET`; COLUMN, `:UNIT`, `*FACTOR` and `+OFFSET` may
+/// each be left out. A number `x` of the file is `x * FACTOR + OFFSET` in the unit.
 ///
 /// # Example
 /// ```
@@ -126,6 +127,8 @@ pub enum Jitter {
 /// let drive: ColumnChoice = "voltage=CH1:mV*20".parse()?; // a monitor output of 1/20, in millivolts
 /// assert_eq!((drive.quantity, drive.factor), (Quantity::Voltage, 20.0));
 /// assert_eq!(drive.source, Source::Name("CH1".into()));
+/// let sensor: ColumnChoice = "position=CH2:um*5-50".parse()?; // a sensor of 0.2 V/um whose 10 V are the middle
+/// assert_eq!((sensor.factor, sensor.offset), (5.0, -50.0));
 /// let third: ColumnChoice = "position=3:um".parse()?;
 /// assert_eq!(third.source, Source::Number(3));
 /// let error = "position=3:inch".parse::<ColumnChoice>().unwrap_err().to_string();
@@ -142,6 +145,8 @@ pub struct ColumnChoice {
     pub unit: Option<Unit>,
     /// What its numbers are multiplied by before the unit holds (the gain of an amplifier).
     pub factor: f64,
+    /// What is added after that, in the unit (the offset of a sensor).
+    pub offset: f64,
 }
 
 /// The column or variable of a quantity.
@@ -166,7 +171,8 @@ impl FromStr for ColumnChoice {
             })
         };
         let quantities = || Quantity::ALL.map(Quantity::name).join(", ");
-        let form = || "give QUANTITY=COLUMN:UNIT*FACTOR, as in `voltage=CH1:mV*20` or `position=3:um`".to_owned();
+        let form =
+            || "give QUANTITY=COLUMN:UNIT*FACTOR+OFFSET, as in `voltage=CH1:mV*20` or `position=3:um`".to_owned();
         let Some((name, rest)) = text.split_once('=') else {
             return refuse(" has no `=`".into(), form());
         };
@@ -179,17 +185,9 @@ impl FromStr for ColumnChoice {
                 format!("known are {}", quantities()),
             );
         };
-        let (rest, factor) = match rest.rsplit_once('*') {
-            Some((rest, factor)) => match factor.trim().parse::<f64>() {
-                Ok(factor) if factor.is_finite() && factor != 0.0 => (rest, factor),
-                _ => {
-                    return refuse(
-                        format!(": `{factor}` is no factor"),
-                        "a factor is a finite number, not 0".into(),
-                    );
-                }
-            },
-            None => (rest, 1.0),
+        let (rest, factor, offset) = match scale(rest) {
+            Ok(scale) => scale,
+            Err((found, allowed)) => return refuse(format!(": `{found}` is no {allowed}"), numbers(allowed)),
         };
         let (column, symbol) = rest
             .rsplit_once(':')
@@ -205,7 +203,7 @@ impl FromStr for ColumnChoice {
             (_, Ok(number)) => Source::Number(number),
             (name, Err(_)) => Source::Name(name.to_owned()),
         };
-        if source == Source::Find && unit.is_none() && factor == 1.0 {
+        if source == Source::Find && unit.is_none() && factor == 1.0 && offset == 0.0 {
             return refuse(" says nothing".into(), form());
         }
         Ok(ColumnChoice {
@@ -213,7 +211,53 @@ impl FromStr for ColumnChoice {
             source,
             unit,
             factor,
+            offset,
         })
+    }
+}
+
+/// Takes `*FACTOR+OFFSET`, or `+OFFSET` after a unit, off the end; else the piece that is no number, and what it should be.
+fn scale(text: &str) -> Result<(&str, f64, f64), (&str, &'static str)> {
+    let (column, scaled) = match text.rsplit_once('*') {
+        Some((column, scaled)) => (column, Some(scaled)),
+        None => (text, None),
+    };
+    // an offset needs something before it that says that it is one: a name may have a `-`
+    let from = match scaled {
+        Some(_) => column.len() + 1,
+        None => match text.rfind(':') {
+            Some(colon) => colon + 1,
+            None => return Ok((text, 1.0, 0.0)),
+        },
+    };
+    let tail = &text[from..];
+    let is_sign = |(at, sign): (usize, char)| {
+        let exponent =
+            tail[..at].ends_with(['e', 'E']) && tail[..at - 1].ends_with(|c: char| c.is_ascii_digit() || c == '.');
+        (matches!(sign, '+' | '-') && at > 0 && !exponent).then_some(at)
+    };
+    let at = tail.char_indices().filter_map(is_sign).next();
+    let (before, offset) = at.map_or((tail, None), |at| (&tail[..at], Some(&tail[at..])));
+    let finite = |text: &str| text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+    let offset = match offset {
+        Some(text) => finite(text).ok_or((text, "offset"))?,
+        None => 0.0,
+    };
+    match scaled {
+        Some(_) => {
+            let factor = finite(before)
+                .filter(|factor| *factor != 0.0)
+                .ok_or((before, "factor"))?;
+            Ok((column, factor, offset))
+        }
+        None => Ok((&text[..from + before.len()], 1.0, offset)),
+    }
+}
+
+fn numbers(what: &str) -> String {
+    match what {
+        "factor" => "a factor is a finite number, not 0".into(),
+        _ => "an offset is a finite number in the unit before it, as in `um*5-50`".into(),
     }
 }
 

@@ -42,15 +42,35 @@ pub enum Kind {
         /// Line of the first sample, from 1.
         first_sample_line: u64,
     },
+    /// A sheet of a workbook.
+    Sheet {
+        /// Its name.
+        name: String,
+        /// Row of the column names, from 1.
+        header_row: Option<u64>,
+        /// Row of the units, from 1.
+        units_row: Option<u64>,
+        /// Row of the first sample, from 1.
+        first_sample_row: u64,
+    },
     /// A GCS array of a PI controller.
     Gcs {
         /// Line of the first sample, from 1.
         first_sample_line: u64,
     },
-    /// A MATLAB file, version 5.
-    Mat {
-        /// The numeric variables and their sizes.
-        variables: Vec<(String, Vec<usize>)>,
+    /// Named arrays: MATLAB, TDMS, NumPy and their like.
+    Arrays {
+        /// What the file is called.
+        what: &'static str,
+        /// What its arrays are called: `variable`, `channel`.
+        noun: &'static str,
+        /// The numeric arrays and their sizes.
+        arrays: Vec<(String, Vec<usize>)>,
+    },
+    /// Files of a channel each, joined on their clocks.
+    Joined {
+        /// The files and what each is.
+        files: Vec<(String, Kind)>,
     },
 }
 
@@ -67,15 +87,16 @@ pub struct ReadColumn {
     pub unit: Unit,
     /// What its numbers are multiplied by first.
     pub factor: f64,
+    /// What is added then.
+    pub offset: f64,
     /// Whether the user said so (else it was found by its name).
     pub told: bool,
 }
 
-impl Preview {
+impl Kind {
     /// Writes what kind of file it is; gives what its columns are called.
-    fn fmt_kind(&self, out: &mut fmt::Formatter<'_>) -> Result<&'static str, fmt::Error> {
-        let file = &self.file;
-        match &self.kind {
+    fn fmt_kind(&self, file: &str, out: &mut fmt::Formatter<'_>) -> Result<&'static str, fmt::Error> {
+        match self {
             Kind::Text {
                 encoding,
                 separator,
@@ -95,18 +116,43 @@ impl Preview {
                 writeln!(out, "  {names}{units}, samples from line {first_sample_line}")?;
                 Ok("column")
             }
+            Kind::Sheet {
+                name,
+                header_row,
+                units_row,
+                first_sample_row,
+            } => {
+                let names = header_row.map_or("no names".to_owned(), |row| format!("names in row {row}"));
+                let units = units_row.map_or(String::new(), |row| format!(", units in row {row}"));
+                writeln!(out, "{file}: workbook, sheet `{name}`")?;
+                writeln!(out, "  {names}{units}, samples from row {first_sample_row}")?;
+                Ok("column")
+            }
             Kind::Gcs { first_sample_line } => {
                 writeln!(out, "{file}: PI GCS array, samples from line {first_sample_line}")?;
                 Ok("column")
             }
-            Kind::Mat { variables } => {
+            Kind::Arrays { what, noun, arrays } => {
+                const MOST: usize = 20;
                 let sizes = |size: &[usize]| size.iter().map(usize::to_string).collect::<Vec<_>>().join("x");
-                let listed: Vec<String> = variables
+                let mut listed: Vec<String> = arrays
                     .iter()
+                    .take(MOST)
                     .map(|(name, size)| format!("{name} {}", sizes(size)))
                     .collect();
-                writeln!(out, "{file}: MATLAB file: {}", listed.join(", "))?;
-                Ok("variable")
+                if arrays.len() > MOST {
+                    listed.push(format!("and {} more", arrays.len() - MOST));
+                }
+                writeln!(out, "{file}: {what}: {}", listed.join(", "))?;
+                Ok(noun)
+            }
+            Kind::Joined { files } => {
+                let mut noun = "column";
+                for (file, kind) in files {
+                    noun = kind.fmt_kind(file, out)?;
+                }
+                writeln!(out, "joined on their clocks:")?;
+                Ok(noun)
             }
         }
     }
@@ -114,13 +160,16 @@ impl Preview {
 
 impl fmt::Display for Preview {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let noun = self.fmt_kind(out)?;
+        let noun = self.kind.fmt_kind(&self.file, out)?;
         for column in &self.columns {
-            let factor = if column.factor == 1.0 {
-                String::new()
-            } else {
-                format!(" times {}", column.factor)
-            };
+            let mut factor = String::new();
+            if column.factor != 1.0 {
+                factor = format!(" times {}", column.factor);
+            }
+            if column.offset != 0.0 {
+                let sign = if column.offset < 0.0 { "minus" } else { "plus" };
+                factor += &format!(" {sign} {}", column.offset.abs());
+            }
             let told = if column.told { "as told" } else { "by its name" };
             writeln!(
                 out,

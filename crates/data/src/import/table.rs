@@ -158,7 +158,7 @@ fn row(
         let Some(slot) = slots.get(index).copied().flatten() else {
             return;
         };
-        let value = match cells::read(cell, dialect.decimal) {
+        let value = match cells::read(cell, dialect.numerals) {
             Cell::Number(value) => value,
             Cell::Missing if missing != Missing::Refuse => f64::NAN,
             found => {
@@ -167,7 +167,7 @@ fn row(
             }
         };
         if chosen[slot].quantity == Quantity::Time && value.is_finite() {
-            printed.observe(cell, dialect.decimal == Decimal::Comma);
+            printed.observe(cell, dialect.numerals.decimal == Decimal::Comma);
         }
         values[slot].push(value);
     });
@@ -197,7 +197,7 @@ fn row(
 }
 
 fn allowed(dialect: &Dialect, cell: Cell) -> &'static str {
-    match (cell, dialect.decimal, dialect.separator) {
+    match (cell, dialect.numerals.decimal, dialect.separator) {
         (Cell::Missing, ..) => {
             "samples must not be missing; `--missing trim` leaves out such lines at both ends, `--missing interpolate` \
              also closes single gaps"

@@ -7,6 +7,7 @@ mod manifest;
 mod read;
 mod write;
 
+pub(crate) use atomic::Pending;
 pub use dataset::{read_dataset, read_dataset_with_progress, write_dataset};
 pub use manifest::parse_manifest;
 pub(crate) use read::line_error;

@@ -18,34 +18,140 @@ pub(crate) struct Target {
     pub(crate) run: fn(&[u8]),
     /// Valid files.
     pub(crate) seeds: fn() -> Vec<Vec<u8>>,
+    /// Damaged files of each that the bounded run tries: fewer where a library unpacks them.
+    #[allow(dead_code, reason = "the fuzzers try without end")]
+    pub(crate) cases: usize,
 }
 
 /// All readers.
-pub(crate) const TARGETS: [Target; 5] = [
+pub(crate) const TARGETS: [Target; 14] = [
     Target {
         name: "native_csv",
         run: native_csv,
         seeds: native_csv_seeds,
+        cases: 3000,
     },
     Target {
         name: "dataset_toml",
         run: dataset_toml,
         seeds: dataset_toml_seeds,
+        cases: 3000,
     },
     Target {
         name: "import_text",
         run: import_any,
         seeds: import_text_seeds,
+        cases: 3000,
     },
     Target {
         name: "gcs",
         run: import_any,
         seeds: gcs_seeds,
+        cases: 3000,
     },
     Target {
         name: "mat",
         run: import_any,
         seeds: mat_seeds,
+        cases: 3000,
+    },
+    Target {
+        name: "mat4",
+        run: import_any,
+        seeds: || labs(&[include_bytes!("../fixtures/labs/version4.mat")]),
+        cases: 3000,
+    },
+    Target {
+        name: "npy",
+        run: import_any,
+        seeds: || {
+            labs(&[
+                include_bytes!("../fixtures/labs/matrix.npy"),
+                include_bytes!("../fixtures/labs/record.npy"),
+                include_bytes!("../fixtures/labs/packed.npz"),
+            ])
+        },
+        cases: 1500,
+    },
+    Target {
+        name: "tdms",
+        run: import_any,
+        seeds: || {
+            labs(&[
+                include_bytes!("../fixtures/labs/waveform.tdms"),
+                include_bytes!("../fixtures/labs/scaled.tdms"),
+                include_bytes!("../fixtures/labs/interleaved.tdms"),
+            ])
+        },
+        cases: 3000,
+    },
+    Target {
+        name: "lvm",
+        run: import_any,
+        seeds: || {
+            labs(&[
+                include_bytes!("../fixtures/labs/one.lvm"),
+                include_bytes!("../fixtures/labs/multi.lvm"),
+            ])
+        },
+        cases: 1500,
+    },
+    Target {
+        name: "json",
+        run: import_any,
+        seeds: || {
+            labs(&[
+                include_bytes!("../fixtures/labs/columns.json"),
+                include_bytes!("../fixtures/labs/pandas-split.json"),
+            ])
+        },
+        cases: 1500,
+    },
+    Target {
+        name: "packed",
+        run: import_any,
+        seeds: || {
+            labs(&[
+                include_bytes!("../fixtures/labs/pandas.csv.gz"),
+                include_bytes!("../fixtures/labs/one.zip"),
+                include_bytes!("../fixtures/labs/openpyxl.xlsx"),
+            ])
+        },
+        cases: 500,
+    },
+    Target {
+        name: "hdf5",
+        run: import_any,
+        seeds: || {
+            labs(&[
+                include_bytes!("../fixtures/labs/h5py.h5"),
+                include_bytes!("../fixtures/labs/rows.h5"),
+                include_bytes!("../fixtures/labs/struct73.mat"),
+            ])
+        },
+        cases: 800,
+    },
+    Target {
+        name: "parquet",
+        run: import_any,
+        seeds: || {
+            labs(&[
+                include_bytes!("../fixtures/labs/pandas.parquet"),
+                include_bytes!("../fixtures/labs/gaps.parquet"),
+            ])
+        },
+        cases: 800,
+    },
+    Target {
+        name: "feather",
+        run: import_any,
+        seeds: || {
+            labs(&[
+                include_bytes!("../fixtures/labs/pandas.feather"),
+                include_bytes!("../fixtures/labs/plain.feather"),
+            ])
+        },
+        cases: 1500,
     },
 ];
 
@@ -151,6 +257,11 @@ fn import_any(bytes: &[u8]) {
             check_round_trip(record);
         }
     }
+}
+
+/// Files of `fixtures/labs`, with a byte behind that chooses the options where the format allows it.
+fn labs(files: &[&[u8]]) -> Vec<Vec<u8>> {
+    files.iter().map(|file| file.to_vec()).collect()
 }
 
 fn texts(texts: &[&str]) -> Vec<Vec<u8>> {
