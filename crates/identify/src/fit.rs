@@ -173,7 +173,7 @@ fn assemble(dataset: &Dataset, options: &FitOptions, runs: &[Run<'_>], solved: &
         .map(|(record, run)| FittedRecord {
             file: record.file.clone(),
             samples: record.len(),
-            sample_rate_hz: 1.0 / record.period_s,
+            sample_rate_hz: record.rate_hz(),
             initial_state: run.initial.to_string(),
             fitted_from: run.fit_from,
             weight: run.weight,
@@ -249,9 +249,14 @@ fn notices(model: &Model, runs: &[Run<'_>], undetermined: &[Vec<usize>]) -> Vec<
     let count = estimated.count();
     let skipped: usize = runs.iter().map(|run| run.fit_from).sum();
     if count > 0 {
+        let left_out = match skipped {
+            0 => String::new(),
+            1 => "; 1 sample before the plays had settled is not fitted".to_owned(),
+            _ => format!("; {skipped} samples before the plays had settled are not fitted"),
+        };
         notices.push(format!(
-            "{count} of {} records start in a state that is not in the file: its fraction was estimated (initial_state), \
-             and {skipped} samples before the plays had settled were not fitted",
+            "{count} of {} records start in a state that the file does not give; the state is estimated (initial_state)\
+             {left_out}",
             runs.len()
         ));
     }

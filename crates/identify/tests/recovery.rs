@@ -197,7 +197,7 @@ fn val_a_start_in_mid_cycle_and_remanence_are_found() {
         model
             .notices
             .iter()
-            .any(|notice| notice.contains("a state that is not in the file")),
+            .any(|notice| notice.contains("a state that the file does not give")),
         "{:?}",
         model.notices
     );

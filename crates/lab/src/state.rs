@@ -70,7 +70,7 @@ pub(crate) fn record(record: &hysteron_data::Record) -> Value {
         "role": record.role,
         "excitation": record.excitation,
         "samples": record.len(),
-        "rate_hz": 1.0 / record.period_s,
+        "rate_hz": record.rate_hz(),
         "seconds": record.duration_s(),
         "period_samples": hysteron_identify::period::detect(&record.voltage_v).map(|period| period.samples),
         "quantities": quantities,

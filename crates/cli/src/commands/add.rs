@@ -6,7 +6,7 @@ use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_data::Role;
-use hysteron_identify::{Added, EffectName, FittedEffect, Model, RecordError, Step};
+use hysteron_identify::{Added, EffectName, FittedEffect, RecordError, Step};
 use std::fmt::Write;
 use std::path::PathBuf;
 

@@ -1,12 +1,13 @@
 //! `hysteron ladder`.
 
+use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
 use clap::Args;
 use hysteron_data::Role;
 use hysteron_diagnose::{Ladder, Rung};
-use hysteron_identify::{Model, RecordError};
+use hysteron_identify::RecordError;
 use hysteron_report::{Context, ladder_page};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

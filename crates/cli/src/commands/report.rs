@@ -5,7 +5,7 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
-use hysteron_identify::{Direction, Model};
+use hysteron_identify::Direction;
 use hysteron_report::{Findings, frozen, hashes};
 use std::path::{Path, PathBuf};
 
