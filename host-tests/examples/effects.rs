@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let model = fit(&with.dataset, &options, &|_| ())?.model;
             let started = Instant::now();
             let id = effect.name().parse()?;
-            let added = match hysteron_identify::add_effect(&with.dataset, &model, id, &|_| ()) {
+            let added = match hysteron_diagnose::add(&with.dataset, &model, id, &|_| ()) {
                 Ok(added) => added,
                 Err(refused) => {
                     println!("{:<20} {seed:>5}  {refused}", effect.name());

@@ -29,7 +29,7 @@ fn prop_verdict_stays() {
     let expected = Effect::Delay.name();
     let example = case(21, Effect::Delay);
     let data = &example.dataset;
-    let verdict = |dataset: &Dataset| diagnosis(dataset, &example).verdict;
+    let verdict = |dataset: &Dataset| diagnosis(dataset, &example).verdict.to_string();
     assert_eq!(verdict(data), expected);
     let turned = change::renamed(&change::reversed(data));
     assert_eq!(verdict(&turned), expected, "records renamed, in reverse order");
@@ -40,10 +40,17 @@ fn prop_verdict_stays() {
     assert_eq!(verdict(&other), expected, "other noise");
 
     let example = case(22, Effect::Creep);
-    assert_eq!(diagnosis(&example.dataset, &example).verdict, Effect::Creep.name());
+    assert_eq!(
+        diagnosis(&example.dataset, &example).verdict.as_str(),
+        Effect::Creep.name()
+    );
     let other = change::offset(&other_noise(22, Effect::Creep), -0.2 * example.truth.stroke_um);
     let all = change::scaled(&change::renamed(&change::reversed(&other)), 1e-3, 10.0);
-    assert_eq!(diagnosis(&all, &example).verdict, Effect::Creep.name(), "all at once");
+    assert_eq!(
+        diagnosis(&all, &example).verdict.as_str(),
+        Effect::Creep.name(),
+        "all at once"
+    );
 }
 
 /// The same stage measured again.

@@ -3,8 +3,7 @@
 
 use host_tests::hidden::own::{Subject, start};
 use host_tests::hidden::{Example, generate};
-use hysteron_diagnose::{compare, diagnose, diagnose_with};
-use hysteron_identify::add_own_effect;
+use hysteron_diagnose::{add_own, compare, diagnose, diagnose_with};
 use hysteron_identify::effects::Effect as _;
 use hysteron_plant::challenge::{Spec, StageFamily, Strength};
 
@@ -35,16 +34,21 @@ fn found(seed: u64, family: StageFamily, subject: Subject, unknown_without: bool
     let own = subject.file(&hidden).expect("a file");
     if unknown_without {
         let without = diagnose(&hidden.dataset, &model, &|_, _| {});
-        assert_eq!(without.verdict, "unknown", "seed {seed}");
+        assert_eq!(without.verdict.as_str(), "unknown", "seed {seed}");
     }
     let with = diagnose_with(&hidden.dataset, &model, &[own], &|_, _| {}).expect("no column is missing");
-    assert_eq!(with.verdict, own.description().name, "seed {seed}: {:#?}", with.ranking);
+    assert_eq!(
+        with.verdict.effect(),
+        Some(&own.name()),
+        "seed {seed}: {:#?}",
+        with.ranking
+    );
     let entry = &with.ranking[0];
     assert!(
-        entry.effect == own.description().name && entry.significant && entry.parameters.len() == 3,
+        entry.effect == own.name() && entry.significant && entry.parameters.len() == 3,
         "{entry:?}"
     );
-    let added = add_own_effect(&hidden.dataset, &model, own, &|_| {}).expect("an effect to add");
+    let added = add_own(&hidden.dataset, &model, own, &|_| {}).expect("an effect to add");
     let after = added.after.validate_percent.expect("validation records");
     let least = without_effect_percent(seed, family, &hidden);
     assert!(
@@ -76,7 +80,7 @@ fn val_nothing_hidden_no_file_is_named() {
         with.verdict
     );
     for own in own {
-        let entry = with.ranking.iter().find(|entry| entry.effect == own.description().name);
+        let entry = with.ranking.iter().find(|entry| entry.effect == own.name());
         assert!(entry.is_some_and(|entry| !entry.significant), "{entry:?}");
     }
 }

@@ -4,7 +4,7 @@
 
 use hysteron_data::{Dataset, Role, read_dataset};
 use hysteron_diagnose::{compare, diagnose, learn};
-use hysteron_identify::{EffectId, Family, FitOptions, Placement, Step, add_effect, fit};
+use hysteron_identify::{EffectId, Family, FitOptions, Placement, Step, fit};
 use std::path::Path;
 
 fn dataset(name: &str) -> Option<Dataset> {
@@ -164,7 +164,7 @@ fn val_on_piezo_150v_a_resonance_is_found_where_the_step_rings() {
         return;
     };
     let model = fit(&dataset, &FitOptions::new(Family::Pi), &|_| ()).unwrap().model;
-    let added = add_effect(&dataset, &model, EffectId::Resonance, &|_| ()).unwrap();
+    let added = hysteron_diagnose::add(&dataset, &model, EffectId::Resonance, &|_| ()).unwrap();
     let frequency_hz = added.model.effects[0].parameters[0].value;
     assert!((frequency_hz - 970.0).abs() < 97.0, "{frequency_hz}");
     let (before, after) = (

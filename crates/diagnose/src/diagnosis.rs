@@ -1,7 +1,8 @@
 //! What a diagnosis says, in numbers and names.
 
 use hysteron_acquisition::NoiseFloor;
-use serde::{Deserialize, Serialize};
+use hysteron_identify::{EffectId, EffectName};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt::Write;
 
 /// How an effect is told from the shape of the loops.
@@ -25,15 +26,97 @@ pub struct EffectParameter {
     pub unit: String,
 }
 
+/// A parameter of an entry.
+pub(crate) fn parameter(name: &str, value: f64, unit: &str) -> EffectParameter {
+    EffectParameter {
+        name: name.to_owned(),
+        value,
+        unit: unit.to_owned(),
+    }
+}
+
+/// What a diagnosis comes to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Verdict {
+    /// What is left is noise and the known coarseness of the model.
+    Nothing,
+    /// Structure remains that no effect of the catalogue is named for.
+    Unknown,
+    /// This effect is missing; `hysteresis-shape` where nothing physical is.
+    Effect(EffectName),
+}
+
+impl Verdict {
+    /// The word in files: `none`, `unknown`, or the effect's name.
+    pub fn as_str(&self) -> &str {
+        match self {
+            Self::Nothing => "none",
+            Self::Unknown => "unknown",
+            Self::Effect(name) => name.as_str(),
+        }
+    }
+
+    /// The effect that is named.
+    pub fn effect(&self) -> Option<&EffectName> {
+        match self {
+            Self::Effect(name) => Some(name),
+            Self::Nothing | Self::Unknown => None,
+        }
+    }
+
+    /// Whether this effect is named.
+    pub fn is(&self, effect: EffectId) -> bool {
+        matches!(self, Self::Effect(name) if *name == effect)
+    }
+}
+
+impl std::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(self.as_str())
+    }
+}
+
+impl Serialize for Verdict {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.as_str())
+    }
+}
+
+impl<'de> Deserialize<'de> for Verdict {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let word = String::deserialize(deserializer)?;
+        Ok(match word.as_str() {
+            "none" => Self::Nothing,
+            "unknown" => Self::Unknown,
+            name => Self::Effect(EffectName::of(name)),
+        })
+    }
+}
+
+/// Why records cannot answer, or not for an effect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reason {
+    /// The voltage stands still in every record.
+    NothingMoves,
+    /// The stroke is no more than some tens of times the noise.
+    AllNoise,
+    /// The position stands on its largest or smallest value while the voltage moves.
+    Clipped,
+    /// One sine was played: at one frequency and amplitude many effects look alike.
+    OneSine,
+    /// No record or part of one is left to hold out.
+    NothingHeldOut,
+}
+
 /// One candidate, fitted in its place jointly with the rest.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RankedEffect {
     /// Name.
-    pub effect: String,
-    /// Error with it, percent of peak to peak, on the records it was fitted to.
-    pub identify_percent: f64,
-    /// The same on the validation records.
-    pub validate_percent: f64,
+    pub effect: EffectName,
+    /// Errors with it: those that the model has once it is added.
+    #[serde(flatten)]
+    pub errors: Before,
     /// Sum over records of the logarithm of the squared error's fall, each record predicted from the others.
     pub statistic: f64,
     /// What the statistic must exceed.
@@ -48,12 +131,15 @@ pub struct RankedEffect {
     pub significant: bool,
     /// Physical or shape.
     pub level: Level,
+    /// Whether a parameter stands on a bound that physics sets, which an effect that is there does not need.
+    #[serde(default)]
+    pub on_bound: bool,
     /// Its parameters.
     pub parameters: Vec<EffectParameter>,
 }
 
-/// Errors of the given model.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+/// Errors of a model, pooled over the records that move.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Before {
     /// Percent of peak to peak on identification records.
     pub identify_percent: Option<f64>,
@@ -62,6 +148,21 @@ pub struct Before {
 }
 
 impl Before {
+    /// The error that counts: on records that were not fitted, else on those that were.
+    pub fn counts(&self) -> Option<f64> {
+        self.validate_percent.or(self.identify_percent)
+    }
+
+    /// Both, as root mean square.
+    pub fn pooled(&self) -> Option<f64> {
+        let each: Vec<f64> = [self.identify_percent, self.validate_percent]
+            .into_iter()
+            .flatten()
+            .collect();
+        let squares: f64 = each.iter().map(|p| p * p).sum();
+        (!each.is_empty()).then(|| (squares / each.len() as f64).sqrt())
+    }
+
     /// Whether either error is above a limit in percent.
     pub(crate) fn exceeds(&self, limit_percent: f64) -> bool {
         let above = |percent: Option<f64>| percent.is_some_and(|percent| percent > limit_percent);
@@ -75,7 +176,7 @@ pub struct NextRecord {
     /// What to play, in words.
     pub excitation: String,
     /// What it separates.
-    pub separates: Vec<String>,
+    pub separates: Vec<EffectName>,
     /// Expected difference, in units of what is left unexplained.
     pub expected_sigma: f64,
     /// Where it was written.
@@ -99,12 +200,64 @@ impl NextRecord {
     }
 }
 
+/// What an error can go with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum LockTo {
+    /// Time, whatever the drive does.
+    #[serde(rename = "time")]
+    Time,
+    /// The position.
+    #[serde(rename = "position")]
+    Position,
+    /// The speed.
+    #[serde(rename = "speed")]
+    Speed,
+    /// Both together, beyond what goes with either.
+    #[serde(rename = "position and speed")]
+    PositionAndSpeed,
+    /// The stage's temperature.
+    #[serde(rename = "temperature")]
+    Temperature,
+    /// The other axis' voltage.
+    #[serde(rename = "other axis")]
+    OtherAxis,
+    /// Cycles since a record's start.
+    #[serde(rename = "cycle count")]
+    CycleCount,
+    /// The order of the records.
+    #[serde(rename = "record order")]
+    RecordOrder,
+    /// Single records.
+    #[serde(rename = "record")]
+    Record,
+    /// The sample clock.
+    #[serde(rename = "sample clock")]
+    SampleClock,
+}
+
+impl LockTo {
+    /// The word in files.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Time => "time",
+            Self::Position => "position",
+            Self::Speed => "speed",
+            Self::PositionAndSpeed => "position and speed",
+            Self::Temperature => "temperature",
+            Self::OtherAxis => "other axis",
+            Self::CycleCount => "cycle count",
+            Self::RecordOrder => "record order",
+            Self::Record => "record",
+            Self::SampleClock => "sample clock",
+        }
+    }
+}
+
 /// What the remaining structure is locked to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Lock {
-    /// `time`, `position`, `speed`, `position and speed`, `temperature`, `other axis`, `cycle count`, `record order`, `record`,
-    /// `sample clock`.
-    pub to: String,
+    /// What it goes with.
+    pub to: LockTo,
     /// Share of the squared error that goes with it, 0 to 1. Shares overlap: time and temperature may be the same thing.
     pub share: f64,
     /// What else is known: the frequency of a line, the rms of a jitter, the distance of what returns.
@@ -113,9 +266,9 @@ pub struct Lock {
 }
 
 impl Lock {
-    pub(crate) fn new(to: &str, share: f64) -> Self {
+    pub(crate) fn new(to: LockTo, share: f64) -> Self {
         Self {
-            to: to.to_owned(),
+            to,
             share,
             parameters: Vec::new(),
         }
@@ -151,11 +304,16 @@ pub struct Unexplained {
 impl Diagnosis {
     /// The delay that was found where one is named, seconds.
     pub fn delay_s(&self) -> Option<f64> {
-        let named = || self.also_possible.iter().chain(&self.further).chain([&self.verdict]);
-        if !named().any(|name| name == "delay") {
+        let named = || {
+            self.also_possible
+                .iter()
+                .chain(&self.further)
+                .chain(self.verdict.effect())
+        };
+        if !named().any(|name| *name == EffectId::Delay) {
             return None;
         }
-        let entry = self.ranking.iter().find(|entry| entry.effect == "delay")?;
+        let entry = self.ranking.iter().find(|entry| entry.effect == EffectId::Delay)?;
         entry.parameters.iter().find(|p| p.name == "delay").map(|p| p.value)
     }
 }
@@ -163,19 +321,22 @@ impl Diagnosis {
 /// The answer of `diagnose`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosis {
-    /// Name of an effect, or `none`, `unknown`, `hysteresis-shape`.
-    pub verdict: String,
-    /// Effects that these records cannot tell from the verdict.
-    pub also_possible: Vec<String>,
+    /// The main thing.
+    pub verdict: Verdict,
+    /// Effects that these records cannot tell from the verdict, likeliest first; beside `unknown` those that could be it.
+    pub also_possible: Vec<EffectName>,
     /// Further effects that are missing beside the verdict.
-    pub further: Vec<String>,
+    pub further: Vec<EffectName>,
+    /// What the verdict's effect takes of the squared error beyond noise and coarseness, 0 to 1; `None` where none is named.
+    #[serde(default)]
+    pub share: Option<f64>,
     /// Whether the family of plays is too poor for this stage's loops.
     pub shape_too_poor: bool,
     /// Whether the records determine a hysteresis of free shape; otherwise the model's own family stood in for it, and every
     /// significant effect is possible.
     pub shape_determined: bool,
     /// Why these records cannot answer, where they cannot.
-    pub cannot_answer: Vec<String>,
+    pub cannot_answer: Vec<Reason>,
     /// Noise floor, micrometres rms.
     pub noise_rms_um: f64,
     /// What the noise floor of these records is worth and rests on.

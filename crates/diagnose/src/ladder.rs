@@ -3,8 +3,10 @@
 use crate::noise::noise_floor;
 use hysteron_acquisition::NoiseFloor;
 use hysteron_data::{Dataset, Role};
-use hysteron_identify::effects::UserEffect;
-use hysteron_identify::{Added, Change, EffectId, EffectName, IdentifyError, Model, RecordError, Step};
+use hysteron_identify::effects::{UserEffect, find};
+use hysteron_identify::{
+    Added, Adding, Change, EffectId, EffectName, IdentifyError, Model, RecordError, Step, check_own_effect,
+};
 use serde::Serialize;
 
 /// A model's history, measured against the noise floor.
@@ -63,34 +65,44 @@ impl Ladder {
     }
 }
 
-/// Adds an effect to a model, as [`hysteron_identify::add_effect`] does, and notes the noise floor for its ladder.
+/// Adds an effect to a model, as [`hysteron_identify::add()`] does, reckoning with the noise floor of the records.
 ///
 /// # Errors
-/// As [`hysteron_identify::add_effect`].
+/// As [`hysteron_identify::add()`].
 pub fn add(
     dataset: &Dataset,
     model: &Model,
     effect: EffectId,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Added, IdentifyError> {
-    let mut added = hysteron_identify::add_effect(dataset, model, effect, progress)?;
-    added.model.fitted_on.noise = Some(noise_floor(dataset));
+    let noise = noise_floor(dataset);
+    let mut added = hysteron_identify::add(dataset, model, &find(effect), reckoning_with(&noise), progress)?;
+    added.model.fitted_on.noise = Some(noise);
     Ok(added)
 }
 
-/// The same with an effect of the user's own, as [`hysteron_identify::add_own_effect`] does.
+/// The same with an effect of the user's own.
 ///
 /// # Errors
-/// As [`hysteron_identify::add_own_effect`].
+/// As [`hysteron_identify::add()`]; records without a column that its equations need.
 pub fn add_own(
     dataset: &Dataset,
     model: &Model,
     effect: UserEffect,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Added, IdentifyError> {
-    let mut added = hysteron_identify::add_own_effect(dataset, model, effect, progress)?;
-    added.model.fitted_on.noise = Some(noise_floor(dataset));
+    check_own_effect(effect, dataset)?;
+    let noise = noise_floor(dataset);
+    let mut added = hysteron_identify::add(dataset, model, &effect.effect(), reckoning_with(&noise), progress)?;
+    added.model.fitted_on.noise = Some(noise);
     Ok(added)
+}
+
+fn reckoning_with(noise: &NoiseFloor) -> Adding {
+    Adding {
+        noise_um: noise.rms_um,
+        keep_family: false,
+    }
 }
 
 /// The ladder of a model; `None` where it has no history, because nothing was ever added to it.

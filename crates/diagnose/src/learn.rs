@@ -1,12 +1,21 @@
-//! Learns a model by itself: fits, diagnoses, adds, until nothing more is missing or nothing more can be told.
+//! Learns a model by itself: fits, tries every candidate, takes what records not fitted confirm, until nothing is gained any more.
 
-use crate::diagnosis::{Diagnosis, Unexplained};
-use crate::learner::Learner;
+use crate::diagnose::{conclude, controllers_delay_s};
+use crate::diagnosis::{Before, Diagnosis, Reason, Unexplained, Verdict};
+use crate::investigation::{Best, Investigation};
+use crate::ladder::percent;
 use crate::noise::noise_floor;
+use crate::reasons;
+use crate::rules::Thresholds;
 use hysteron_data::Dataset;
-use hysteron_identify::effects::UserEffect;
-use hysteron_identify::{EffectName, FitOptions, IdentifyError, Model, check_own_effect, fit};
+use hysteron_identify::add::told;
+use hysteron_identify::effects::{UserEffect, find};
+use hysteron_identify::{
+    Adding, Change, EffectId, EffectName, Family, FitOptions, IdentifyError, Model, Step, add, check_own_effect, fit,
+    present_step, remove,
+};
 use serde::Serialize;
+use std::sync::Arc;
 
 /// What `learn` did, and why it stopped.
 #[derive(Debug, Clone)]
@@ -29,18 +38,17 @@ pub struct Attempt {
     /// The effect that was tried.
     pub effect: EffectName,
     /// Added, or taken out again as a later one made it superfluous.
-    pub change: hysteron_identify::Change,
-    /// Effects that a diagnosis of these records cannot tell from it; it left least on the validation records.
+    pub change: Change,
+    /// Effects that a diagnosis of these records cannot tell from it.
     pub also_possible: Vec<EffectName>,
     /// Pooled error on validation records before, percent of peak to peak.
     pub before_percent: Option<f64>,
     /// The same after.
     pub after_percent: Option<f64>,
-    /// Whether the model keeps it: where the validation records confirm it.
+    /// Whether the model keeps it.
     pub kept: bool,
-    /// Whether no diagnosis had named it: it was tried because the model with it forecasts far better, and is kept only if
-    /// nothing unexplained remains in the end.
-    pub on_trial: bool,
+    /// Whether it helps on what was held out, without being certain enough to be named: its cause is uncertain.
+    pub uncertain: bool,
 }
 
 /// Why learning stopped.
@@ -52,41 +60,42 @@ pub enum Stop {
     /// The records cannot answer.
     CannotTell {
         /// Why, as in [`Diagnosis::cannot_answer`].
-        reasons: Vec<String>,
+        reasons: Vec<Reason>,
     },
     /// Structure remains that nothing in the catalogue explains.
     Unknown {
         /// What remains, and what it goes with.
         unexplained: Unexplained,
     },
-    /// An effect is named, but the validation records do not confirm it.
-    NotConfirmed {
-        /// The effect.
-        effect: EffectName,
-    },
-    /// An effect is named that the model cannot be given: it has it already, or cannot have it.
-    CannotAdd {
-        /// The effect.
-        effect: EffectName,
-        /// Why.
-        reason: String,
-    },
     /// As many steps as are allowed.
     EnoughSteps,
 }
 
-/// Most effects that are added: there are fifteen, and no stage of this class shows more than a handful.
+/// Most effects that are added: no stage of this class shows more than a handful.
 const MOST_STEPS: usize = 6;
 
-/// Fits a model of this family, then adds what [`crate::diagnose`] names, as long as records that it was not fitted to confirm it.
+/// A step that is not named must bring the error that counts below this share: chance and mimics take a tenth.
+const FAR_BETTER: f64 = 0.75;
+
+/// A step without which the error rises by less than this share is superfluous.
+const SUPERFLUOUS: f64 = 0.01;
+
+/// A step that takes less than this, percent of peak to peak, is superfluous as well: a third of the least that is named.
+const TAKES_NOTHING_PERCENT: f64 = 0.03;
+
+/// A free shape that leaves less than this share of what the model's own plays leave is a step of its own.
+const SHAPE_HOLDS_UP: f64 = 0.9;
+
+/// Fits a model of this family, then adds effect after effect, as long as what was held out confirms it.
 ///
-/// A later step may make an earlier one superfluous (a lag that stood in for a delay): such a step is taken out again.
+/// A later step may make an earlier one superfluous (a lag that stood in for a delay): such a step is taken out again. No gain
+/// that is confirmed is given up: one that cannot be named with confidence stays as a step that says so.
 /// `progress` is called with what is done now, and the share of it done.
 ///
 /// # Errors
 /// As [`hysteron_identify::fit()`].
 /// # Cost
-/// A diagnosis a step, and one more: seconds each.
+/// A diagnosis, and a quarter of one for each further step.
 pub fn learn(
     dataset: &Dataset,
     options: &FitOptions,
@@ -107,60 +116,304 @@ pub fn learn_with(
 ) -> Result<Learned, IdentifyError> {
     own.iter().try_for_each(|effect| check_own_effect(*effect, dataset))?;
     let model = fit(dataset, options, &|share| progress("fitting", share))?.model;
-    Ok(go_on(dataset, model, own, progress))
+    go_on(dataset, model, own, progress)
 }
 
 /// Goes on from a model, as [`learn`] does.
-pub fn learn_from(dataset: &Dataset, model: Model, progress: &(dyn Fn(&str, f64) + Sync)) -> Learned {
+///
+/// # Errors
+/// Records on which nothing moves.
+pub fn learn_from(
+    dataset: &Dataset,
+    model: Model,
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Result<Learned, IdentifyError> {
     go_on(dataset, model, &[], progress)
 }
 
-fn go_on(dataset: &Dataset, model: Model, own: &[UserEffect], progress: &(dyn Fn(&str, f64) + Sync)) -> Learned {
-    let mut learner = Learner::new(dataset, model, own, progress);
-    learner.take_the_controllers_delay();
-    let mut diagnosis = learner.diagnose();
-    let mut stop = loop {
-        let stop = match answered(&diagnosis) {
-            None if learner.kept() >= MOST_STEPS => Some(Stop::EnoughSteps),
-            None => learner.follow(&diagnosis).err(),
-            stop => stop,
-        };
-        let nothing_certain = matches!(stop, Some(Stop::Unknown { .. } | Stop::NotConfirmed { .. }));
-        if let Some(stop) = stop.filter(|_| !nothing_certain || !learner.go_on_unknown(&diagnosis)) {
-            break stop;
-        }
-        diagnosis = learner.diagnose();
-    };
-    if matches!(stop, Stop::Unknown { .. } | Stop::NotConfirmed { .. })
-        && let Some(before) = learner.take_back()
-    {
-        diagnosis = before;
-    } else if learner.put_back() {
-        diagnosis = learner.diagnose();
-        stop = answered(&diagnosis).unwrap_or(stop);
+fn go_on(
+    dataset: &Dataset,
+    model: Model,
+    own: &[UserEffect],
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Result<Learned, IdentifyError> {
+    let noise_um = noise_floor(dataset).rms_um;
+    let reasons = reasons::of(dataset, noise_um, &Thresholds::DEFAULT);
+    let mut climb = Climb::new(dataset, model, noise_um);
+    climb.take_the_controllers_delay();
+    let blocking: Vec<Reason> = reasons.iter().copied().filter(|reason| reason.blocks()).collect();
+    if !blocking.is_empty() {
+        let diagnosis = crate::diagnose(dataset, &climb.model, &|_, _| ());
+        return Ok(climb.ended(Stop::CannotTell { reasons: blocking }, diagnosis));
     }
-    learner.model.fitted_on.noise = Some(noise_floor(dataset));
-    Learned {
-        model: learner.model,
-        attempts: learner.attempts,
-        rungs: learner.rungs,
-        stop,
-        diagnosis,
+    let mut investigation = Investigation::new(dataset, &climb.model, own, noise_um, &reasons)?;
+    let (start, mut stop) = (climb.model.clone(), None);
+    while stop.is_none() {
+        let told = |share: f64, effect: &str| progress(&format!("is it {effect}?"), share);
+        stop = match investigation.round(&told) {
+            _ if climb.kept() >= MOST_STEPS => Some(Stop::EnoughSteps),
+            Some(best) if climb.worth(&investigation, &best) => {
+                climb.climb(&mut investigation, best);
+                None
+            }
+            _ => Some(Stop::NothingMissing),
+        };
+    }
+    climb.shape_alone(&investigation);
+    climb.prune();
+    let before = before_of(&climb.model, dataset);
+    let (mut diagnosis, _) = conclude(&start, &investigation, before, &|_, _| ());
+    after_all(&mut diagnosis, &climb.model);
+    let stop = match stop {
+        Some(Stop::NothingMissing) if diagnosis.verdict != Verdict::Nothing => Stop::Unknown {
+            unexplained: diagnosis.unexplained.clone(),
+        },
+        stop => stop.unwrap_or(Stop::EnoughSteps),
+    };
+    Ok(climb.ended(stop, diagnosis))
+}
+
+/// The diagnosis of the start, as it reads once its effects are in the model.
+fn after_all(diagnosis: &mut Diagnosis, model: &Model) {
+    let has = |name: &EffectName| model.effects.iter().any(|fitted| fitted.name == *name);
+    let shaped = model.family == Family::PlayPolynomial;
+    let taken = |name: &EffectName| has(name) || shaped && *name == EffectId::HysteresisShape;
+    let left = &diagnosis.unexplained;
+    let structured = left.percent > crate::rules::MATTERS_PERCENT && left.percent > 2.0 * left.noise_percent;
+    if diagnosis.verdict.effect().is_none_or(taken) {
+        diagnosis.verdict = if structured { Verdict::Unknown } else { Verdict::Nothing };
+        diagnosis.also_possible.retain(|name| !taken(name));
+        diagnosis.share = None;
+    }
+    diagnosis.further.retain(|name| !taken(name));
+}
+
+fn before_of(model: &Model, dataset: &Dataset) -> Before {
+    let step = model
+        .history
+        .last()
+        .cloned()
+        .unwrap_or_else(|| present_step(dataset, model));
+    Before {
+        identify_percent: step.identify_percent,
+        validate_percent: step.validate_percent,
     }
 }
 
-/// Whether a diagnosis ends the search.
-fn answered(diagnosis: &Diagnosis) -> Option<Stop> {
-    if !diagnosis.cannot_answer.is_empty() {
-        return Some(Stop::CannotTell {
-            reasons: diagnosis.cannot_answer.clone(),
+/// The model on its way up, and how it came about.
+struct Climb<'a> {
+    dataset: &'a Dataset,
+    noise_um: f64,
+    model: Model,
+    attempts: Vec<Attempt>,
+    rungs: Vec<Model>,
+}
+
+impl<'a> Climb<'a> {
+    fn new(dataset: &'a Dataset, model: Model, noise_um: f64) -> Self {
+        Self {
+            dataset,
+            noise_um,
+            rungs: vec![model.clone()],
+            model,
+            attempts: Vec::new(),
+        }
+    }
+
+    fn kept(&self) -> usize {
+        self.attempts.iter().filter(|attempt| attempt.kept).count()
+    }
+
+    fn adding(&self) -> Adding {
+        Adding {
+            noise_um: self.noise_um,
+            keep_family: true,
+        }
+    }
+
+    /// The delay that the recordings say is the controller's own: nothing has to be found out, the model only needs it.
+    fn take_the_controllers_delay(&mut self) {
+        if controllers_delay_s(self.dataset, &self.model).is_none() {
+            return;
+        }
+        // Where the records do not confirm it, it does not matter.
+        if let Ok(added) = add(
+            self.dataset,
+            &self.model,
+            &find(EffectId::Delay),
+            self.adding(),
+            &|_| (),
+        ) {
+            let kept = percent(&added.after) < percent(&added.before);
+            self.note(
+                &EffectId::Delay.into(),
+                Vec::new(),
+                (&added.before, &added.after),
+                kept,
+                false,
+            );
+            if kept {
+                self.model = added.model.clone();
+                self.rungs.push(added.model);
+            }
+        }
+    }
+
+    /// Whether the best candidate of a round is named, or helps so much that it stays without a name.
+    fn worth(&self, investigation: &Investigation<'_>, best: &Best) -> bool {
+        let search = &investigation.search;
+        let counts = |of: &hysteron_identify::search::Trial| {
+            search
+                .percent(of, false)
+                .or_else(|| search.percent(of, true))
+                .unwrap_or(0.0)
+        };
+        let (before, after) = (counts(search.standing()), counts(&best.trial));
+        if best.significant {
+            return after < before.max(f64::MIN_POSITIVE);
+        }
+        let pairs = search.standing().parts.iter().zip(&best.trial.parts);
+        let lower = pairs.filter(|(a, b)| b.held_out_um2 < a.held_out_um2).count();
+        best.candidate.statistic > 1.0
+            && 2 * lower >= best.trial.parts.len()
+            && after < FAR_BETTER * before
+            && investigation.scale.excess(search.standing()) > 0.05 * investigation.base_excess
+    }
+
+    /// Takes a candidate into the chain, and tells the step; a model of another family gets the shape as a step beside it.
+    fn climb(&mut self, investigation: &mut Investigation<'_>, best: Best) {
+        let (effect, uncertain) = (best.effect.name(), !best.significant);
+        let rivals = rivals(investigation, &best);
+        let before = self.last_step();
+        let shapes = investigation.search.standing().family() != self.model.family;
+        let of_effect = Arc::clone(&best.effect);
+        investigation.take(best);
+        let adding = Adding {
+            keep_family: false,
+            ..self.adding()
+        };
+        let added = match add(self.dataset, &self.model, &of_effect, adding, &|_| ()) {
+            Ok(added) if shapes => added,
+            _ => told(
+                self.dataset,
+                &self.model,
+                &investigation.search,
+                &effect,
+                before.clone(),
+            ),
+        };
+        let told = self.model.history.len().max(1);
+        let mut last = before;
+        for step in &added.model.history[told..] {
+            let is_shape = step.what.effect() != Some(&effect);
+            let name = step.what.effect().cloned().unwrap_or_else(|| effect.clone());
+            let also = if is_shape { Vec::new() } else { rivals.clone() };
+            self.note(&name, also, (&last, step), true, uncertain && !is_shape);
+            last = step.clone();
+        }
+        self.model = added.model.clone();
+        self.rungs.push(added.model);
+    }
+
+    /// The free shape as a step of its own, before the first effect.
+    fn shape(&mut self, investigation: &Investigation<'_>) {
+        if investigation.search.standing().family() == self.model.family {
+            return;
+        }
+        let shape = EffectName::from(EffectId::HysteresisShape);
+        let before = self.last_step();
+        let added = told(self.dataset, &self.model, &investigation.search, &shape, before);
+        self.note(&shape, Vec::new(), (&added.before, &added.after), true, false);
+        self.model = added.model.clone();
+        self.rungs.push(added.model);
+    }
+
+    /// The free shape where no effect was found and it is what holds the error up.
+    fn shape_alone(&mut self, investigation: &Investigation<'_>) {
+        let search = &investigation.search;
+        let own = self.last_step();
+        let counts = search
+            .percent(search.standing(), false)
+            .or(search.percent(search.standing(), true));
+        let better = counts
+            .zip(percent(&own))
+            .is_some_and(|(free, own)| free < SHAPE_HOLDS_UP * own);
+        if better && investigation.nothing_taken() && investigation.shape_determined {
+            self.shape(investigation);
+        }
+    }
+
+    /// Takes out what a later step has made superfluous.
+    fn prune(&mut self) {
+        let earlier: Vec<EffectName> = self.model.effects.iter().map(|effect| effect.name.clone()).collect();
+        if earlier.len() < 2 {
+            return;
+        }
+        for effect in earlier {
+            let Ok(removed) = remove(self.dataset, &self.model, &effect, self.adding()) else {
+                continue;
+            };
+            let rise = percent(&removed.after).zip(percent(&removed.before));
+            let superfluous = |(after, before): (f64, f64)| {
+                after < (1.0 + SUPERFLUOUS) * before || after.powi(2) - before.powi(2) < TAKES_NOTHING_PERCENT.powi(2)
+            };
+            if rise.is_some_and(superfluous) {
+                self.attempts.push(Attempt {
+                    effect,
+                    change: Change::Removed,
+                    also_possible: Vec::new(),
+                    before_percent: percent(&removed.before),
+                    after_percent: percent(&removed.after),
+                    kept: true,
+                    uncertain: false,
+                });
+                self.model = removed.model.clone();
+                self.rungs.push(removed.model);
+            }
+        }
+    }
+
+    fn last_step(&self) -> Step {
+        let last = self.model.history.last().cloned();
+        last.unwrap_or_else(|| present_step(self.dataset, &self.model))
+    }
+
+    fn note(
+        &mut self,
+        effect: &EffectName,
+        also_possible: Vec<EffectName>,
+        (before, after): (&Step, &Step),
+        kept: bool,
+        uncertain: bool,
+    ) {
+        self.attempts.push(Attempt {
+            effect: effect.clone(),
+            change: Change::Added,
+            also_possible,
+            before_percent: percent(before),
+            after_percent: percent(after),
+            kept,
+            uncertain,
         });
     }
-    match diagnosis.verdict.as_str() {
-        "none" => Some(Stop::NothingMissing),
-        "unknown" => Some(Stop::Unknown {
-            unexplained: diagnosis.unexplained.clone(),
-        }),
-        _ => None,
+
+    fn ended(mut self, stop: Stop, diagnosis: Diagnosis) -> Learned {
+        self.model.fitted_on.noise = Some(noise_floor(self.dataset));
+        Learned {
+            model: self.model,
+            attempts: self.attempts,
+            rungs: self.rungs,
+            stop,
+            diagnosis,
+        }
     }
+}
+
+/// What the last round does not tell from its best candidate.
+fn rivals(investigation: &Investigation<'_>, best: &Best) -> Vec<EffectName> {
+    let Some(round) = investigation.rounds.last() else {
+        return Vec::new();
+    };
+    let set = crate::verdict::set(round, &investigation.thresholds);
+    set.into_iter().filter(|name| *name != best.effect.name()).collect()
 }

@@ -62,13 +62,13 @@ pub fn signatures(
 ) -> Vec<Signature> {
     let counting = diagnosis.ranking.iter().filter(|effect| effect.significant).count();
     let shown = counting.clamp(AT_LEAST, AT_MOST).min(diagnosis.ranking.len());
-    let mut names: Vec<(u8, &str)> = diagnosis
+    let mut names: Vec<(u8, &EffectName)> = diagnosis
         .ranking
         .iter()
         .map(|effect| match effect {
-            effect if effect.significant => (0, effect.effect.as_str()),
-            effect if diagnosis.further.contains(&effect.effect) => (1, effect.effect.as_str()),
-            effect => (2, effect.effect.as_str()),
+            effect if effect.significant => (0, &effect.effect),
+            effect if diagnosis.further.contains(&effect.effect) => (1, &effect.effect),
+            effect => (2, &effect.effect),
         })
         .collect();
     names.sort_by_key(|&(group, _)| group);
@@ -77,17 +77,16 @@ pub fn signatures(
         .take(shown)
         .enumerate()
         .filter_map(|(done, &(_, name))| {
-            let share = |part: f64| progress((done as f64 + part) / shown as f64, name);
+            let share = |part: f64| progress((done as f64 + part) / shown as f64, name.as_str());
             share(0.0);
             let adding = |part: f64| share(0.8 * part);
-            let named = EffectName::of(name);
-            let added = match own.iter().find(|effect| effect.name() == named) {
+            let added = match own.iter().find(|effect| effect.name() == *name) {
                 Some(effect) => crate::add_own(dataset, model, *effect, &adding),
-                None => crate::add(dataset, model, named.id()?, &adding),
+                None => crate::add(dataset, model, name.id()?, &adding),
             };
             let with = added.ok()?.model;
             let after = crate::compare(dataset, &with, &|part| share(0.8 + 0.2 * part));
-            signature(dataset, &with, [comparison, &after], &named)
+            signature(dataset, &with, [comparison, &after], name)
         })
         .collect()
 }

@@ -47,13 +47,13 @@ fn answer(dataset: &Dataset) -> Diagnosis {
 fn val_a_drift_that_all_records_share_is_named_and_learned() {
     let dataset = dataset(|_| 1.0);
     let found = answer(&dataset);
-    assert_eq!(found.verdict, "thermal-drift", "{:#?}", found.ranking);
+    assert_eq!(found.verdict.as_str(), "thermal-drift", "{:#?}", found.ranking);
     let drift = found
         .ranking
         .iter()
-        .find(|entry| entry.effect == "thermal-drift")
+        .find(|entry| entry.effect == hysteron_identify::EffectId::ThermalDrift)
         .unwrap();
-    let rate = &drift.parameters[0];
+    let rate = drift.parameters.iter().find(|p| p.name == "shift").unwrap();
     assert_eq!(rate.unit, "um/h");
     assert!((rate.value / 3600.0 - 1.0).abs() < 0.03, "{drift:#?}");
     let learned = learn(&dataset, &FitOptions::new(Family::Mpi), &|_, _| {}).unwrap();
@@ -71,6 +71,11 @@ fn val_a_drift_that_all_records_share_is_named_and_learned() {
 #[test]
 fn val_drifts_that_differ_from_record_to_record_are_not_named() {
     let found = answer(&dataset(|i| [1.0, -1.0, 0.6, -0.8, 1.2, -0.4, -1.1, 0.7, 0.2][i]));
-    assert_eq!(found.verdict, "unknown", "{:#?}", found.ranking);
-    assert_eq!(found.unexplained.locked_to[0].to, "time", "{:#?}", found.unexplained);
+    assert_eq!(found.verdict.as_str(), "unknown", "{:#?}", found.ranking);
+    assert_eq!(
+        found.unexplained.locked_to[0].to.as_str(),
+        "time",
+        "{:#?}",
+        found.unexplained
+    );
 }

@@ -4,8 +4,9 @@
 mod records;
 
 use hysteron_data::{Dataset, Record, Role};
+use hysteron_diagnose::diagnosis::Reason;
 use hysteron_diagnose::{Learned, Stop, ladder, learn, learn_from};
-use hysteron_identify::{Change, EffectId, Family, FitOptions, add_effect, fit};
+use hysteron_identify::{Change, EffectId, Family, FitOptions, fit};
 use hysteron_plant::hysteresis::MaxwellSlip;
 use hysteron_plant::{CrossCoupling, Stage, StageConfig};
 use records::{drive, hysteresis, record};
@@ -110,8 +111,10 @@ fn val_an_effect_that_a_later_one_makes_superfluous_is_taken_out() {
     });
     let start = fit(&dataset, &FitOptions::new(Family::Mpi), &|_| ()).unwrap().model;
     // Hum at 50 Hz takes up a part of what comes from the other axis, until that is there itself.
-    let hum = add_effect(&dataset, &start, EffectId::MainsHum, &|_| ()).unwrap().model;
-    let learned = learn_from(&dataset, hum, &|_, _| {});
+    let hum = hysteron_diagnose::add(&dataset, &start, EffectId::MainsHum, &|_| ())
+        .unwrap()
+        .model;
+    let learned = learn_from(&dataset, hum, &|_, _| {}).unwrap();
     assert_eq!(
         effects(&learned)[0],
         "cross-coupling",
@@ -129,9 +132,17 @@ fn val_an_effect_that_a_later_one_makes_superfluous_is_taken_out() {
 #[test]
 fn refuse_to_learn_from_records_that_cannot_answer() {
     let mut dataset = dataset(&two_hidden());
-    dataset.records.iter_mut().for_each(|r| r.role = Role::Identify);
+    let noise = [3.0, -2.0, 1.0, -3.0, 2.0, -1.0];
+    for record in &mut dataset.records {
+        record
+            .position_um
+            .iter_mut()
+            .zip(noise.iter().cycle())
+            .for_each(|(y, e)| *y += e);
+    }
+    dataset.known.sensor_noise_um = Some(2.2);
     let learned = learn(&dataset, &FitOptions::new(Family::Mpi), &|_, _| {}).unwrap();
-    let reasons = vec!["no-validation".to_owned()];
+    let reasons = vec![Reason::AllNoise];
     assert_eq!(learned.stop, Stop::CannotTell { reasons });
     assert!(learned.model.effects.is_empty() && learned.attempts.is_empty());
 }

@@ -81,10 +81,18 @@ fn regress_creep_from_rest_within_the_range_is_named() {
     let dataset = records::dataset(records);
     let model = fit(&dataset, &FitOptions::new(Family::Pi), &|_| ()).unwrap().model;
     let found = diagnose(&dataset, &model, &|_, _| {});
-    assert_eq!(found.verdict, "creep", "{:#?}", found.ranking);
-    let creep = found.ranking.iter().find(|entry| entry.effect == "creep").unwrap();
-    // Two elements of 5 %, and nothing else: 0.01 % is noise, the rest steps between the elements that are tried.
-    let shares: f64 = creep.parameters.iter().map(|parameter| parameter.value).sum();
+    assert_eq!(found.verdict.as_str(), "creep", "{:#?}", found.ranking);
+    let creep = found
+        .ranking
+        .iter()
+        .find(|entry| entry.effect == hysteron_identify::EffectId::Creep)
+        .unwrap();
+    // Two elements of 5 %; those that are fitted stand a decade apart, and share what lies between them with slower ones.
+    let shares = creep
+        .parameters
+        .iter()
+        .filter(|parameter| parameter.name.starts_with("share"));
+    let shares: f64 = shares.map(|parameter| parameter.value).sum();
     assert!((shares - 0.1).abs() < 0.01, "{creep:#?}");
-    assert!(creep.identify_percent < 0.1, "{creep:#?}");
+    assert!(creep.errors.identify_percent.unwrap() < 0.15, "{creep:#?}");
 }

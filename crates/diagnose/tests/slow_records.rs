@@ -5,7 +5,7 @@ mod records;
 
 use hysteron_data::{Record, Role};
 use hysteron_diagnose::{compare, diagnose};
-use hysteron_identify::{EffectId, Family, FitOptions, add_effect, fit};
+use hysteron_identify::{EffectId, Family, FitOptions, fit};
 use hysteron_plant::{Stage, StageConfig};
 use records::term;
 use std::f64::consts::TAU;
@@ -72,7 +72,9 @@ fn regress_a_model_is_judged_on_the_grid_on_which_it_was_fitted() {
     let dataset = records::dataset((0..6).map(record));
     let bare = fit(&dataset, &FitOptions::new(Family::Pi), &|_| ()).unwrap().model;
 
-    let model = add_effect(&dataset, &bare, EffectId::Delay, &|_| ()).unwrap().model;
+    let model = hysteron_diagnose::add(&dataset, &bare, EffectId::Delay, &|_| ())
+        .unwrap()
+        .model;
     let compared = compare(&dataset, &model, &|_| ());
     let (fitted, forecast) = (compared.identify.unwrap(), compared.validate.unwrap());
     let found = diagnose(&dataset, &model, &|_, _| {});

@@ -323,6 +323,33 @@ pub trait Effect: Send + Sync {
         false
     }
 
+    /// Whether it is a matter of the hysteresis, which a free shape has or stands for.
+    fn of_the_shape(&self) -> bool {
+        false
+    }
+
+    /// Whether it bends the loops, as far as loops alone show: a free shape absorbs it.
+    fn bends_the_loops(&self) -> bool {
+        false
+    }
+
+    /// By how much it moves the zero of a record with the temperature, micrometres a kelvin; `None` where it does not.
+    fn zero_um_per_k(&self, values: &[f64]) -> Option<f64> {
+        let _ = values;
+        None
+    }
+
+    /// Whether records of one sine alone can tell it: what changes with time, with temperature, or with another axis.
+    fn shows_in_one_sine(&self) -> bool {
+        false
+    }
+
+    /// Whether a parameter on its physical bound speaks against the effect: it imitates another one there.
+    fn refuted_on_bound(&self, parameter: &str) -> bool {
+        let _ = parameter;
+        false
+    }
+
     /// Whether it moves signals in time, so that the shape between the samples matters.
     fn dynamic(&self) -> bool {
         false

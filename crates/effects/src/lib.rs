@@ -42,6 +42,7 @@ pub use effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, 
 pub use effect_file::{EffectFile, FileParameter, FileState};
 pub use error::EffectError;
 pub use family::{Family, MAX_PLAYS};
+pub use hysteresis_shape::FREE_SHAPE;
 pub use id::{EffectId, EffectName, UnknownEffect};
 pub use own::UserEffect;
 pub use rate_dependence::OfFamily;

@@ -35,6 +35,70 @@ pub(crate) fn lag(tau_s: f64, period_s: f64, run_in: usize, series: &mut [f64]) 
     }
 }
 
+/// Adds first-order lags of a series to it, `y += sum share_i lag_i[y]`, of many series of one length: from rest, or in the steady
+/// state of the run-in's period.
+pub(crate) fn relaxations(elements: &[(f64, f64)], period_s: f64, from: usize, run_in: usize, series: &mut [Vec<f64>]) {
+    const SIDE_BY_SIDE: usize = 8;
+    let (together, rest) = series.as_chunks_mut::<SIDE_BY_SIDE>();
+    for lanes in together {
+        relax_side_by_side(
+            elements,
+            period_s,
+            run_in,
+            lanes.each_mut().map(|lane| &mut lane[from..]),
+        );
+    }
+    for one in rest {
+        relax_side_by_side(elements, period_s, run_in, [&mut one[from..]]);
+    }
+}
+
+fn relax_side_by_side<const N: usize>(
+    elements: &[(f64, f64)],
+    period_s: f64,
+    run_in: usize,
+    mut series: [&mut [f64]; N],
+) {
+    let n = series.each_ref().map(|lane| lane.len()).into_iter().min().unwrap_or(0);
+    if n == 0 {
+        return;
+    }
+    let first = series.each_ref().map(|lane| lane[0]);
+    let mut added = vec![[0.0; N]; n];
+    for &(tau_s, share) in elements {
+        let Ok(lag) = Lag::<f64>::new(tau_s.clamp(0.0, 1e6), 1.0 / period_s) else {
+            continue;
+        };
+        let mut states = first.map(|u| lag.rest_at(u));
+        if run_in > 0 && tau_s > 0.0 {
+            let mut forced = states;
+            forced.iter_mut().for_each(|state| state.output = 0.0);
+            for k in 1..=run_in.min(n - 1) {
+                for (state, lane) in forced.iter_mut().zip(&series) {
+                    lag.step(state, lane[k]);
+                }
+            }
+            let whole = -(-(run_in as f64) * period_s / tau_s).exp_m1();
+            for (state, forced) in states.iter_mut().zip(forced) {
+                state.output = forced.output / whole;
+            }
+        }
+        for (k, added) in added.iter_mut().enumerate() {
+            for l in 0..N {
+                let slow = if k == 0 {
+                    states[l].output
+                } else {
+                    lag.step(&mut states[l], series[l][k])
+                };
+                added[l] += share * slow;
+            }
+        }
+    }
+    for (k, added) in added.iter().enumerate() {
+        series.iter_mut().zip(added).for_each(|(lane, own)| lane[k] += own);
+    }
+}
+
 /// Series that a mode is run over side by side: each one's next sample waits for its last.
 const LANES: usize = 4;
 

@@ -72,7 +72,10 @@ fn by_the_core(id: EffectId, values: &[f64], played: &Played) -> [Option<Vec<f64
             let limit = |at: usize, series: &[f64]| {
                 Some(through(&Saturation::new(values[at], values[at + 1]).unwrap(), series))
             };
-            [limit(0, voltage_v), limit(2, position_um)]
+            // A stop that gives way lets its share through.
+            let stopped = limit(2, position_um).unwrap();
+            let let_through = stopped.iter().zip(position_um).map(|(s, y)| s + values[4] * (y - s));
+            [limit(0, voltage_v), Some(let_through.collect())]
         }
         EffectId::Creep => {
             let taus: [f64; 4] = std::array::from_fn(|i| values[0] * 10f64.powi(i as i32));

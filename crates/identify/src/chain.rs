@@ -1,11 +1,13 @@
 //! The chain: voltage, delay, amplifier, hysteresis, creep, structure, coupling and heat, sensor.
 
+use crate::basis::{Basis, PlayScale};
 use crate::chain_trace::Trace;
-use crate::columns::{Design, fill, output};
+use crate::columns::Design;
 use crate::effects::{Acts, Effect, EffectName, Signals};
 use crate::start_state::InitialState;
-use hysteron_core::envelope::Envelope;
-use hysteron_core::play;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// An effect with its parameters.
@@ -27,14 +29,20 @@ impl Link {
     }
 }
 
+/// Columns with their numbers.
+type Columns = Vec<(usize, Vec<f64>)>;
+
+/// Numbers of one record alone, one list a link of the chain.
+pub(crate) type Own = Vec<Vec<f64>>;
+
 /// A hysteresis and effects around it, everything but the coefficients that are linear.
 #[derive(Clone)]
 pub(crate) struct Chain {
     pub design: Design,
     /// In the order of [`crate::effects::Place`].
     pub links: Vec<Link>,
-    /// Span of the voltages, volts.
-    pub span_v: f64,
+    /// Lowest and highest voltage that the hysteresis is fitted on.
+    pub range_v: [f64; 2],
 }
 
 /// The hysteresis' part of an answer, on the whole grid.
@@ -43,16 +51,13 @@ pub(crate) struct Stroke {
     pub position_um: Vec<f64>,
 }
 
-/// The answer of a chain at the recorded samples, and how it changes with each coefficient.
-pub(crate) struct Tangent {
-    pub output: Vec<f64>,
-    pub columns: Vec<Vec<f64>>,
-}
+/// Plays that move side by side: each one's next output waits for its last.
+const LANES: usize = 8;
 
 impl Chain {
-    pub(crate) fn new(design: Design, mut links: Vec<Link>, span_v: f64) -> Self {
+    pub(crate) fn new(design: Design, mut links: Vec<Link>, range_v: [f64; 2]) -> Self {
         links.sort_by_key(|link| link.effect.description().place);
-        Self { design, links, span_v }
+        Self { design, links, range_v }
     }
 
     /// Whether signals are moved in time.
@@ -65,94 +70,167 @@ impl Chain {
         self.links.iter().all(|link| link.effect.acts() != Acts::Nonlinearly)
     }
 
+    /// The functions that the coefficients belong to.
+    pub(crate) fn basis(&self) -> Basis {
+        Basis::new(self.design.family, self.range_v)
+    }
+
     /// The voltage at the stack.
-    pub(crate) fn stack(&self, trace: &Trace<'_>) -> Vec<f64> {
+    pub(crate) fn stack(&self, trace: &Trace<'_>, own: &Own) -> Vec<f64> {
         let mut voltage_v = trace.voltage_v.clone();
         for (i, link) in self.links.iter().enumerate() {
-            let signals = signals(trace, &[], i);
+            let signals = signals(trace, own, &[], i);
             link.effect.on_voltage(&link.values, &signals, &mut voltage_v);
         }
         voltage_v
     }
 
-    /// Moves the plays along the voltage at the stack; `visit(sample, input, rate, outputs)` on the whole grid.
-    fn plays(&self, trace: &Trace<'_>, stack_v: &[f64], mut visit: impl FnMut(usize, f64, f64, &[f64])) {
-        let thresholds = &self.design.thresholds;
-        let first = stack_v.first().copied().unwrap_or(0.0);
-        let before = trace.initial.before(&stack_v[..trace.run_in.max(1).min(stack_v.len())]);
+    /// Moves some of the plays along the voltage at the stack; `visit(sample, input, rate, outputs)` on the whole grid.
+    #[inline(always)]
+    fn plays(
+        &self,
+        trace: &Trace<'_>,
+        stack_v: &[f64],
+        which: Range<usize>,
+        mut visit: impl FnMut(usize, f64, f64, &[f64; LANES]),
+    ) {
+        let own = &self.design.thresholds[which];
+        let thresholds: [f64; LANES] = std::array::from_fn(|l| own.get(l).copied().unwrap_or(0.0));
         let of_link = self.links.iter().find_map(|link| {
             let envelope = link.effect.envelope(&link.values)?;
-            Some((envelope, link.effect.narrow_share() * self.span_v))
+            Some((envelope, link.effect.narrow_share()))
         });
-        let (envelope, narrow_v) = of_link.unwrap_or((self.design.envelope, 0.0));
-        let wide = thresholds.partition_point(|&r| r < narrow_v);
-        let still = Envelope {
-            alpha_s: 0.0,
-            beta_s: 0.0,
-        };
-        let mut outputs: Vec<f64> = thresholds.iter().map(|&r| before(r)).collect();
-        let mut last = first;
-        let mut advance = |input: f64, outputs: &mut [f64]| {
-            let rate = (input - last) / trace.period_s;
+        // Narrower plays do not take part in a rate dependence that is an effect; all of a family's own plays do.
+        let (envelope, narrow_share) = of_link.unwrap_or((self.design.envelope, 0.0));
+        let narrow_v = narrow_share * (self.range_v[1] - self.range_v[0]);
+        let wide = |time_s: f64| thresholds.map(|r| if r >= narrow_v { time_s } else { 0.0 });
+        let (alpha_s, beta_s) = (wide(envelope.alpha_s), wide(envelope.beta_s));
+        let first = stack_v.first().copied().unwrap_or(0.0);
+        let before = trace.initial.before(&stack_v[..trace.run_in.max(1).min(stack_v.len())]);
+        let mut w = thresholds.map(before);
+        let (mut last, per_s) = (first, 1.0 / trace.period_s);
+        let mut advance = |input: f64, w: &mut [f64; LANES]| {
+            let rate = (input - last) * per_s;
             last = input;
-            let (narrow_outputs, wide_outputs) = outputs.split_at_mut(wide);
-            let (left, right) = still.bounds(input, rate);
-            play::advance(&thresholds[..wide], narrow_outputs, left, right);
-            let (left, right) = envelope.bounds(input, rate);
-            play::advance(&thresholds[wide..], wide_outputs, left, right);
+            let speed = rate.abs();
+            for l in 0..LANES {
+                let (left, right) = (input - alpha_s[l] * speed - thresholds[l], input + beta_s[l] * speed);
+                // Comparisons compile to selections where `max` and `min` must think of NaN.
+                let held = if w[l] > right { right } else { w[l] };
+                w[l] = if held < left { left } else { held };
+            }
             rate
         };
         // After one whole period both extremes have been passed, and all memory from before is wiped out.
         for &input in &stack_v[..trace.run_in] {
-            advance(input, &mut outputs);
+            advance(input, &mut w);
         }
         for (k, &input) in stack_v.iter().enumerate() {
-            let rate = advance(input, &mut outputs);
-            visit(k, input, rate, &outputs);
+            let rate = advance(input, &mut w);
+            visit(k, input, rate, &w);
         }
+    }
+
+    /// Groups of plays that move side by side.
+    fn groups(&self) -> Vec<Range<usize>> {
+        let n = self.design.thresholds.len();
+        (0..n).step_by(LANES).map(|from| from..(from + LANES).min(n)).collect()
     }
 
     /// The modelled position at the recorded samples, free simulation.
-    pub(crate) fn respond(&self, coefficients: &[f64], trace: &Trace<'_>) -> Vec<f64> {
-        self.respond_from(coefficients, trace, &self.stroke(coefficients, trace))
+    pub(crate) fn respond(&self, coefficients: &[f64], trace: &Trace<'_>, own: &Own) -> Vec<f64> {
+        self.respond_from(coefficients, trace, own, &self.stroke(coefficients, trace, own))
     }
 
     /// What the hysteresis makes of the command, before the effects on the position.
-    pub(crate) fn stroke(&self, coefficients: &[f64], trace: &Trace<'_>) -> Stroke {
-        let stack_v = self.stack(trace);
-        let mut position_um = vec![0.0; stack_v.len()];
-        // The offset is the sensor's: it comes after the linear effects.
-        let mut moving = coefficients.to_vec();
-        moving[0] = 0.0;
-        self.plays(trace, &stack_v, |k, input, rate, outputs| {
-            position_um[k] = output(self.design.family, &moving, input, rate, outputs);
-        });
+    pub(crate) fn stroke(&self, coefficients: &[f64], trace: &Trace<'_>, own: &Own) -> Stroke {
+        let stack_v = self.stack(trace, own);
+        let position_um = self.hysteresis(coefficients, trace, &stack_v);
         Stroke { stack_v, position_um }
     }
 
-    /// The modelled position at the recorded samples from what the hysteresis made of the command.
-    pub(crate) fn respond_from(&self, coefficients: &[f64], trace: &Trace<'_>, stroke: &Stroke) -> Vec<f64> {
-        let (stack_v, mut position) = (&stroke.stack_v, stroke.position_um.clone());
-        for nonlinear in [false, true] {
-            for (i, link) in self.links.iter().enumerate() {
-                if (link.effect.acts() == Acts::Nonlinearly) == nonlinear {
-                    link.effect
-                        .on_position(&link.values, &signals(trace, stack_v, i), &mut position);
-                }
-            }
-            if !nonlinear {
-                position.iter_mut().for_each(|y| *y += coefficients[0]);
+    /// The hysteresis alone; the offset is the sensor's, it comes after the linear effects.
+    fn hysteresis(&self, coefficients: &[f64], trace: &Trace<'_>, stack_v: &[f64]) -> Vec<f64> {
+        let basis = self.basis();
+        let mut position_um = self.input_function(coefficients, stack_v);
+        for group in self.groups() {
+            let (scales, weights) = self.of_group(&group, coefficients);
+            self.plays(trace, stack_v, group, |k, _, rate, w| {
+                position_um[k] += weighed(&basis, &scales, &weights, w, rate);
+            });
+        }
+        position_um
+    }
+
+    fn input_function(&self, coefficients: &[f64], stack_v: &[f64]) -> Vec<f64> {
+        let basis = self.basis();
+        let mut cells = vec![0.0; self.design.family.input_powers().len()];
+        let of_input = |&v: &f64| {
+            basis.input(v, &mut cells);
+            cells.iter().zip(&coefficients[1..]).map(|(x, c)| x * c).sum()
+        };
+        stack_v.iter().map(of_input).collect()
+    }
+
+    /// Scales and weights of the plays that move side by side.
+    fn of_group(&self, group: &Range<usize>, coefficients: &[f64]) -> ([PlayScale; LANES], [[f64; 3]; LANES]) {
+        let basis = self.basis();
+        let inputs = self.design.family.input_powers().len();
+        let n = self.design.thresholds.len();
+        let mut scales = [PlayScale::default(); LANES];
+        let mut weights = [[0.0; 3]; LANES];
+        for (l, i) in group.clone().enumerate() {
+            scales[l] = basis.scale(self.design.thresholds[i]);
+            for (power, weight) in weights[l].iter_mut().enumerate().take(self.functions()) {
+                *weight = coefficients[1 + inputs + power * n + i];
             }
         }
+        (scales, weights)
+    }
+
+    fn functions(&self) -> usize {
+        self.design.family.coefficients_a_play()
+    }
+
+    /// The modelled position at the recorded samples from what the hysteresis made of the command.
+    pub(crate) fn respond_from(&self, coefficients: &[f64], trace: &Trace<'_>, own: &Own, stroke: &Stroke) -> Vec<f64> {
+        let mut position = stroke.position_um.clone();
+        self.behind(coefficients[0], trace, own, &stroke.stack_v, &mut position, |_, _| ());
         recorded(trace, &position)
     }
 
+    /// The effects on the position, in place; `before(link, position)` at each nonlinear one.
+    fn behind(
+        &self,
+        offset: f64,
+        trace: &Trace<'_>,
+        own: &Own,
+        stack_v: &[f64],
+        position: &mut [f64],
+        mut before: impl FnMut(usize, &[f64]),
+    ) {
+        for nonlinear in [false, true] {
+            for (i, link) in self.links.iter().enumerate() {
+                if (link.effect.acts() == Acts::Nonlinearly) == nonlinear {
+                    if nonlinear {
+                        before(i, position);
+                    }
+                    link.effect
+                        .on_position(&link.values, &signals(trace, own, stack_v, i), position);
+                }
+            }
+            if !nonlinear {
+                position.iter_mut().for_each(|y| *y += offset);
+            }
+        }
+    }
+
     /// What a link adds to the position at the recorded samples, whatever the position is.
-    pub(crate) fn addition(&self, trace: &Trace<'_>, link: usize) -> Vec<f64> {
-        let stack_v = self.stack(trace);
+    pub(crate) fn addition(&self, trace: &Trace<'_>, own: &Own, link: usize) -> Vec<f64> {
+        let stack_v = self.stack(trace, own);
         let mut position = vec![0.0; stack_v.len()];
         let Link { effect, values } = &self.links[link];
-        effect.on_position(values, &signals(trace, &stack_v, link), &mut position);
+        effect.on_position(values, &signals(trace, own, &stack_v, link), &mut position);
         recorded(trace, &position)
     }
 
@@ -163,100 +241,245 @@ impl Chain {
         link: usize,
         coefficients: &[f64],
         trace: &Trace<'_>,
+        own: &Own,
         before: &Stroke,
     ) -> Vec<f64> {
         let changed = &self.links[link];
-        let same_plays = changed.effect.envelope(&changed.values).is_none();
-        if same_plays && self.stack(trace) == before.stack_v {
-            self.respond_from(coefficients, trace, before)
-        } else {
-            self.respond(coefficients, trace)
+        if changed.effect.envelope(&changed.values).is_none() {
+            let stack_v = self.stack(trace, own);
+            if stack_v == before.stack_v {
+                return self.respond_from(coefficients, trace, own, before);
+            }
+            let position_um = self.hysteresis(coefficients, trace, &stack_v);
+            return self.respond_from(coefficients, trace, own, &Stroke { stack_v, position_um });
         }
+        self.respond(coefficients, trace, own)
     }
 
-    /// The modelled position, and its change with each coefficient.
-    pub(crate) fn tangent(&self, coefficients: &[f64], trace: &Trace<'_>, stroke: &Stroke) -> Tangent {
-        let stack_v = &stroke.stack_v;
-        let n = stack_v.len();
-        let mut columns = vec![vec![0.0; n]; self.design.columns()];
-        let mut row = vec![0.0; columns.len()];
-        self.plays(trace, stack_v, |k, input, rate, outputs| {
-            fill(self.design.family, input, rate, outputs, &mut row);
-            for (column, &value) in columns.iter_mut().zip(&row) {
-                column[k] = value;
-            }
-        });
-        for (i, link) in self.links.iter().enumerate() {
-            if link.effect.acts() == Acts::Linearly {
-                link.effect
-                    .on_positions(&link.values, &signals(trace, stack_v, i), &mut columns[1..]);
-            }
-        }
+    /// The hysteresis' part of the answer, and how the modelled position changes with each coefficient at some of the recorded
+    /// samples: both from one pass of the plays where no nonlinear effect needs the position first.
+    pub(crate) fn stroke_and_columns(
+        &self,
+        coefficients: &[f64],
+        trace: &Trace<'_>,
+        own: &Own,
+        rows: &[usize],
+    ) -> (Stroke, DMatrix<f64>) {
+        let stack_v = self.stack(trace, own);
+        let mut bends: Vec<(usize, Vec<f64>)> = Vec::new();
+        let mut known = None;
         if !self.linear() {
-            self.bend(coefficients, trace, stack_v, &mut columns);
+            let position_um = self.hysteresis(coefficients, trace, &stack_v);
+            let mut position = position_um.clone();
+            self.behind(coefficients[0], trace, own, &stack_v, &mut position, |i, position| {
+                bends.push((i, position.to_vec()));
+            });
+            known = Some(position_um);
         }
-        Tangent {
-            output: self.respond_from(coefficients, trace, stroke),
-            columns: columns.iter().map(|column| recorded(trace, column)).collect(),
+        let at: Vec<usize> = rows.iter().map(|&k| trace.at(k)).collect();
+        let moved = self.links.iter().any(|link| link.effect.acts() == Acts::Linearly);
+        let passing = Passing {
+            chain: self,
+            trace,
+            own,
+            stack_v: &stack_v,
+            bends: &bends,
+            at: &at,
+            // Without memory behind the hysteresis the other samples need not be known.
+            direct: !moved && bends.is_empty(),
+            weights: known.is_none().then_some(coefficients),
+        };
+        let mut columns = DMatrix::zeros(rows.len(), self.design.columns());
+        let mut place = |parts: Columns| {
+            for (j, series) in parts {
+                columns.column_mut(j).copy_from_slice(&series);
+            }
+        };
+        place(passing.of_input());
+        let groups: Vec<(Columns, Vec<f64>)> = self
+            .groups()
+            .into_par_iter()
+            .map(|group| passing.of_plays(&group))
+            .collect();
+        let mut sum = known.unwrap_or_else(|| self.input_function(coefficients, &stack_v));
+        for (parts, of_group) in groups {
+            place(parts);
+            sum.iter_mut().zip(&of_group).for_each(|(sum, own)| *sum += own);
         }
+        let stroke = Stroke {
+            stack_v: stack_v.clone(),
+            position_um: sum,
+        };
+        (stroke, columns)
     }
 
-    /// What the nonlinear effects make of the columns, around the modelled position.
-    fn bend(&self, coefficients: &[f64], trace: &Trace<'_>, stack_v: &[f64], columns: &mut [Vec<f64>]) {
-        let mut position = vec![0.0; stack_v.len()];
-        for (column, &c) in columns.iter().zip(coefficients) {
-            position.iter_mut().zip(column).for_each(|(y, x)| *y += c * x);
-        }
-        for (i, link) in self.links.iter().enumerate() {
-            if link.effect.acts() == Acts::Adds {
-                link.effect
-                    .on_position(&link.values, &signals(trace, stack_v, i), &mut position);
-            }
-        }
-        for (i, link) in self.links.iter().enumerate() {
-            if link.effect.acts() == Acts::Nonlinearly {
-                let signals = signals(trace, stack_v, i);
-                link.effect.on_changes(&link.values, &signals, &position, columns);
-                link.effect.on_position(&link.values, &signals, &mut position);
-            }
-        }
-    }
-
-    /// Lets each effect choose its numbers that belong to this record alone. The offset, which belongs to all of them, is left
+    /// The numbers of each effect that belong to this record alone. The offset, which belongs to all of them, is left
     /// to the fit: a number that undid it would undo every change of it.
-    pub(crate) fn settle(&self, coefficients: &[f64], trace: &mut Trace<'_>) {
-        trace.own = vec![Vec::new(); self.links.len()];
+    pub(crate) fn settle(&self, coefficients: &[f64], trace: &Trace<'_>) -> Own {
+        let mut own = vec![Vec::new(); self.links.len()];
         let with_own: Vec<usize> = (0..self.links.len())
             .filter(|&i| self.links[i].effect.has_own_numbers())
             .collect();
         if with_own.is_empty() {
-            return;
+            return own;
         }
         let mut coefficients = coefficients.to_vec();
         if let Some(offset) = coefficients.first_mut() {
             *offset = 0.0;
         }
-        let stack_v = self.stack(trace);
+        let stack_v = self.stack(trace, &own);
         // Of several the first is chosen again once the others are there: a zero beside the phases of a hum.
         let passes = if with_own.len() > 1 { 2 } else { 1 };
         for &i in with_own.iter().cycle().take(passes * with_own.len()) {
             let link = &self.links[i];
             let mut without = self.clone();
             without.links.remove(i);
-            let mut other = trace.clone();
-            other.own.remove(i);
-            let modelled = without.respond(&coefficients, &other);
+            let mut others = own.clone();
+            others.remove(i);
+            let modelled = without.respond(&coefficients, trace, &others);
             let measured = &trace.record.position_um;
             let unexplained: Vec<f64> = measured.iter().zip(&modelled).map(|(y, m)| y - m).collect();
-            let own = link
-                .effect
-                .settle(&link.values, &signals(trace, &stack_v, i), &unexplained, trace.every);
-            trace.own[i] = own;
+            own[i] = link.effect.settle(
+                &link.values,
+                &signals(trace, &own, &stack_v, i),
+                &unexplained,
+                trace.every,
+            );
         }
+        own
     }
 }
 
-fn signals<'a>(trace: &'a Trace<'_>, stack_v: &'a [f64], link: usize) -> Signals<'a> {
+/// Columns on their way from the hysteresis to the rows that are asked for.
+struct Passing<'p> {
+    chain: &'p Chain,
+    trace: &'p Trace<'p>,
+    own: &'p Own,
+    stack_v: &'p [f64],
+    /// Each nonlinear link with the position before it.
+    bends: &'p [(usize, Vec<f64>)],
+    at: &'p [usize],
+    direct: bool,
+    /// Coefficients, where the plays' part of the position is wanted as well.
+    weights: Option<&'p [f64]>,
+}
+
+impl Passing<'_> {
+    /// Offset and input function.
+    fn of_input(&self) -> Columns {
+        let basis = self.chain.basis();
+        let inputs = self.chain.design.family.input_powers().len();
+        let samples: Vec<usize> = if self.direct {
+            self.at.to_vec()
+        } else {
+            (0..self.stack_v.len()).collect()
+        };
+        let mut series = vec![vec![0.0; samples.len()]; inputs];
+        let mut cells = vec![0.0; inputs];
+        for (place, &k) in samples.iter().enumerate() {
+            basis.input(self.stack_v[k], &mut cells);
+            series.iter_mut().zip(&cells).for_each(|(s, &x)| s[place] = x);
+        }
+        let mut offset = [vec![1.0; samples.len()]];
+        self.bend(&mut offset);
+        let [offset] = offset;
+        let columns = std::iter::once(self.at_rows(offset)).chain(self.through(series));
+        columns.enumerate().collect()
+    }
+
+    /// All functions of some of the plays, and their part of the position.
+    fn of_plays(&self, group: &Range<usize>) -> (Columns, Vec<f64>) {
+        let chain = self.chain;
+        let (basis, n) = (chain.basis(), chain.design.thresholds.len());
+        let inputs = chain.design.family.input_powers().len();
+        let functions = chain.functions();
+        let count = group.len();
+        let none = vec![0.0; chain.design.columns()];
+        let (scales, weights) = chain.of_group(group, self.weights.unwrap_or(&none));
+        let mut sum = vec![0.0; if self.weights.is_some() { self.stack_v.len() } else { 0 }];
+        let samples = if self.direct { self.at.len() } else { self.stack_v.len() };
+        let mut series = vec![vec![0.0; samples]; functions * count];
+        let mut next = 0;
+        chain.plays(self.trace, self.stack_v, group.clone(), |k, _, rate, w| {
+            if let Some(sum) = sum.get_mut(k) {
+                *sum = weighed(&basis, &scales, &weights, w, rate);
+            }
+            if self.direct {
+                if self.at.get(next) != Some(&k) {
+                    return;
+                }
+            } else {
+                next = k;
+            }
+            for l in 0..count {
+                let own = basis.play(scales[l], w[l], rate);
+                for (power, &value) in own.iter().enumerate().take(functions) {
+                    series[power * count + l][next] = value;
+                }
+            }
+            next += 1;
+        });
+        let columns = self
+            .through(series)
+            .into_iter()
+            .enumerate()
+            .map(|(place, column)| {
+                let (power, l) = (place / count, place % count);
+                (1 + inputs + power * n + group.start + l, column)
+            })
+            .collect();
+        (columns, sum)
+    }
+
+    /// Columns through all that stands behind the hysteresis, at the rows.
+    fn through(&self, mut series: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+        if self.direct {
+            return series;
+        }
+        for (i, link) in self.chain.links.iter().enumerate() {
+            if link.effect.acts() == Acts::Linearly {
+                let signals = signals(self.trace, self.own, self.stack_v, i);
+                link.effect.on_positions(&link.values, &signals, &mut series);
+            }
+        }
+        self.bend(&mut series);
+        series.into_iter().map(|column| self.at_rows(column)).collect()
+    }
+
+    fn bend(&self, series: &mut [Vec<f64>]) {
+        for (i, position) in self.bends {
+            let link = &self.chain.links[*i];
+            let signals = signals(self.trace, self.own, self.stack_v, *i);
+            link.effect.on_changes(&link.values, &signals, position, series);
+        }
+    }
+
+    fn at_rows(&self, column: Vec<f64>) -> Vec<f64> {
+        if self.direct {
+            return column;
+        }
+        self.at.iter().map(|&k| column[k]).collect()
+    }
+}
+
+/// The plays' part of the position.
+#[inline(always)]
+fn weighed(
+    basis: &Basis,
+    scales: &[PlayScale; LANES],
+    weights: &[[f64; 3]; LANES],
+    w: &[f64; LANES],
+    rate: f64,
+) -> f64 {
+    let mut sum = 0.0;
+    for l in 0..LANES {
+        let own = basis.play(scales[l], w[l], rate);
+        sum += weights[l][0] * own[0] + weights[l][1] * own[1] + weights[l][2] * own[2];
+    }
+    sum
+}
+
+fn signals<'a>(trace: &'a Trace<'_>, own: &'a Own, stack_v: &'a [f64], link: usize) -> Signals<'a> {
     Signals {
         period_s: trace.period_s,
         run_in: trace.run_in,
@@ -268,7 +491,7 @@ fn signals<'a>(trace: &'a Trace<'_>, stack_v: &'a [f64], link: usize) -> Signals
         at_stack_v: stack_v,
         temperature_c: trace.temperature_c.as_deref(),
         voltage2_v: trace.voltage2_v.as_deref(),
-        own: trace.own.get(link).map_or(&[], Vec::as_slice),
+        own: own.get(link).map_or(&[], Vec::as_slice),
     }
 }
 

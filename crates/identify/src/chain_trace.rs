@@ -10,10 +10,6 @@ use hysteron_data::Record;
 pub(crate) struct Trace<'a> {
     pub record: &'a Record,
     pub initial: InitialState,
-    /// Weight of each squared error.
-    pub weight: f64,
-    /// First recorded sample that is fitted.
-    pub fit_from: usize,
     /// Samples of run-in before the record.
     pub run_in: usize,
     /// Whether the stage rested before the record, where that is periodic.
@@ -25,8 +21,6 @@ pub(crate) struct Trace<'a> {
     pub voltage_v: Vec<f64>,
     pub temperature_c: Option<Vec<f64>>,
     pub voltage2_v: Option<Vec<f64>>,
-    /// Numbers of this record alone, one list a link of the chain.
-    pub own: Vec<Vec<f64>>,
 }
 
 impl<'a> Trace<'a> {
@@ -41,8 +35,6 @@ impl<'a> Trace<'a> {
         Self {
             record,
             initial,
-            weight: 1.0,
-            fit_from: 0,
             run_in: period * every,
             rested: period > 0 && rested(&record.position_um, period),
             every,
@@ -50,7 +42,6 @@ impl<'a> Trace<'a> {
             voltage_v: drive(voltage_v, period, every),
             temperature_c: slow(&record.temperature_c.as_ref().map(|t| smoothed(t))),
             voltage2_v: slow(&record.voltage2_v),
-            own: Vec::new(),
         }
     }
 
@@ -59,12 +50,9 @@ impl<'a> Trace<'a> {
         let mut other = match (self.initial, initial) {
             // The series stay as they are.
             (InitialState::Remanent { .. }, InitialState::Remanent { .. }) => self.clone(),
-            _ => Self {
-                own: self.own.clone(),
-                ..Self::new(self.record, initial, fine)
-            },
+            _ => Self::new(self.record, initial, fine),
         };
-        (other.initial, other.weight, other.fit_from) = (initial, self.weight, self.fit_from);
+        other.initial = initial;
         other
     }
 

@@ -183,6 +183,7 @@ mod tests {
         for family in Family::ALL {
             let options = FitOptions {
                 direction: Direction::Inverse,
+                plays: 10,
                 ..FitOptions::new(family)
             };
             let model = fit(&dataset, &options, &|_| ()).unwrap().model;
@@ -217,21 +218,26 @@ mod tests {
     fn refuse_to_leave_effects_out() {
         let dataset = dataset();
         let model = fit(&dataset, &FitOptions::new(Family::Mpi), &|_| ()).unwrap().model;
-        let delayed = crate::add_effect(&dataset, &model, crate::EffectId::Delay, &|_| ())
-            .unwrap()
-            .model;
+        let with = |id: crate::EffectId| {
+            let adding = crate::Adding {
+                noise_um: 1e-3,
+                keep_family: true,
+            };
+            crate::add(&dataset, &model, &crate::effects::find(id), adding, &|_| ())
+                .unwrap()
+                .model
+        };
+        let delayed = with(crate::EffectId::Delay);
         let refused = delayed.to_core::<f64, 10>(0.0, 26.0, 50e3).unwrap_err().to_string();
         assert!(refused.contains("the model has delay around it"), "{refused}");
 
         let input = &dataset.records[0].voltage_v;
         let start = InitialState::Periodic { samples: 500 };
-        let with = delayed.simulate_input(input, 20e-6, start).unwrap();
+        let alone = delayed.simulate_input(input, 20e-6, start).unwrap();
         let record = delayed.simulate(&dataset.records[0]);
         assert_eq!(record.initial, start);
-        assert_eq!(with, record.output);
-        let hummed = crate::add_effect(&dataset, &model, crate::EffectId::MainsHum, &|_| ())
-            .unwrap()
-            .model;
+        assert_eq!(alone, record.output);
+        let hummed = with(crate::EffectId::MainsHum);
         let refused = hummed.simulate_input(input, 20e-6, start).unwrap_err().to_string();
         assert!(refused.contains("`mains-hum` needs more than a voltage"), "{refused}");
     }

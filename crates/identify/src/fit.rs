@@ -3,10 +3,12 @@
 use crate::columns::{Design, Run};
 use crate::error::IdentifyError;
 use crate::family::{Direction, Family, MAX_PLAYS, peak_to_peak, range};
+use crate::history::record_errors;
 use crate::initial;
 use crate::model::{FittedOn, FittedRecord, Method, Model};
 use crate::objective::{Weighting, runs};
 use crate::placement::{Placement, thresholds};
+use crate::search::{FREE_PLAYS, Search, Shape};
 use crate::separable::{self, Solved};
 use crate::start_state::InitialState;
 use crate::{mpso, uncertainty};
@@ -33,12 +35,13 @@ pub struct FitOptions {
 }
 
 impl FitOptions {
-    /// The defaults for a family: forward, 10 plays placed on the data, separable, records weighed as they are reported.
+    /// The defaults for a family: forward, 10 plays (18 of the free shape) placed on the data, separable, records weighed as they
+    /// are reported.
     pub fn new(family: Family) -> Self {
         Self {
             family,
             direction: Direction::Forward,
-            plays: 10,
+            plays: default_plays(family),
             placement: Placement::Data,
             method: Method::Separable,
             weighting: Weighting::Record,
@@ -54,6 +57,14 @@ impl FitOptions {
             weighting: Weighting::LoopOpening,
             ..Self::new(family)
         }
+    }
+}
+
+/// Plays of a family where none are asked for: the paper's ten, or those of the free shape.
+pub fn default_plays(family: Family) -> usize {
+    match family {
+        Family::PlayPolynomial => FREE_PLAYS,
+        Family::Pi | Family::Mpi | Family::Wrpi | Family::Mrpi => 10,
     }
 }
 
@@ -87,6 +98,9 @@ pub fn fit(
     check(&runs, options)?;
     let inputs: Vec<&[f64]> = runs.iter().map(|run| run.input).collect();
     let placed = thresholds(options.placement, options.plays, &inputs);
+    if options.family == Family::PlayPolynomial && options.direction == Direction::Forward {
+        return free_shape(dataset, options, &runs, placed, progress);
+    }
     let rate_independent = Design {
         family: options.family,
         thresholds: placed.clone(),
@@ -127,6 +141,64 @@ pub fn fit(
     let model = assemble(dataset, options, &runs, &solved);
     progress(1.0);
     Ok(FitReport { model, objective })
+}
+
+/// The free shape is fitted as every chain around it is: one search.
+fn free_shape(
+    dataset: &Dataset,
+    options: &FitOptions,
+    runs: &[Run<'_>],
+    thresholds: Vec<f64>,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<FitReport, IdentifyError> {
+    let stroke_um = runs.iter().map(|run| peak_to_peak(run.output)).fold(0.0, f64::max);
+    let skeleton = skeleton(dataset, options, thresholds);
+    progress(0.1);
+    let search = Search::new(dataset, &skeleton, &Shape::Own, QUIET * stroke_um)?;
+    progress(0.9);
+    let model = search.model();
+    let objective = runs
+        .iter()
+        .zip(
+            record_errors(dataset, &model)
+                .iter()
+                .filter(|error| error.role == Role::Identify),
+        )
+        .map(|(run, error)| run.weight * run.output.len() as f64 * error.rms.powi(2))
+        .sum();
+    progress(1.0);
+    Ok(FitReport { model, objective })
+}
+
+/// Noise that a fit of the hysteresis alone reckons with, as a share of the stroke: below it no record is worth more than another.
+const QUIET: f64 = 1e-4;
+
+/// A model of which nothing is fitted yet.
+fn skeleton(dataset: &Dataset, options: &FitOptions, thresholds: Vec<f64>) -> Model {
+    Model {
+        family: options.family,
+        direction: options.direction,
+        thresholds,
+        envelope: None,
+        envelope_errors: None,
+        coefficients: Vec::new(),
+        standard_errors: Vec::new(),
+        input_min: 0.0,
+        input_max: 0.0,
+        effects: Vec::new(),
+        history: Vec::new(),
+        fitted_on: FittedOn {
+            dataset: dataset.name.clone(),
+            method: options.method,
+            weighting: options.weighting,
+            placement: options.placement,
+            seed: None,
+            ridge: 0.0,
+            noise: None,
+            records: Vec::new(),
+        },
+        notices: Vec::new(),
+    }
 }
 
 fn check(runs: &[Run<'_>], options: &FitOptions) -> Result<(), IdentifyError> {

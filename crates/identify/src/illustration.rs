@@ -176,9 +176,10 @@ fn enrich(richer: &Shape, before: &[f64], coefficients: &[f64]) -> Vec<f64> {
 }
 
 fn run(design: &Design, coefficients: &[f64], link: Option<Link>, record: &Record) -> Vec<f64> {
-    let chain = Chain::new(design.clone(), link.into_iter().collect(), FULL_V);
+    let chain = Chain::new(design.clone(), link.into_iter().collect(), [0.0, FULL_V]);
     let trace = Trace::new(record, InitialState::Remanent { fraction: 0.0 }, chain.dynamic());
-    chain.respond(coefficients, &trace)
+    let coefficients = chain.basis().of_powers(&design.thresholds, coefficients);
+    chain.respond(&coefficients, &trace, &vec![Vec::new(); chain.links.len()])
 }
 
 /// Values to try: where searches start, all parameters together, then each alone, moved away from where it does nothing.

@@ -4,11 +4,10 @@
 //! it freely on a record. The operators and the arithmetic are those of `hysteron_core` in `f64`.
 #![forbid(unsafe_code)]
 
+pub mod add;
+mod basis;
 mod chain;
-pub mod chain_add;
 mod chain_facts;
-mod chain_fit;
-mod chain_start;
 mod chain_trace;
 mod columns;
 pub mod control;
@@ -29,13 +28,14 @@ pub mod objective;
 pub mod period;
 pub mod placement;
 pub mod rivals;
+pub mod search;
 mod separable;
 pub mod simplex;
 mod simulate;
 mod start_state;
 mod uncertainty;
 
-pub use chain_add::{Added, add_effect, add_own_effect, check_own_effect, remove_effect};
+pub use add::{Added, Adding, add, check_own_effect, remove};
 pub use chain_facts::facts;
 pub use core_model::CoreModel;
 pub use error::IdentifyError;
@@ -46,4 +46,5 @@ pub use hysteron_effects as effects;
 pub use hysteron_effects::{EffectId, EffectName};
 pub use model::{Change, FittedEffect, Method, Model, Parameter, RecordError, Simulation, Step, StepSubject};
 pub use placement::Placement;
+pub use search::Search;
 pub use start_state::InitialState;

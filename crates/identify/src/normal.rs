@@ -24,6 +24,39 @@ impl Normal {
         }
     }
 
+    /// The system of whole columns: a product of matrices fills the vector unit where sums row by row do not.
+    pub(crate) fn of_columns(columns: &DMatrix<f64>, target: &DVector<f64>) -> Self {
+        let n = columns.ncols();
+        let product = columns.transpose() * columns;
+        Self {
+            columns: n,
+            gram: (0..n * n).map(|cell| product[(cell / n, cell % n)]).collect(),
+            rhs: columns.tr_mul(target).iter().copied().collect(),
+            target_squares: target.norm_squared(),
+            samples: target.len(),
+        }
+    }
+
+    /// This system with one more column behind the others: its products with them, with itself, and with the target.
+    pub(crate) fn bordered(&self, across: &DVector<f64>, own: f64, with_target: f64) -> Self {
+        let n = self.columns + 1;
+        let mut wider = Self::new(n);
+        for i in 0..self.columns {
+            wider.gram[i * n..=i * n + i].copy_from_slice(&self.gram[i * self.columns..=i * self.columns + i]);
+        }
+        wider.gram[(n - 1) * n..n * n - 1].copy_from_slice(across.as_slice());
+        wider.gram[n * n - 1] = own;
+        wider.rhs[..n - 1].copy_from_slice(&self.rhs);
+        wider.rhs[n - 1] = with_target;
+        (wider.target_squares, wider.samples) = (self.target_squares, self.samples);
+        wider
+    }
+
+    /// Number of columns.
+    pub(crate) fn columns(&self) -> usize {
+        self.columns
+    }
+
     /// Adds one row.
     #[inline]
     pub(crate) fn add_row(&mut self, row: &[f64], target: f64) {

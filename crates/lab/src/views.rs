@@ -169,7 +169,7 @@ pub(crate) async fn diagnosis(State(app): Shared, Query(parameters): Parameters)
     let numbers: Value = serde_json::from_str(&text).map_err(|error| Refusal::disk(&file, &error))?;
     let read: hysteron_diagnose::diagnosis::Diagnosis =
         serde_json::from_str(&text).map_err(|error| Refusal::disk(&file, &error))?;
-    let read_names: Vec<String> = read.ranking.iter().map(|effect| effect.effect.clone()).collect();
+    let read_names: Vec<String> = read.ranking.iter().map(|effect| effect.effect.to_string()).collect();
     let signatures: Vec<hysteron_diagnose::Signature> = tokio::fs::read_to_string(&shown)
         .await
         .ok()

@@ -2,7 +2,6 @@
 
 use hysteron_diagnose::Signature;
 use hysteron_diagnose::diagnosis::{Diagnosis, Level, RankedEffect};
-use hysteron_identify::EffectId;
 
 use crate::canvas::{LegendEntry, Size, Swatch};
 use crate::diagnosis_words::{diagnosis_lines, effect_name, verdict_sentence};
@@ -36,7 +35,7 @@ pub(crate) fn section(diagnosis: &Diagnosis, signatures: &[Signature]) -> Sectio
     }
     section = section.with(Block::Table(table(diagnosis)));
     for effect in &diagnosis.ranking {
-        let signature = signatures.iter().find(|one| one.effect.as_str() == effect.effect);
+        let signature = signatures.iter().find(|one| one.effect == effect.effect);
         if effect.significant || signature.is_some() {
             section = section.with(card(diagnosis, effect, signature));
         }
@@ -87,7 +86,7 @@ fn shares(ranking: &[RankedEffect]) -> Option<Figure> {
         .iter()
         .filter(|effect| effect.share.is_finite() && effect.share >= 0.0)
         .map(|effect| Bar {
-            label: effect_name(&effect.effect, false),
+            label: effect_name(effect.effect.as_str(), false),
             value: 100.0 * effect.share,
             text: format!("{:.0}\u{a0}%", 100.0 * effect.share),
             reference: None,
@@ -127,14 +126,13 @@ fn table(diagnosis: &Diagnosis) -> Table {
         .iter()
         .fold(Table::new(&title, &columns), |table, effect| {
             table.row(vec![
-                Cell::text(effect_name(&effect.effect, false)),
+                Cell::text(effect_name(effect.effect.as_str(), false)),
                 Cell::text(match effect.level {
                     Level::Physical => "physical",
                     Level::Shape => "shape of the loops",
                 }),
-                Cell::number(effect.identify_percent),
-                // Without such records there is no error on them.
-                Cell::number(diagnosis.before.validate_percent.map(|_| effect.validate_percent)),
+                Cell::number(effect.errors.identify_percent),
+                Cell::number(effect.errors.validate_percent),
                 Cell::number(effect.statistic),
                 Cell::number(effect.threshold),
                 Cell::number(100.0 * effect.share),
@@ -165,7 +163,7 @@ fn card(diagnosis: &Diagnosis, effect: &RankedEffect, signature: Option<&Signatu
             tried.map(|p| fact(&p.name, p.value, None, &p.unit)).collect()
         }
     };
-    if let Ok(known) = effect.effect.parse::<EffectId>() {
+    if let Some(known) = effect.effect.id() {
         let known = known.effect();
         let words = known.description();
         facts.extend([
@@ -180,7 +178,7 @@ fn card(diagnosis: &Diagnosis, effect: &RankedEffect, signature: Option<&Signatu
     let counts = if effect.significant {
         "Significant, and large enough to matter.".to_owned()
     } else if diagnosis.further.contains(&effect.effect) {
-        let first = effect_name(&diagnosis.verdict, false);
+        let first = effect_name(diagnosis.verdict.as_str(), false);
         format!("Counts once {first} is in the model: add that first, then this.")
     } else {
         "Does not count: not significant, too small to matter, or another explains the same better.".to_owned()
@@ -188,7 +186,7 @@ fn card(diagnosis: &Diagnosis, effect: &RankedEffect, signature: Option<&Signatu
     let mut blocks = vec![Block::Text(counts)];
     blocks.extend(signature.and_then(picture).map(Block::Figure));
     blocks.push(Block::Facts(facts));
-    Block::Group(effect_name(&effect.effect, true), blocks)
+    Block::Group(effect_name(effect.effect.as_str(), true), blocks)
 }
 
 /// The error of one record without an effect and with it.

@@ -2,23 +2,56 @@
 
 use crate::lock_words::left_line;
 use crate::number::significant;
-use hysteron_diagnose::diagnosis::{Diagnosis, Level, RankedEffect};
+use hysteron_diagnose::diagnosis::{Diagnosis, Level, RankedEffect, Reason, Verdict};
+use hysteron_identify::{EffectId, EffectName};
 
 /// The verdict in one sentence.
 pub fn verdict_sentence(diagnosis: &Diagnosis) -> String {
-    if !diagnosis.cannot_answer.is_empty() {
+    let blocking: Vec<&Reason> = diagnosis
+        .cannot_answer
+        .iter()
+        .filter(|reason| reason.blocks())
+        .collect();
+    if !blocking.is_empty() {
         return "These records cannot say which effect is missing.".to_owned();
     }
-    match diagnosis.verdict.as_str() {
-        "none" => "Nothing is missing: what is left is sensor noise and the known coarseness of the model.".to_owned(),
-        "unknown" => "Structure remains that no effect of the catalogue explains.".to_owned(),
-        "hysteresis-shape" => {
-            "Nothing physical is missing; the family of plays is too poor for the shape of these loops.".to_owned()
+    let share = diagnosis
+        .share
+        .filter(|share| (0.0..=1.0).contains(share))
+        .map_or(String::new(), |share| {
+            format!(
+                " It takes {:.0}\u{a0}% of the squared error above noise and coarseness.",
+                100.0 * share
+            )
+        });
+    match &diagnosis.verdict {
+        Verdict::Nothing => {
+            "Nothing is missing: what is left is sensor noise and the known coarseness of the model.".to_owned()
         }
-        name if diagnosis.also_possible.is_empty() => format!("{} is missing.", effect_name(name, true)),
-        name => format!(
-            "{} is missing, or {}: these records cannot tell them apart.",
-            effect_name(name, true),
+        Verdict::Unknown if diagnosis.also_possible.is_empty() => {
+            "Structure remains that no effect of the catalogue explains.".to_owned()
+        }
+        Verdict::Unknown => format!(
+            "Structure remains. It could be {}, but too much stays unexplained with it to name it.",
+            list(&diagnosis.also_possible, "or")
+        ),
+        Verdict::Effect(name) if *name == EffectId::HysteresisShape => {
+            let alike = if diagnosis.also_possible.is_empty() {
+                String::new()
+            } else {
+                format!(
+                    " The loops alone do not tell it from {}: a sensor of another kind would.",
+                    list(&diagnosis.also_possible, "or")
+                )
+            };
+            format!("The family of plays is too poor for the shape of these loops.{alike}")
+        }
+        Verdict::Effect(name) if diagnosis.also_possible.is_empty() => {
+            format!("{} is missing.{share}", effect_name(name.as_str(), true))
+        }
+        Verdict::Effect(name) => format!(
+            "{} is missing, or {}: these records cannot tell them apart.{share}",
+            effect_name(name.as_str(), true),
             list(&diagnosis.also_possible, "or")
         ),
     }
@@ -29,7 +62,7 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
     let mut lines: Vec<String> = diagnosis
         .cannot_answer
         .iter()
-        .map(|reason| sentence(reason_in_words(reason)))
+        .map(|reason| sentence(reason_in_words(*reason)))
         .collect();
     if !diagnosis.further.is_empty() {
         lines.push(format!(
@@ -37,8 +70,10 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
             list(&diagnosis.further, "and")
         ));
     }
-    let seen = |r: &&RankedEffect| r.effect == "backlash" && r.level == Level::Physical && r.significant;
-    if let Some(lost) = diagnosis.ranking.iter().find(seen) {
+    let seen = |r: &&RankedEffect| r.effect == EffectId::Backlash && r.level == Level::Physical && r.significant;
+    if let Some(lost) = diagnosis.ranking.iter().find(seen)
+        && lost.parameters.iter().any(|p| p.name == "dead_band")
+    {
         let value = |name: &str| {
             lost.parameters
                 .iter()
@@ -53,18 +88,7 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
             significant(value("largest_width"))
         ));
     }
-    let drift = diagnosis
-        .ranking
-        .iter()
-        .find(|r| r.effect == "thermal-drift" && r.significant);
-    let rate = drift.and_then(|drift| drift.parameters.iter().find(|p| p.name == "position_per_hour"));
-    if let Some(rate) = rate {
-        lines.push(format!(
-            "The position drifts by {}\u{a0}um/h, one rate for all records. No temperature was recorded, so heat is not told from what a \
-             stage or its amplifier does after it is switched on: record the temperature, and a long rest at 0\u{a0}V.",
-            significant(rate.value)
-        ));
-    }
+    lines.extend(drift_line(diagnosis));
     if let Some(known_s) = diagnosis.known_delay_s {
         let us = |seconds: f64| 1e6 * seconds;
         let more = diagnosis.delay_s().map_or(String::new(), |more_s| {
@@ -104,19 +128,37 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
     lines
 }
 
+/// A drift without a temperature, in words.
+fn drift_line(diagnosis: &Diagnosis) -> Option<String> {
+    let named = |name: &EffectName| *name == EffectId::ThermalDrift;
+    let drift = diagnosis.ranking.iter().find(|r| named(&r.effect) && r.significant)?;
+    let counts = diagnosis.verdict.effect().is_some_and(named) || diagnosis.further.iter().any(named);
+    let without_temperature = drift.parameters.iter().any(|p| p.name == "reference" && p.value == 0.0);
+    let rate = drift
+        .parameters
+        .iter()
+        .find(|p| p.name == "shift")
+        .filter(|_| counts && without_temperature)?;
+    Some(format!(
+        "The position drifts by {}\u{a0}um/h, one rate for all records. No temperature was recorded, so heat is not told from what a \
+         stage or its amplifier does after it is switched on: record the temperature, and a long rest at 0\u{a0}V.",
+        significant(rate.value)
+    ))
+}
+
 /// Why records cannot answer, in words.
-pub fn reason_in_words(reason: &str) -> &str {
+pub fn reason_in_words(reason: Reason) -> &'static str {
     match reason {
-        "nothing-moves" => "the voltage stands still in every record",
-        "no-validation" => "no record that moves has role validate: an effect could be judged only where it was fitted",
-        "no-identification" => "no record that moves has role identify",
-        "all-noise" => "the stroke is less than 30 times the noise: a medium effect drowns in it",
-        "clipped" => {
-            "the position stands on its largest or smallest value in over 5 % of the samples while the voltage moves"
+        Reason::NothingMoves => "the voltage stands still in every record",
+        Reason::AllNoise => "the stroke is less than 30 times the noise: a medium effect drowns in it",
+        Reason::Clipped => {
+            "the position stands on its largest or smallest value in over 5 % of the samples while the voltage moves: \
+             what lies beyond is not known"
         }
-        "one-excitation" => "only one sine was played: at one frequency and amplitude all effects look alike",
-        "too-short" => "the records that move last too short a time",
-        other => other,
+        Reason::OneSine => {
+            "only one sine was played: of what widens or bends the loops nothing is told; drift, creep, hum and coupling are"
+        }
+        Reason::NothingHeldOut => "no part of the records is left to judge by that was not fitted",
     }
 }
 
@@ -141,8 +183,8 @@ fn sentence(text: &str) -> String {
 }
 
 /// `a`, `a or b`, `a, b or c`.
-fn list(names: &[String], before_last: &str) -> String {
-    let names: Vec<String> = names.iter().map(|name| effect_name(name, false)).collect();
+fn list(names: &[EffectName], before_last: &str) -> String {
+    let names: Vec<String> = names.iter().map(|name| effect_name(name.as_str(), false)).collect();
     match names.split_last() {
         None => String::new(),
         Some((last, [])) => last.clone(),
@@ -158,7 +200,11 @@ mod tests {
     fn golden_names_and_lists_read_as_words() {
         assert_eq!(effect_name("first-order-lag", true), "First-order lag");
         assert_eq!(effect_name("slew-limit", false), "slew limit");
-        let names = |n: &[&str]| n.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>();
+        let names = |n: &[&str]| {
+            n.iter()
+                .map(|s| hysteron_identify::EffectName::of(s))
+                .collect::<Vec<_>>()
+        };
         assert_eq!(list(&names(&[]), "or"), "");
         assert_eq!(list(&names(&["delay"]), "or"), "delay");
         assert_eq!(

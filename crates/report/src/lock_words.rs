@@ -1,7 +1,7 @@
 //! Where a model fails and what an error goes with, in plain sentences.
 
 use crate::number::{percent, significant};
-use hysteron_diagnose::diagnosis::{Diagnosis, Lock, WhereItFails};
+use hysteron_diagnose::diagnosis::{Diagnosis, Lock, LockTo, Verdict, WhereItFails};
 
 /// Share of a squared error from which what it goes with is named.
 const NAMED: f64 = 0.1;
@@ -62,7 +62,7 @@ pub(crate) fn left_line(diagnosis: &Diagnosis) -> Option<String> {
     let names = locked(locks)?;
     let look = locks
         .first()
-        .filter(|_| diagnosis.verdict == "unknown")
+        .filter(|_| diagnosis.verdict == Verdict::Unknown)
         .map_or(String::new(), |lock| format!(": {}", where_to_look(lock)));
     Some(format!("What is left unexplained goes with {names}{look}."))
 }
@@ -83,14 +83,14 @@ fn locked(locks: &[Lock]) -> Option<String> {
 /// A quantity as a part of a sentence.
 pub fn lock_in_words(lock: &Lock) -> String {
     let value = |name: &str| lock.parameters.iter().find(|p| p.name == name).map(|p| p.value);
-    let name = match lock.to.as_str() {
-        "position and speed" => "position and speed together",
-        "cycle count" => "the cycle count",
-        "record order" => "the order of the records",
-        "record" => "the single record",
-        "sample clock" => "the sample clock",
-        "other axis" => "the other axis",
-        other => other,
+    let name = match lock.to {
+        LockTo::PositionAndSpeed => "position and speed together",
+        LockTo::CycleCount => "the cycle count",
+        LockTo::RecordOrder => "the order of the records",
+        LockTo::Record => "single records",
+        LockTo::SampleClock => "the sample clock",
+        LockTo::OtherAxis => "the other axis",
+        LockTo::Time | LockTo::Position | LockTo::Speed | LockTo::Temperature => lock.to.as_str(),
     };
     if let Some(hz) = value("frequency") {
         format!("{name}, a line at {}\u{a0}Hz", significant(hz))
@@ -105,21 +105,26 @@ pub fn lock_in_words(lock: &Lock) -> String {
 
 /// What makes an error that goes with a quantity and has no effect in the catalogue.
 fn where_to_look(lock: &Lock) -> &'static str {
-    match lock.to.as_str() {
-        "time" if !lock.parameters.is_empty() => "a vibration, of a fan, a pump, the floor or another loop",
-        "time" => "something drifts or jumps whatever the drive does, as a cable, a clamp or the room's air",
-        "position" => "a function of the position, as of a scale's interpolation or a linearisation table",
-        "speed" => "a function of the speed, of another form than the catalogue's delays, lags and rate dependence",
-        "position and speed" => "a lag or a friction that depends on the position",
-        "cycle count" => "the gain changes with the cycles that were run, as of heating by its own losses or fatigue",
-        "record order" => {
+    match lock.to {
+        LockTo::Time if !lock.parameters.is_empty() => "a vibration, of a fan, a pump, the floor or another loop",
+        LockTo::Time => "it changes with time, whatever the drive does",
+        LockTo::Position => "a function of the position, as of a scale's interpolation or a linearisation table",
+        LockTo::Speed => {
+            "a function of the speed, of another form than the catalogue's delays, lags and rate dependence"
+        }
+        LockTo::PositionAndSpeed => "a lag or a friction that depends on the position",
+        LockTo::CycleCount => {
+            "the gain changes with the cycles that were run, as of heating by its own losses or fatigue"
+        }
+        LockTo::RecordOrder => {
             "the gain or the zero changes from record to record, as of ageing, depolarisation or warming up"
         }
-        "record" => "gain or zero of single records differ, as of a mount or a range that was changed between them",
-        "sample clock" => "instants scatter or samples are lost: look at the trigger and the buffers of the recorder",
-        "temperature" => "it follows the temperature by another law than a drift of position or gain",
-        "other axis" => "it follows the other axis by another law than a cross-coupling in proportion",
-        _ => "nothing is known of what makes such an error",
+        LockTo::Record => "gain or zero of single records differ",
+        LockTo::SampleClock => {
+            "instants scatter or samples are lost: look at the trigger and the buffers of the recorder"
+        }
+        LockTo::Temperature => "it follows the temperature by another law than a drift of position or gain",
+        LockTo::OtherAxis => "it follows the other axis by another law than a cross-coupling in proportion",
     }
 }
 
@@ -130,20 +135,16 @@ mod tests {
 
     #[test]
     fn golden_locks_read_as_words() {
-        let lock = |to: &str, share: f64, parameters: Vec<EffectParameter>| Lock {
-            to: to.to_owned(),
-            share,
-            parameters,
-        };
+        let lock = |to: LockTo, share: f64, parameters: Vec<EffectParameter>| Lock { to, share, parameters };
         let frequency = EffectParameter {
             name: "frequency".to_owned(),
             value: 173.24,
             unit: "Hz".to_owned(),
         };
         let locks = [
-            lock("time", 0.82, vec![frequency]),
-            lock("record order", 0.4, Vec::new()),
-            lock("speed", 0.09, Vec::new()),
+            lock(LockTo::Time, 0.82, vec![frequency]),
+            lock(LockTo::RecordOrder, 0.4, Vec::new()),
+            lock(LockTo::Speed, 0.09, Vec::new()),
         ];
         assert_eq!(
             locked(&locks).as_deref(),

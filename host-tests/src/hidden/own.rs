@@ -1,9 +1,9 @@
 //! Effects outside of the catalogue, described by effect files as a user who suspects them would write them.
 
 use super::Example;
-use hysteron_diagnose::{diagnose, diagnose_with};
+use hysteron_diagnose::{add_own, diagnose, diagnose_with};
 use hysteron_identify::effects::{Effect as _, EffectError, UserEffect};
-use hysteron_identify::{Added, FitOptions, IdentifyError, Model, add_own_effect, fit};
+use hysteron_identify::{Added, FitOptions, IdentifyError, Model, fit};
 use hysteron_plant::challenge::Effect;
 
 /// What is suspected.
@@ -76,7 +76,7 @@ pub fn start(example: &Example) -> Result<Model, IdentifyError> {
 /// Asks the tool, without the file and with it; adds the effect where asked.
 ///
 /// # Errors
-/// As [`fit()`] and [`add_own_effect`].
+/// As [`fit()`] and [`add_own`].
 pub fn answers(example: &Example, subject: Subject, add: bool) -> Result<Answers, IdentifyError> {
     let own = subject.file(example)?;
     let model = start(example)?;
@@ -86,20 +86,25 @@ pub fn answers(example: &Example, subject: Subject, add: bool) -> Result<Answers
     let with = diagnose_with(&example.dataset, &model, &[own], &|_, _| {})?;
     let second_s = clock.elapsed().as_secs_f64() - first_s;
     let added: Option<Added> = if add {
-        Some(add_own_effect(&example.dataset, &model, own, &|_| {})?)
+        Some(add_own(&example.dataset, &model, own, &|_| {})?)
     } else {
         None
     };
     let third_s = clock.elapsed().as_secs_f64() - first_s - second_s;
-    let at = with.ranking.iter().position(|r| r.effect == own.name().as_str());
+    let at = with.ranking.iter().position(|r| r.effect == own.name());
     Ok(Answers {
-        without: without.verdict,
-        with: with.verdict.clone(),
+        without: without.verdict.to_string(),
+        with: with.verdict.to_string(),
         ranked: at.map(|at| {
             let entry = &with.ranking[at];
             (at, entry.statistic, entry.share, entry.significant)
         }),
-        also: with.also_possible.iter().chain(&with.further).cloned().collect(),
+        also: with
+            .also_possible
+            .iter()
+            .chain(&with.further)
+            .map(ToString::to_string)
+            .collect(),
         error_percent: added
             .as_ref()
             .and_then(|a| a.before.validate_percent.zip(a.after.validate_percent)),

@@ -27,10 +27,10 @@ impl From<Diagnosis> for Answer {
         let mut locks = diagnosis.unexplained.locked_to.into_iter();
         let locked_to = locks.next().filter(|lock| lock.share > 0.1);
         Self {
-            locked_to: locked_to.map_or(String::new(), |lock| lock.to),
-            verdict: diagnosis.verdict,
-            also_possible: diagnosis.also_possible,
-            further: diagnosis.further,
+            locked_to: locked_to.map_or(String::new(), |lock| lock.to.as_str().to_owned()),
+            verdict: diagnosis.verdict.as_str().to_owned(),
+            also_possible: diagnosis.also_possible.iter().map(ToString::to_string).collect(),
+            further: diagnosis.further.iter().map(ToString::to_string).collect(),
         }
     }
 }
@@ -108,7 +108,7 @@ pub fn learned(example: &Example) -> Answer {
         Ok(learned) => {
             let mut effects = learned.model.effects.into_iter().map(|effect| effect.name.to_string());
             Answer {
-                verdict: effects.next().unwrap_or(learned.diagnosis.verdict),
+                verdict: effects.next().unwrap_or_else(|| learned.diagnosis.verdict.to_string()),
                 also_possible: Vec::new(),
                 further: effects.collect(),
                 locked_to: String::new(),

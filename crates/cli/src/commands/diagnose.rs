@@ -7,7 +7,7 @@ use crate::{output, progress};
 use clap::Args;
 use hysteron_data::Dataset;
 use hysteron_diagnose::Signature;
-use hysteron_diagnose::diagnosis::{Diagnosis, Level};
+use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_identify::{Direction, Model};
 use hysteron_report::{Context, diagnosis_lines, diagnosis_page, facts, failing_lines, verdict_sentence};
 use std::fmt::Write;
@@ -163,19 +163,17 @@ fn ranking(text: &mut String, diagnosis: &Diagnosis) {
         "candidate", "level", "identify %", "validate %", "statistic", "threshold", "share"
     );
     for effect in &diagnosis.ranking {
-        // Without such records there is no error on them.
-        let of_validation = diagnosis.before.validate_percent.map(|_| effect.validate_percent);
-        let validate = of_validation.map_or_else(|| "-".to_owned(), |percent| format!("{percent:.3}"));
-        let level = match effect.level {
-            Level::Physical => "physical",
-            Level::Shape => "shape",
-        };
+        let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |percent| format!("{percent:.3}"));
+        let (identify, validate) = (
+            percent(effect.errors.identify_percent),
+            percent(effect.errors.validate_percent),
+        );
+        let level = effect.level.name();
         let _ = writeln!(
             text,
-            "{} {:<20} {level:<9} {:>10.3} {validate:>10} {:>10.2} {:>9.2} {:>6.0}%",
+            "{} {:<20} {level:<9} {identify:>10} {validate:>10} {:>10.2} {:>9.2} {:>6.0}%",
             if effect.significant { '*' } else { ' ' },
             effect.effect,
-            effect.identify_percent,
             effect.statistic,
             effect.threshold,
             100.0 * effect.share

@@ -8,9 +8,10 @@ use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_data::Dataset;
+use hysteron_diagnose::{add, add_own};
 use hysteron_identify::effects::{self, Description, Place};
 use hysteron_identify::illustration::{Illustration, illustrate};
-use hysteron_identify::{Added, Model, add_effect, add_own_effect};
+use hysteron_identify::{Added, Model};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -120,8 +121,8 @@ fn own(args: &ExplainArgs, named: NamedEffect) -> Result<Option<OnOwnData>, CliE
     let bar = progress::bar(&format!("trying {name}"));
     let advance = |share| progress::advance(&bar, share);
     let added = match named {
-        NamedEffect::Own(own) => add_own_effect(&dataset, &before, own, &advance)?,
-        NamedEffect::Catalogue(id) => add_effect(&dataset, &before, id, &advance)?,
+        NamedEffect::Own(own) => add_own(&dataset, &before, own, &advance)?,
+        NamedEffect::Catalogue(id) => add(&dataset, &before, id, &advance)?,
     };
     bar.finish_and_clear();
     Ok(Some(OnOwnData { dataset, before, added }))

@@ -100,13 +100,10 @@ fn told(attempt: &Attempt) -> String {
     let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.3} %"));
     let (before, after) = (percent(attempt.before_percent), percent(attempt.after_percent));
     let what = match (attempt.change, attempt.kept) {
-        (_, false) if attempt.on_trial => {
-            "tried without a name for what is missing, and taken back: structure remains with it too"
-        }
-        (Change::Added, true) if attempt.on_trial => "added on trial, and kept: nothing unexplained remains with it",
         (Change::Removed, _) => "taken out again: superfluous since the last step",
-        (_, true) => "added: records it was not fitted to confirm it",
-        (_, false) => "tried and left out: records it was not fitted to do not confirm it",
+        (_, true) if attempt.uncertain => "helps on what was held out, and stays; its cause is uncertain",
+        (_, true) => "added: what was held out confirms it",
+        (_, false) => "tried and left out: what was held out does not confirm it",
     };
     let mut line = format!("{}: {what}, {before} -> {after}\n", attempt.effect);
     if !attempt.also_possible.is_empty() {
@@ -127,7 +124,7 @@ fn why(learned: &Learned) -> String {
         Stop::CannotTell { reasons } => {
             let words: Vec<&str> = reasons
                 .iter()
-                .map(|reason| hysteron_report::reason_in_words(reason))
+                .map(|reason| hysteron_report::reason_in_words(*reason))
                 .collect();
             format!("these records cannot answer: {}", words.join("; "))
         }
@@ -149,10 +146,6 @@ fn why(learned: &Learned) -> String {
             }
             text
         }
-        Stop::NotConfirmed { effect } => {
-            format!("{effect} would be next, but records it was not fitted to do not confirm it")
-        }
-        Stop::CannotAdd { effect, reason } => format!("{effect} would be next, but {reason}"),
         Stop::EnoughSteps => "six steps are enough; what is left is better looked at by a person".to_owned(),
     }
 }

@@ -51,6 +51,10 @@ impl Effect for AmplitudeGain {
         EffectId::AmplitudeGain.into()
     }
 
+    fn of_the_shape(&self) -> bool {
+        true
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }

@@ -44,6 +44,14 @@ impl Effect for Asymmetry {
         EffectId::Asymmetry.into()
     }
 
+    fn of_the_shape(&self) -> bool {
+        true
+    }
+
+    fn bends_the_loops(&self) -> bool {
+        true
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }

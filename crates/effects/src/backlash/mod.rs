@@ -32,6 +32,10 @@ impl Effect for Backlash {
         EffectId::Backlash.into()
     }
 
+    fn bends_the_loops(&self) -> bool {
+        true
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }

@@ -57,6 +57,10 @@ impl Effect for Creep {
         EffectId::Creep.into()
     }
 
+    fn shows_in_one_sine(&self) -> bool {
+        true
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -83,22 +87,19 @@ impl Effect for Creep {
     }
 
     fn on_position(&self, values: &[f64], signals: &Signals<'_>, position_um: &mut [f64]) {
-        let now = position_um.to_vec();
-        let mut element = vec![0.0; now.len()];
+        let mut alone = [position_um.to_vec()];
+        self.on_positions(values, signals, &mut alone);
+        position_um.copy_from_slice(&alone[0]);
+    }
+
+    fn on_positions(&self, values: &[f64], signals: &Signals<'_>, positions_um: &mut [Vec<f64>]) {
+        let elements: Vec<(f64, f64)> = (0..ELEMENTS)
+            .map(|i| (values[0] * 10f64.powi(i as i32), values[i + 1]))
+            .filter(|(_, share)| *share != 0.0)
+            .collect();
         // From rest the elements begin with the record; what they would have been in the run-in is looked at by nobody.
         let from = if signals.rested { signals.run_in } else { 0 };
-        for (i, &share) in values[1..].iter().enumerate() {
-            if share != 0.0 {
-                element.copy_from_slice(&now);
-                run::lag(
-                    values[0] * 10f64.powi(i as i32),
-                    signals.period_s,
-                    signals.run_in - from,
-                    &mut element[from..],
-                );
-                position_um.iter_mut().zip(&element).for_each(|(y, x)| *y += share * x);
-            }
-        }
+        run::relaxations(&elements, signals.period_s, from, signals.run_in - from, positions_um);
     }
 
     fn compensation(&self, values: &[f64]) -> Compensation {

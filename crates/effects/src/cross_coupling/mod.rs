@@ -48,6 +48,10 @@ impl Effect for CrossCoupling {
         EffectId::CrossCoupling.into()
     }
 
+    fn shows_in_one_sine(&self) -> bool {
+        true
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }

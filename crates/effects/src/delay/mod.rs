@@ -51,6 +51,10 @@ impl Effect for Delay {
         EffectId::Delay.into()
     }
 
+    fn refuted_on_bound(&self, _: &str) -> bool {
+        true
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }

@@ -42,6 +42,10 @@ impl Effect for FirstOrderLag {
         EffectId::FirstOrderLag.into()
     }
 
+    fn refuted_on_bound(&self, _: &str) -> bool {
+        true
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }

@@ -7,6 +7,9 @@ use crate::id::{EffectId, EffectName};
 
 pub(crate) struct HysteresisShape;
 
+/// The step of a ladder that gives a model the free shape.
+pub const FREE_SHAPE: EffectId = EffectId::HysteresisShape;
+
 static DESCRIPTION: Description = Description {
     name: EffectId::HysteresisShape.name(),
     place: Place::Hysteresis,
@@ -28,6 +31,10 @@ const PLAYS: usize = 18;
 impl Effect for HysteresisShape {
     fn name(&self) -> EffectName {
         EffectId::HysteresisShape.into()
+    }
+
+    fn of_the_shape(&self) -> bool {
+        true
     }
 
     fn description(&self) -> &'static Description {

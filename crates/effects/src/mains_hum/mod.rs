@@ -61,6 +61,10 @@ impl Effect for MainsHum {
         EffectId::MainsHum.into()
     }
 
+    fn shows_in_one_sine(&self) -> bool {
+        true
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }

@@ -127,7 +127,7 @@ impl UserEffect {
     ///
     /// # Example
     /// ```
-    /// use hysteron_effects::effects::UserEffect;
+    /// use hysteron_effects::{Effect, UserEffect};
     /// let text = r#"
     /// name = "tilt"
     /// place = "sensor"
@@ -141,7 +141,7 @@ impl UserEffect {
     /// max = 0.1
     /// "#;
     /// let tilt = UserEffect::from_toml(text, "tilt.toml")?;
-    /// assert_eq!(tilt.name().as_str(), "tilt");
+    /// assert_eq!(tilt.effect().name().as_str(), "tilt");
     /// let wrong = UserEffect::from_toml(&text.replace("u * (", "x * ("), "tilt.toml").unwrap_err();
     /// assert!(wrong.to_string().starts_with("tilt.toml: output = \"x * (1 + tilt)\": column 1: unknown name `x`"));
     /// # Ok::<(), hysteron_effects::EffectError>(())

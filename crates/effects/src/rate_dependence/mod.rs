@@ -47,6 +47,11 @@ impl Effect for RateDependence {
         EffectId::RateDependence.into()
     }
 
+    /// A longer envelope is a lag.
+    fn refuted_on_bound(&self, _: &str) -> bool {
+        true
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }

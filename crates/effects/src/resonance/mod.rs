@@ -57,6 +57,11 @@ impl Effect for Resonance {
         EffectId::Resonance.into()
     }
 
+    /// More damping imitates lag and delay.
+    fn refuted_on_bound(&self, parameter: &str) -> bool {
+        parameter == "damping" || parameter == "frequency"
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }

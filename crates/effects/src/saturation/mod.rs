@@ -11,7 +11,7 @@ static DESCRIPTION: Description = Description {
     name: EffectId::Saturation.name(),
     place: Place::Sensor,
     summary: "A hard limit: the amplifier's rails, the converter's range, or a mechanical stop.",
-    equation: "v' = min(max(v, v_low), v_high); y' = min(max(y, y_low), y_high)",
+    equation: "v' = min(max(v, v_low), v_high); y' = y_s + c (y - y_s), y_s = min(max(y, y_low), y_high)",
     source: "amplifier rails and end stops; ranges of converters",
     parameters: &[
         Named {
@@ -34,6 +34,11 @@ static DESCRIPTION: Description = Description {
             unit: "um",
             what: "upper stop; above the highest position it does nothing",
         },
+        Named {
+            name: "gives_way",
+            unit: "",
+            what: "by how much a stop gives way, 0 to 0.5 of what pushes against it",
+        },
     ],
     shows: "Nothing below a level, then an error that grows to one side; flat tops; a spike at the edge of the histogram.",
     mistaken_for: "asymmetry (smooth), slew-limit (a threshold in velocity)",
@@ -41,6 +46,9 @@ static DESCRIPTION: Description = Description {
     compensated_by: "Keep commands inside (and tell the user the usable range), anti-windup. An end stop is never compensated.",
     scene: Scene::SlowSine,
 };
+
+/// A stop gives way by less than this share of what pushes against it; otherwise it is a bend.
+const MOST_COMPLIANT: f64 = 0.5;
 
 impl Effect for Saturation {
     fn name(&self) -> EffectName {
@@ -65,7 +73,7 @@ impl Effect for Saturation {
             return Err("nothing moves in these records; a limit shows only where it is reached".to_owned());
         }
         let ([a, b], [c, d]) = (side(facts.voltage_v), side(facts.position_um));
-        Ok(vec![a, b, c, d])
+        Ok(vec![a, b, c, d, Bounds::new(0.0, MOST_COMPLIANT, 0.05, 0.0)])
     }
 
     fn starts(&self, facts: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
@@ -102,14 +110,17 @@ impl Effect for Saturation {
 
     fn on_position(&self, values: &[f64], _: &Signals<'_>, position_um: &mut [f64]) {
         if let Ok(stops) = saturation::Saturation::new(values[2], values[3]) {
-            position_um.iter_mut().for_each(|y| *y = stops.limit(*y));
+            position_um.iter_mut().for_each(|y| {
+                let stopped = stops.limit(*y);
+                *y = stopped + values[4] * (*y - stopped);
+            });
         }
     }
 
     fn on_change(&self, values: &[f64], _: &Signals<'_>, position_um: &[f64], change: &mut [f64]) {
         for (change, &y) in change.iter_mut().zip(position_um) {
             if y < values[2] || y > values[3] {
-                *change = 0.0;
+                *change *= values[4];
             }
         }
     }

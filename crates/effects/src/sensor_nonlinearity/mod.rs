@@ -43,6 +43,10 @@ impl Effect for SensorNonlinearity {
         EffectId::SensorNonlinearity.into()
     }
 
+    fn bends_the_loops(&self) -> bool {
+        true
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }

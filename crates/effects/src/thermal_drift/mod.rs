@@ -60,6 +60,14 @@ impl Effect for ThermalDrift {
         EffectId::ThermalDrift.into()
     }
 
+    fn shows_in_one_sine(&self) -> bool {
+        true
+    }
+
+    fn zero_um_per_k(&self, values: &[f64]) -> Option<f64> {
+        Some(values[2])
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }

@@ -175,12 +175,15 @@ fn candidates_picture(way: &Way) -> Option<Picture> {
     let now = way.diagnosis.before.validate_percent;
     let candidates = way.diagnosis.ranking.iter().take(CANDIDATES);
     let rows: Vec<Bar> = candidates
-        .map(|candidate| Bar {
-            label: candidate.effect.replace('-', " "),
-            value: candidate.validate_percent,
-            text: format!("{} %", significant(candidate.validate_percent)),
-            reference: now,
-            ink: Ink::Validate,
+        .filter_map(|candidate| {
+            let percent = candidate.errors.counts()?;
+            Some(Bar {
+                label: candidate.effect.as_str().replace('-', " "),
+                value: percent,
+                text: format!("{} %", significant(percent)),
+                reference: now,
+                ink: Ink::Validate,
+            })
         })
         .collect();
     let legend = vec![

@@ -92,7 +92,7 @@ pub(super) fn go(hidden: Hidden, seed: u64) -> Result<Way, CliError> {
     bar.set_message("learning");
     let learned = learn_from(&records, first.clone(), &|_, share| {
         progress::advance(&bar, 0.3 + 0.4 * share)
-    });
+    })?;
     bar.set_message("tracking");
     progress::advance(&bar, 0.7);
     let tracked = follow(&rehearsal, &learned.model).map_err(|error| error.to_string());

@@ -58,15 +58,6 @@ impl Gram {
         (self.squares - 2.0 * self.rhs.dot(x) + x.dot(&(&self.matrix * x))).max(0.0)
     }
 
-    /// The column that would lower the squared error fastest with a positive coefficient; none where no gain is above rounding.
-    pub(crate) fn steepest(&self, x: &DVector<f64>, allowed: impl Fn(usize) -> bool) -> Option<usize> {
-        let gradient = &self.rhs - &self.matrix * x;
-        let slope = |j: usize| gradient[j] / self.matrix[(j, j)].sqrt();
-        (0..self.rhs.len())
-            .filter(|&j| allowed(j) && self.matrix[(j, j)] > 0.0 && slope(j) > 1e-9 * self.squares.sqrt())
-            .max_by(|&a, &b| slope(a).total_cmp(&slope(b)))
-    }
-
     /// Least squares; a ridge on the first `base` columns, scaled to one; the others get what rounding needs.
     pub(crate) fn solve(&self, base: usize, ridge: f64, keep: &[bool]) -> DVector<f64> {
         /// A hundred times the rounding of sums over 20 000 rows: keeps empty and twin columns harmless.

@@ -1,9 +1,8 @@
 //! A line in the error at one frequency, whatever the drive does: a vibration.
 
-use crate::diagnosis::Lock;
-use crate::missing::judge::parameter;
-use crate::missing::locks::{Course, Courses, squares};
+use crate::diagnosis::{Lock, LockTo, parameter};
 use crate::spectrum::periodogram;
+use crate::witness::locks::{Course, Courses, squares};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -43,7 +42,7 @@ pub(crate) fn lock(courses: &Courses<'_>) -> Option<Lock> {
     }
     (of > 2 && 3 * seen > 2 * of).then(|| Lock {
         parameters: vec![parameter("frequency", frequency_hz, "Hz")],
-        ..Lock::new("time", taken)
+        ..Lock::new(LockTo::Time, taken)
     })
 }
 

@@ -1,10 +1,10 @@
 //! What an error goes with: time, position, speed, temperature, the other axis, cycles, the records' order, the sample clock.
 
-use crate::diagnosis::Lock;
-use crate::missing::lines;
-use crate::missing::regression::Gram;
-use crate::missing::sample_clock;
-use crate::missing::traces::{Trace, Traces};
+use crate::diagnosis::{Lock, LockTo};
+use crate::witness::lines;
+use crate::witness::regression::Gram;
+use crate::witness::sample_clock;
+use crate::witness::traces::{Trace, Traces};
 use hysteron_identify::family::range;
 use hysteron_identify::period::{self, Periodic};
 use nalgebra::{DMatrix, DVector};
@@ -95,11 +95,11 @@ impl<'a> Courses<'a> {
         let beyond = |i: usize| both[i] - by_position[i].max(0.0) - by_speed[i].max(0.0);
         let larger = |[a, b]: [f64; 2]| a.max(b);
         let mut locks = vec![
-            Lock::new("position", larger(by_position)),
-            Lock::new("speed", larger(by_speed)),
-            Lock::new("position and speed", larger([beyond(0), beyond(1)])),
-            Lock::new("time", self.of_time()),
-            Lock::new("cycle count", self.of_cycles()),
+            Lock::new(LockTo::Position, larger(by_position)),
+            Lock::new(LockTo::Speed, larger(by_speed)),
+            Lock::new(LockTo::PositionAndSpeed, larger([beyond(0), beyond(1)])),
+            Lock::new(LockTo::Time, self.of_time()),
+            Lock::new(LockTo::CycleCount, self.of_cycles()),
         ];
         locks.extend(self.of_records());
         locks.extend(self.of_other_axis());
@@ -109,13 +109,13 @@ impl<'a> Courses<'a> {
             lock.share = (lock.share / self.all).clamp(0.0, 1.0);
         }
         // Whatever changes a record's gain looks in part like a gain of its own: that stands behind what has half its share.
-        let rank = |lock: &Lock| lock.share * if lock.to == "record" { 0.5 } else { 1.0 };
+        let rank = |lock: &Lock| lock.share * if lock.to == LockTo::Record { 0.5 } else { 1.0 };
         locks.sort_by(|a, b| rank(b).total_cmp(&rank(a)));
         // Two ways to go with one thing, as a drift and a line with time: the larger counts.
         let mut named = Vec::new();
         locks.retain(|lock| {
             let first = !named.contains(&lock.to);
-            named.push(lock.to.clone());
+            named.push(lock.to);
             first
         });
         locks
@@ -202,7 +202,7 @@ impl<'a> Courses<'a> {
         }
         let constant = left(&moving, 0, |_, _| 0.0);
         let own: f64 = moving.iter().map(|c| c.weight * squares(&c.bent_um)).sum();
-        let mut following = |to: &str, degree: usize, q: &(dyn Fn(usize, usize) -> f64 + Sync)| {
+        let mut following = |to: LockTo, degree: usize, q: &(dyn Fn(usize, usize) -> f64 + Sync)| {
             let with = left(&moving, degree, q);
             // Gains and zeros in no order follow a polynomial by this share of what they take.
             let by_chance = degree as f64 / (m - 1) as f64;
@@ -210,7 +210,7 @@ impl<'a> Courses<'a> {
             locks.push(Lock::new(to, share.max(0.0)));
             share.max(0.0)
         };
-        let in_order = following("record order", 2, &|i, _| i as f64 / (m - 1) as f64);
+        let in_order = following(LockTo::RecordOrder, 2, &|i, _| i as f64 / (m - 1) as f64);
         if moving.iter().all(|c| c.trace.temperature_c.is_some()) {
             let temperature = |i: usize, k: usize| {
                 moving[i]
@@ -220,9 +220,9 @@ impl<'a> Courses<'a> {
                     .map_or(0.0, |t| t[moving[i].trace.from + k])
             };
             let first = temperature(0, 0);
-            following("temperature", 1, &|i, k| temperature(i, k) - first);
+            following(LockTo::Temperature, 1, &|i, k| temperature(i, k) - first);
         }
-        locks.push(Lock::new("record", (constant - own - in_order).max(0.0)));
+        locks.push(Lock::new(LockTo::Record, (constant - own - in_order).max(0.0)));
         locks
     }
 
@@ -233,7 +233,7 @@ impl<'a> Courses<'a> {
             drive.map_or(0, |v| 1 + ((v + 1.0) / 2.0 * OTHER_CELLS as f64) as usize)
         };
         let known = self.each.iter().any(|c| c.trace.drive2.is_some());
-        known.then(|| Lock::new("other axis", self.of_cells(cell)[0]))
+        known.then(|| Lock::new(LockTo::OtherAxis, self.of_cells(cell)[0]))
     }
 }
 
@@ -389,7 +389,7 @@ pub(crate) fn squares(own: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::missing::made::{noise, traces};
+    use crate::witness::made::{noise, traces};
     use hysteron_data::Record;
     use std::f64::consts::TAU;
 
@@ -412,26 +412,28 @@ mod tests {
     fn val_an_error_goes_with_what_makes_it() {
         let gain = |i: usize| 0.01 * (i as f64 / 7.0 - 0.5);
         let scattered = |i: usize| -> f64 { [0.004, -0.006, 0.005, -0.003, 0.006, 0.004, -0.007, -0.005][i] };
-        let cases: [(&str, Error<'_>); 8] = [
-            ("position", &|_, k, r| 0.02 * (TAU * r.position_um[k] / 1.3).sin()),
-            ("speed", &|_, k, r| {
+        let cases: [(LockTo, Error<'_>); 8] = [
+            (LockTo::Position, &|_, k, r| 0.02 * (TAU * r.position_um[k] / 1.3).sin()),
+            (LockTo::Speed, &|_, k, r| {
                 let speed = (r.voltage_v[k] - r.voltage_v[k.saturating_sub(1)]) / r.period_s;
                 1e-3 * speed.signum() * speed.abs().sqrt()
             }),
-            ("position and speed", &|_, k, r| {
+            (LockTo::PositionAndSpeed, &|_, k, r| {
                 let speed = (r.voltage_v[k] - r.voltage_v[k.saturating_sub(1)]).signum();
                 0.02 * speed * (TAU * r.position_um[k] / 2.5).sin()
             }),
-            ("time", &|i, k, _| {
+            (LockTo::Time, &|i, k, _| {
                 0.1 * scattered(i).signum() * ((k as f64 / 12_000.0).powi(2) - 1.0 / 3.0)
             }),
-            ("cycle count", &|_, k, r| {
+            (LockTo::CycleCount, &|_, k, r| {
                 let cycles = k as f64 / 2000.0 * r.voltage_v[1000] / 100.0;
                 0.02 * r.position_um[k] * ((-cycles / 1.5).exp() - 0.35)
             }),
-            ("record order", &|i, k, r| gain(i) * r.position_um[k]),
-            ("record", &|i, k, r| scattered(i) * r.position_um[k]),
-            ("time", &|_, k, r| 0.02 * (TAU * 173.2 * k as f64 * r.period_s).sin()),
+            (LockTo::RecordOrder, &|i, k, r| gain(i) * r.position_um[k]),
+            (LockTo::Record, &|i, k, r| scattered(i) * r.position_um[k]),
+            (LockTo::Time, &|_, k, r| {
+                0.02 * (TAU * 173.2 * k as f64 * r.period_s).sin()
+            }),
         ];
         for (to, error_um) in cases {
             let locks = locks_of(error_um);

@@ -1,8 +1,8 @@
 //! Ringing after a step of the drive: a decaying sine needs no hysteresis model to be seen.
 
-use crate::diagnosis::{Level, RankedEffect};
-use crate::missing::bench::{Bench, Trial};
-use crate::missing::judge::parameter;
+use crate::diagnosis::{Before, Level, RankedEffect, parameter};
+use crate::witness::traces::Traces;
+use hysteron_identify::EffectId;
 use hysteron_identify::family::peak_to_peak;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
@@ -71,10 +71,11 @@ impl Ring {
 
 /// The clearest ring after any step, as an entry of the ranking.
 ///
-/// `left_um` is the error, rms, that remains over all records.
-pub(crate) fn find(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>], left_um: f64) -> Option<RankedEffect> {
+/// `residuals` are at the full rate, run-in included; `left` holds the errors that remain.
+pub(crate) fn find(traces: &Traces, residuals: &[Vec<f64>], noise_um: f64, left: &Before) -> Option<RankedEffect> {
+    let left_um = left.pooled().unwrap_or(0.0) / 100.0 * traces.stroke_um;
     let mut best: Option<Ring> = None;
-    for (trace, residual) in bench.traces.each.iter().zip(residuals) {
+    for (trace, residual) in traces.each.iter().zip(residuals) {
         let steps = (trace.from + 1..trace.len()).filter(|&k| (trace.drive[k] - trace.drive[k - 1]).abs() > 2.0 * STEP);
         for k in steps.take(8) {
             // The first samples after a step are the stage's delay and the sensor's: the ring is in what follows.
@@ -87,7 +88,7 @@ pub(crate) fn find(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>], left
             }
             let held = &trace.drive[k + 2..];
             let standing = held.iter().take_while(|v| (*v - held[0]).abs() <= step).count();
-            if let Some(ring) = fit(window, trace.period_s, bench.noise_um)
+            if let Some(ring) = fit(window, trace.period_s, noise_um)
                 && ring.dies(&residual[k + 2..][..standing], trace.period_s)
                 && ring.is_of_the_step(
                     &residual[k.saturating_sub(WINDOW).max(trace.from)..k],
@@ -103,16 +104,16 @@ pub(crate) fn find(bench: &Bench<'_>, last: &Trial, residuals: &[Vec<f64>], left
     // Beside an error as large as itself it may be that error's own beginning.
     let ring = best.filter(|ring| ring.amplitude_um > left_um)?;
     Some(RankedEffect {
-        effect: "resonance".to_owned(),
-        identify_percent: last.identify_percent,
-        validate_percent: last.validate_percent,
-        statistic: ring.amplitude_um / bench.noise_um,
+        effect: EffectId::Resonance.into(),
+        errors: *left,
+        statistic: ring.amplitude_um / noise_um,
         threshold: TIMES_NOISE,
         log_likelihood_gain: -0.5 * ring.samples as f64 * (1.0 - ring.share).ln(),
         effective_samples: ring.samples as f64,
         share: ring.share,
         significant: true,
         level: Level::Physical,
+        on_bound: false,
         parameters: vec![
             parameter("frequency", ring.frequency_hz, "Hz"),
             parameter("damping_ratio", ring.zeta, ""),

@@ -1,6 +1,6 @@
 //! Records and errors that are made for tests.
 
-use crate::missing::traces::Traces;
+use crate::witness::traces::Traces;
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::InitialState;
 use rand::SeedableRng;
@@ -26,7 +26,7 @@ pub(crate) fn traces(error_um: impl Fn(usize, &Record) -> Vec<f64>) -> (Traces, 
         record.position_um.iter_mut().zip(error).for_each(|(y, e)| *y += e);
     }
     let states = vec![InitialState::Remanent { fraction: 0.0 }; dataset.records.len()];
-    (Traces::new(&dataset, &states, 1e-3, false), errors)
+    (Traces::new(&dataset, &states, 1e-3), errors)
 }
 
 fn record(i: usize) -> Record {

@@ -1,33 +1,7 @@
-//! Linear elements on sampled series: delay, lag, mode; exact for straight lines between samples, started at rest.
+//! Linear elements on sampled series: lag, mode; exact for straight lines between samples, started at rest.
 
 use nalgebra::Matrix4;
 use std::f64::consts::TAU;
-
-/// `u(t - delay)` by the cubic through the four nearest samples; before the series its first value.
-pub(crate) fn delayed(series: &[f64], delay_samples: f64) -> Vec<f64> {
-    let whole = delay_samples.floor();
-    let part = delay_samples - whole;
-    let back = whole as isize;
-    let last = series.len() as isize - 1;
-    let at = |k: isize| series[k.clamp(0, last) as usize];
-    // Lagrange's cubic at a distance `part` behind sample k - back, between it and its predecessor.
-    let s = part;
-    let weights = [
-        -s * (1.0 - s) * (2.0 - s) / 6.0,
-        (1.0 + s) * (1.0 - s) * (2.0 - s) / 2.0,
-        (1.0 + s) * s * (2.0 - s) / 2.0,
-        -(1.0 + s) * s * (1.0 - s) / 6.0,
-    ];
-    (0..=last)
-        .map(|k| {
-            let near = k - back;
-            weights[0] * at(near + 1) + weights[1] * at(near) + weights[2] * at(near - 1) + weights[3] * at(near - 2)
-        })
-        .collect()
-}
-
-/// Series that are worked on side by side: each one's next sample waits for its last, eight of them keep the processor busy.
-pub(crate) const LANES: usize = 8;
 
 /// A lag or a mode, ready for one sample period: `y = b0 u + b1 u' + b2 u'' - a1 y' - a2 y''`.
 pub(crate) struct Linear {
@@ -99,16 +73,6 @@ impl Linear {
     }
 }
 
-/// A rate limit, in place; starts at the first value.
-pub(crate) fn slew(series: &mut [f64], largest_step: f64) {
-    let Some(&first) = series.first() else { return };
-    let mut output = first;
-    for value in series {
-        output += (*value - output).clamp(-largest_step, largest_step);
-        *value = output;
-    }
-}
-
 /// Centred running mean over `2 half + 1` samples, fewer at the ends.
 pub(crate) fn running_mean(series: &[f64], half: usize) -> Vec<f64> {
     let mut sums = Vec::with_capacity(series.len() + 1);
@@ -142,17 +106,6 @@ mod tests {
         filter.apply(&mut rows);
         assert!(rows.iter().all(|[a, b, c]| a == b && b == c));
         rows.iter().map(|row| row[0]).collect()
-    }
-
-    #[test]
-    fn val_delay_of_a_sine() {
-        // 40 samples a period: the cubic errs by less than (2 pi / 40)^4 / 24 = 3e-5.
-        let u = sine(25.0, 1e-3, 400);
-        let y = delayed(&u, 3.3);
-        for (k, y) in y.iter().enumerate().skip(10) {
-            let wanted = (TAU * 25.0 * (k as f64 - 3.3) * 1e-3).sin();
-            assert!((y - wanted).abs() < 3e-5, "{k}: {} {wanted}", y);
-        }
     }
 
     #[test]

@@ -2,10 +2,10 @@
 //!
 //! Plays take lost motion in, since it is one; a stage's own loops set off at once where they turn, or gently.
 
-use crate::diagnosis::{Level, RankedEffect};
-use crate::missing::bench::{Bench, Trial};
-use crate::missing::judge::{MATTERS_PERCENT, parameter};
-use crate::missing::traces::{Trace, Traces};
+use crate::diagnosis::{Before, Level, RankedEffect, parameter};
+use crate::rules::MATTERS_PERCENT;
+use crate::witness::traces::{Trace, Traces};
+use hysteron_identify::EffectId;
 
 /// Fastest drive that is looked at, spans a second: a millisecond of delay or lag is a hundredth of the span there.
 const FASTEST_SPANS_PER_S: f64 = 10.0;
@@ -84,12 +84,11 @@ struct LostMotion {
 }
 
 /// Lost motion as an entry of the ranking, where the position stands still after every slow reversal.
-pub(crate) fn find(bench: &Bench<'_>, last: &Trial) -> Option<RankedEffect> {
-    let lost = seen(bench.traces)?;
+pub(crate) fn find(traces: &Traces, left: &Before) -> Option<RankedEffect> {
+    let lost = seen(traces)?;
     Some(RankedEffect {
-        effect: "backlash".to_owned(),
-        identify_percent: last.identify_percent,
-        validate_percent: last.validate_percent,
+        effect: EffectId::Backlash.into(),
+        errors: *left,
         statistic: 1.0 - lost.moved,
         threshold: 1.0 - MOST_MOVED,
         log_likelihood_gain: -0.5 * lost.samples as f64 * lost.left.ln(),
@@ -97,6 +96,7 @@ pub(crate) fn find(bench: &Bench<'_>, last: &Trial) -> Option<RankedEffect> {
         share: 1.0 - lost.left,
         significant: true,
         level: Level::Physical,
+        on_bound: false,
         parameters: vec![
             parameter("dead_band", lost.band_v, "V"),
             parameter("largest_width", lost.largest_um, "um"),

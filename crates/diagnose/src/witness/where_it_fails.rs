@@ -1,9 +1,9 @@
 //! What of an error repeats with the drive, what of that is linear in it, and what the error goes with.
 
 use crate::diagnosis::WhereItFails;
-use crate::missing::filters::Linear;
-use crate::missing::locks::{Course, Courses, squares};
-use crate::missing::regression::Gram;
+use crate::witness::filters::Linear;
+use crate::witness::locks::{Course, Courses, squares};
+use crate::witness::regression::Gram;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -177,7 +177,7 @@ fn linear(courses: &[&Course<'_>]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::missing::made::{noise, traces};
+    use crate::witness::made::{noise, traces};
     use hysteron_data::Record;
 
     fn of(error_um: impl Fn(usize, usize, &Record) -> f64) -> WhereItFails {
@@ -213,7 +213,7 @@ mod tests {
         assert!(fails.linear_in_drive < 0.03, "{fails:?}");
         // In small sines it is a gain and a zero, which filters may have where each rate has its own amplitude.
         let fails = of(|_, k, r| bend(k, r));
-        assert_eq!(fails.locked_to[0].to, "position", "{fails:?}");
+        assert_eq!(fails.locked_to[0].to, crate::diagnosis::LockTo::Position, "{fails:?}");
     }
 
     /// Records without a repeating drive: what a mode adds to a drive of many frequencies is linear as well.

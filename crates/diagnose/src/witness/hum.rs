@@ -1,7 +1,6 @@
 //! Mains hum: lines at 50 or 60 Hz and harmonics, whose phase belongs to no record.
 
-use crate::missing::traces::Traces;
-use hysteron_data::Dataset;
+use crate::witness::traces::Traces;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -93,39 +92,6 @@ pub(crate) fn find(traces: &Traces, residuals: &[Vec<f64>], noise_um: f64) -> Op
 
 /// Power at the lines over the larger power beside them, from which on a record shows hum.
 const CONTRAST: f64 = 6.0;
-
-/// Takes lines at a frequency and its harmonics out of a series that has them.
-fn take_out(own: &mut [f64], period_s: f64, frequency_hz: f64) {
-    let length_s = own.len() as f64 * period_s;
-    if length_s <= SHORTEST_S {
-        return;
-    }
-    let lines = Lines::fit(own, period_s, frequency_hz);
-    let power = |f: f64| Lines::fit(own, period_s, f).taken();
-    if lines.of_the_mains() > CONTRAST * beside(power, frequency_hz, length_s) {
-        own.iter_mut().enumerate().for_each(|(k, y)| *y -= lines.at(k as f64));
-    }
-}
-
-/// The records without a hum that was found in what a fit leaves of them (full rate, run-in included, one a record).
-pub(crate) fn without(dataset: &Dataset, traces: &Traces, residuals: &[Vec<f64>], hum: &Hum) -> Dataset {
-    let mut humless = dataset.clone();
-    let records = humless.records.par_iter_mut().zip(&traces.each).zip(residuals);
-    records.for_each(|((record, trace), residual)| {
-        let own = &residual[trace.from..];
-        let part = ((PART_S / record.period_s).ceil() as usize).max(1);
-        let mut left = own.to_vec();
-        left.chunks_mut(part)
-            .for_each(|part| take_out(part, record.period_s, hum.frequency_hz));
-        for ((y, own), left) in record.position_um.iter_mut().zip(own).zip(left) {
-            *y -= own - left;
-        }
-    });
-    humless
-}
-
-/// Stretches from which lines are taken out at once, seconds: one that is missed by 25 mHz keeps its phase in them.
-const PART_S: f64 = 1.0;
 
 /// Both nets, their band in twenty steps.
 fn candidates() -> impl Iterator<Item = f64> {
@@ -232,6 +198,19 @@ impl Lines {
 mod tests {
     use super::*;
     use std::f64::consts::TAU;
+
+    /// Takes lines at a frequency and its harmonics out of a series that has them.
+    fn take_out(own: &mut [f64], period_s: f64, frequency_hz: f64) {
+        let length_s = own.len() as f64 * period_s;
+        if length_s <= SHORTEST_S {
+            return;
+        }
+        let lines = Lines::fit(own, period_s, frequency_hz);
+        let power = |f: f64| Lines::fit(own, period_s, f).taken();
+        if lines.of_the_mains() > CONTRAST * beside(power, frequency_hz, length_s) {
+            own.iter_mut().enumerate().for_each(|(k, y)| *y -= lines.at(k as f64));
+        }
+    }
 
     /// A series without the lines of the mains, or as it is where it has none or cannot tell.
     fn taken_out(own: &[f64], period_s: f64) -> Vec<f64> {

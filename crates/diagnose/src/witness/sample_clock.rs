@@ -1,8 +1,7 @@
 //! Errors that belong to the sample clock: instants that scatter, and what returns every so many samples.
 
-use crate::diagnosis::{EffectParameter, Lock};
-use crate::missing::judge::parameter;
-use crate::missing::locks::{Course, Courses, squares};
+use crate::diagnosis::{EffectParameter, Lock, LockTo, parameter};
+use crate::witness::locks::{Course, Courses, squares};
 use rayon::prelude::*;
 
 /// Standard errors from which noise that grows with the speed squared is seen.
@@ -28,7 +27,7 @@ pub(crate) fn locks(courses: &Courses<'_>) -> Vec<Lock> {
         .flatten()
         .map(|(squares, parameter)| Lock {
             parameters: vec![parameter],
-            ..Lock::new("sample clock", squares)
+            ..Lock::new(LockTo::SampleClock, squares)
         })
         .collect()
 }
@@ -183,7 +182,7 @@ fn folded(course: &Course<'_>, every: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::missing::made::{noise, traces};
+    use crate::witness::made::{noise, traces};
 
     /// Instants that scatter by 20 us, and readings that do by 2 nm: at 1 Hz the noise is the larger, at 50 Hz the scatter.
     #[test]

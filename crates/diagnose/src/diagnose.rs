@@ -1,0 +1,341 @@
+//! Which physical effect a model lacks.
+
+use crate::diagnosis::{Before, Diagnosis, Level, Reason, Unexplained, Verdict, WhereItFails};
+use crate::evidence::{Evidence, Scale, Seen, ShapeEvidence, errors};
+use crate::investigation::{Best, Investigation};
+use crate::next_record;
+use crate::noise;
+use crate::reasons;
+use crate::rules::{RuleId, Thresholds};
+use crate::verdict::{self, Decision};
+use crate::witness::locks::Courses;
+use crate::witness::traces::Traces;
+use crate::witness::where_it_fails::where_it_fails;
+use crate::witness::{dead_band, ringing, structure};
+use hysteron_data::Dataset;
+use hysteron_identify::effects::{Effect, UserEffect, catalogue, late};
+use hysteron_identify::search::{Search, Shape};
+use hysteron_identify::{EffectId, Family, IdentifyError, Model, check_own_effect, period, present_step};
+use std::sync::Arc;
+
+/// Effects that are looked for one after another.
+const MOST_ROUNDS: usize = 3;
+
+/// Records that must all drift the same way, at the least: nine do so by chance once in 256 times.
+const ALIKE_IN: usize = 9;
+
+/// Names the physical effect that a model lacks, from all records. `progress` gets the share done and what is tried now.
+///
+/// # Cost
+/// Some hundred passes over the records: about a second for 60 000 samples, linear in them.
+pub fn diagnose(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64, &str) + Sync)) -> Diagnosis {
+    examine(dataset, model, &[], progress).0
+}
+
+/// As [`diagnose`], with effects of the user's own among the candidates.
+///
+/// # Errors
+/// An effect whose equations need a column that the records lack.
+pub fn diagnose_with(
+    dataset: &Dataset,
+    model: &Model,
+    own: &[UserEffect],
+    progress: &(dyn Fn(f64, &str) + Sync),
+) -> Result<Diagnosis, IdentifyError> {
+    own.iter().try_for_each(|effect| check_own_effect(*effect, dataset))?;
+    Ok(examine(dataset, model, own, progress).0)
+}
+
+/// The diagnosis and the evidence behind it.
+///
+/// # Cost
+/// As [`diagnose`].
+pub fn examine(
+    dataset: &Dataset,
+    model: &Model,
+    own: &[UserEffect],
+    progress: &(dyn Fn(f64, &str) + Sync),
+) -> (Diagnosis, Evidence) {
+    progress(0.0, "model");
+    let step = present_step(dataset, model);
+    let before = Before {
+        identify_percent: step.identify_percent,
+        validate_percent: step.validate_percent,
+    };
+    let known_delay_s = controllers_delay_s(dataset, model);
+    let late = known_delay_s.map(|delay_s| as_late_as_the_controller(dataset, delay_s));
+    let seen_by_stage = late.as_ref().unwrap_or(dataset);
+    let floor = noise::noise_floor(seen_by_stage);
+    let reasons = reasons::of(seen_by_stage, floor.rms_um, &Thresholds::DEFAULT);
+    let blocking: Vec<Reason> = reasons.iter().copied().filter(|r| r.blocks()).collect();
+    progress(0.05, "free shape");
+    let investigation = Investigation::new(seen_by_stage, model, own, floor.rms_um, &reasons);
+    let (mut diagnosis, evidence) = match investigation {
+        Ok(mut investigation) if blocking.is_empty() => {
+            go_round(&mut investigation, progress);
+            conclude(model, &investigation, before, progress)
+        }
+        _ => unanswered(
+            before,
+            if blocking.is_empty() {
+                vec![Reason::NothingMoves]
+            } else {
+                blocking
+            },
+        ),
+    };
+    diagnosis.where_it_fails = fails(dataset, model);
+    diagnosis.noise_rms_um = floor.rms_um;
+    diagnosis.noise = Some(floor);
+    diagnosis.known_delay_s = known_delay_s;
+    if diagnosis.cannot_answer.is_empty() {
+        diagnosis.cannot_answer = reasons;
+    }
+    progress(1.0, "done");
+    (diagnosis, evidence)
+}
+
+/// Rounds until nothing significant is found.
+pub(crate) fn go_round(investigation: &mut Investigation<'_>, progress: &(dyn Fn(f64, &str) + Sync)) {
+    for round in 0..MOST_ROUNDS {
+        let (from, to) = (0.15 + 0.25 * round as f64, 0.4 + 0.25 * round as f64);
+        let best = investigation.round(&|share, effect| progress(from + (to - from) * share, effect));
+        match best.filter(|best: &Best| best.significant) {
+            Some(best) => investigation.take(best),
+            None => break,
+        }
+        let left = investigation.scale.excess(investigation.search.standing());
+        if left < 0.02 * investigation.base_excess {
+            break;
+        }
+    }
+}
+
+/// The verdict on what an investigation has found.
+pub(crate) fn conclude(
+    model: &Model,
+    investigation: &Investigation<'_>,
+    before: Before,
+    progress: &(dyn Fn(f64, &str) + Sync),
+) -> (Diagnosis, Evidence) {
+    progress(0.92, "what remains");
+    let thresholds = &investigation.thresholds;
+    let evidence = evidence(model, investigation, before);
+    let decision = verdict::decide(&evidence, thresholds);
+    let ranking = verdict::ranking(&evidence, thresholds);
+    let residuals = investigation.residuals();
+    let own = investigation
+        .traces()
+        .each
+        .iter()
+        .zip(&residuals)
+        .map(|(t, r)| &r[t.from..]);
+    let unexplained = Unexplained {
+        percent: evidence.left_percent,
+        noise_percent: evidence.noise_percent,
+        locked_to: Courses::new(investigation.traces(), own).locks(),
+    };
+    let next_record = next_record::choose(investigation, &decision);
+    let Decision {
+        verdict,
+        set,
+        further,
+        share,
+        shape_too_poor,
+    } = decision;
+    let diagnosis = Diagnosis {
+        verdict,
+        also_possible: set,
+        further,
+        share,
+        shape_too_poor,
+        shape_determined: investigation.shape_determined,
+        cannot_answer: Vec::new(),
+        noise_rms_um: investigation.search.noise_um(),
+        noise: None,
+        known_delay_s: None,
+        before,
+        where_it_fails: WhereItFails::default(),
+        free_shape: investigation.base,
+        ranking,
+        next_record,
+        unexplained,
+    };
+    (diagnosis, evidence)
+}
+
+fn evidence(model: &Model, investigation: &Investigation<'_>, before: Before) -> Evidence {
+    let search = &investigation.search;
+    let standing = search.standing();
+    let residuals = investigation.residuals();
+    let left = errors(search, standing);
+    let traces = investigation.traces();
+    let strokes: Vec<f64> = search.strokes_um().into_iter().filter(|s| *s > 0.0).collect();
+    let noise = strokes
+        .iter()
+        .map(|s| (100.0 * search.noise_um() / s).powi(2))
+        .sum::<f64>();
+    let has = |effect: EffectId| model.effects.iter().any(|fitted| fitted.name == effect);
+    let took_resonance = investigation
+        .rounds
+        .iter()
+        .any(|r| r.taken == Some(EffectId::Resonance.into()));
+    Evidence {
+        reasons: Vec::new(),
+        before,
+        base: investigation.base,
+        base_excess: investigation.base_excess,
+        left_excess: investigation.scale.excess(standing),
+        left_percent: left.pooled().unwrap_or(0.0),
+        noise_percent: (noise / strokes.len().max(1) as f64).sqrt(),
+        more_than_noise: structure::more_than_noise(traces, &residuals),
+        rounds: investigation.rounds.clone(),
+        shape: shape(model, investigation),
+        seen: Seen {
+            dead_band: if has(EffectId::Backlash) {
+                None
+            } else {
+                dead_band::find(traces, &left)
+            },
+            ring: if has(EffectId::Resonance) || took_resonance {
+                None
+            } else {
+                ringing::find(traces, &residuals, search.noise_um(), &left)
+            },
+            drifts_alike: drifts_alike(investigation, traces),
+        },
+    }
+}
+
+/// Whether a drift was found that has the same sign in every record that moves, before it was taken.
+fn drifts_alike(investigation: &Investigation<'_>, traces: &Traces) -> bool {
+    let drift = EffectId::ThermalDrift.into();
+    let taken = investigation
+        .rounds
+        .iter()
+        .any(|round| round.taken.as_ref() == Some(&drift));
+    let moving = traces.each.iter().filter(|trace| trace.stroke_um > 0.0).count();
+    if !taken || moving < ALIKE_IN || traces.each.iter().any(|t| t.temperature_c.is_some()) {
+        return false;
+    }
+    // One rate foretells all records: what it takes from each of them has one sign.
+    let parts = &investigation.search.standing().parts;
+    parts.len() >= ALIKE_IN
+}
+
+/// What the model's own plays and straight ones lack of the free shape, with what was found in all of them.
+fn shape(model: &Model, investigation: &Investigation<'_>) -> ShapeEvidence {
+    let mut evidence = ShapeEvidence::default();
+    if model.family == Family::PlayPolynomial || !investigation.shape_determined {
+        return evidence;
+    }
+    let search = &investigation.search;
+    let dataset = search.dataset();
+    let mut with_found = search.model();
+    with_found.family = model.family;
+    with_found.thresholds.clone_from(&model.thresholds);
+    with_found.envelope = model.envelope;
+    let free = search.pooled_percent(search.standing()).powi(2);
+    let own = Search::new(dataset, &with_found, &Shape::Own, search.noise_um());
+    let straight = Search::new(dataset, &with_found, &Shape::Straight, search.noise_um());
+    if let Ok(own) = own {
+        let own = own.pooled_percent(own.standing()).powi(2);
+        evidence.lacks_percent = Some((own - free).max(0.0).sqrt());
+    }
+    let lacks = evidence.lacks_percent.unwrap_or(0.0);
+    if let Ok(straight) = straight
+        && lacks > Thresholds::DEFAULT.of(RuleId::ShapeLacksPercent)
+    {
+        let scale = Scale::of(&straight);
+        let start = straight.pooled_percent(straight.standing()).powi(2);
+        let bends = catalogue().into_iter().filter(|effect| effect.bends_the_loops());
+        let effects: Vec<Arc<dyn Effect>> = bends.collect();
+        let trials = straight.candidates(&effects, None, &|_, _| ());
+        for (effect, trial) in effects.iter().zip(trials) {
+            let Ok(trial) = trial else { continue };
+            let pair = (straight.standing(), &trial);
+            let mut candidate = scale.candidate(&straight, &effect.name(), pair, false);
+            let taken = start - straight.pooled_percent(&trial).powi(2);
+            candidate.share = taken / (start - free).max(f64::MIN_POSITIVE);
+            evidence.bends.push(candidate);
+        }
+        evidence.bends.sort_by(|a, b| b.share.total_cmp(&a.share));
+    }
+    evidence
+}
+
+/// Where the given model fails, on the records as they are.
+fn fails(dataset: &Dataset, model: &Model) -> WhereItFails {
+    let (states, errors_um): (Vec<_>, Vec<Vec<f64>>) = dataset
+        .records
+        .iter()
+        .map(|record| {
+            let simulated = model.simulate(record);
+            let errors = record.position_um.iter().zip(&simulated.output).map(|(y, m)| y - m);
+            (simulated.initial, errors.collect())
+        })
+        .unzip();
+    let traces = Traces::new(dataset, &states, noise::noise_floor(dataset).rms_um);
+    where_it_fails(&Courses::new(&traces, errors_um.iter().map(Vec::as_slice)))
+}
+
+fn unanswered(before: Before, reasons: Vec<Reason>) -> (Diagnosis, Evidence) {
+    let evidence = Evidence {
+        reasons: reasons.clone(),
+        before,
+        ..Evidence::default()
+    };
+    let diagnosis = Diagnosis {
+        verdict: Verdict::Unknown,
+        also_possible: Vec::new(),
+        further: Vec::new(),
+        share: None,
+        shape_too_poor: false,
+        shape_determined: true,
+        cannot_answer: reasons,
+        noise_rms_um: 0.0,
+        noise: None,
+        known_delay_s: None,
+        before,
+        where_it_fails: WhereItFails::default(),
+        free_shape: Before::default(),
+        ranking: Vec::new(),
+        next_record: None,
+        unexplained: Unexplained {
+            percent: before.pooled().unwrap_or(0.0),
+            noise_percent: 0.0,
+            locked_to: Vec::new(),
+        },
+    };
+    (diagnosis, evidence)
+}
+
+/// The delay that is the controller's own, as the recordings say, where the model has none that would stand for it, seconds.
+pub(crate) fn controllers_delay_s(dataset: &Dataset, model: &Model) -> Option<f64> {
+    let has_delay = model.effects.iter().any(|effect| effect.name == EffectId::Delay);
+    dataset.known.delay_s.filter(|delay_s| *delay_s > 0.0 && !has_delay)
+}
+
+/// The records with each drive as the stage gets it, so much later than it was commanded.
+fn as_late_as_the_controller(dataset: &Dataset, delay_s: f64) -> Dataset {
+    let mut delayed = dataset.clone();
+    for record in &mut delayed.records {
+        let found = period::detect(&record.voltage_v).filter(|period| period.from == 0);
+        let run_in = found.map_or(0, |period| period.samples);
+        let drives = [Some(&mut record.voltage_v), record.voltage2_v.as_mut()];
+        for drive in drives.into_iter().flatten() {
+            late(delay_s, record.period_s, run_in, drive);
+        }
+    }
+    delayed
+}
+
+impl Level {
+    /// The word in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Physical => "physical",
+            Self::Shape => "shape",
+        }
+    }
+}

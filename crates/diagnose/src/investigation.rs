@@ -1,0 +1,264 @@
+//! Rounds of candidates on one chain: each effect of the catalogue tried in its place, the best taken into the chain, and again.
+
+use crate::diagnosis::{Before, Reason};
+use crate::evidence::{Candidate, Round, Scale, errors};
+use crate::rules::{RuleId, Thresholds};
+use crate::witness::hum;
+use crate::witness::traces::{self, Traces};
+use hysteron_data::Dataset;
+use hysteron_identify::effects::{Effect, UserEffect, catalogue};
+use hysteron_identify::search::{Search, Shape, Trial};
+use hysteron_identify::{EffectId, EffectName, Family, IdentifyError, Model};
+use std::sync::Arc;
+
+/// Fewer moving records than this may not determine a free shape; then straight plays are tried beside it.
+const FEW_RECORDS: usize = 6;
+
+/// A search with what was found in it so far.
+pub(crate) struct Investigation<'a> {
+    pub search: Search<'a>,
+    pub scale: Scale,
+    pub thresholds: Thresholds,
+    pub rounds: Vec<Round>,
+    /// Whether the records determine the free shape; otherwise straight plays stand in for it.
+    pub shape_determined: bool,
+    /// Errors before anything was added.
+    pub base: Before,
+    pub base_excess: f64,
+    /// Trials of the first round's candidates, for what is asked of them later.
+    pub first_trials: Vec<(EffectName, Trial)>,
+    dataset: &'a Dataset,
+    family: Family,
+    effects: Vec<Arc<dyn Effect>>,
+    one_sine: bool,
+    traces: Traces,
+}
+
+/// What a round found.
+pub(crate) struct Best {
+    pub effect: Arc<dyn Effect>,
+    pub trial: Trial,
+    pub significant: bool,
+    pub candidate: Candidate,
+}
+
+impl<'a> Investigation<'a> {
+    pub(crate) fn new(
+        dataset: &'a Dataset,
+        model: &Model,
+        own: &[UserEffect],
+        noise_um: f64,
+        reasons: &[Reason],
+    ) -> Result<Self, IdentifyError> {
+        let mut search = Search::new(dataset, model, &Shape::Free, noise_um)?;
+        // What the best-known record leaves is no less than noise: a floor above it counts something else as noise.
+        let strokes = search.strokes_um();
+        let least_um = least_left_um(search.standing(), &strokes);
+        if least_um < noise_um {
+            search = Search::new(dataset, model, &Shape::Free, least_um)?;
+        }
+        let mut shape_determined = true;
+        let moving = strokes
+            .iter()
+            .zip(search.fits())
+            .filter(|(s, fits)| **s > 0.0 && *fits)
+            .count();
+        let thresholds = Thresholds::DEFAULT;
+        if moving < FEW_RECORDS
+            && let Ok(straight) = Search::new(dataset, model, &Shape::Straight, search.noise_um())
+        {
+            let better = Scale::of(&search).fall(search.standing(), straight.standing());
+            if better > thresholds.of(RuleId::Undetermined) {
+                (search, shape_determined) = (straight, false);
+            }
+        }
+        let scale = Scale::of(&search);
+        let base = errors(&search, search.standing());
+        let base_excess = scale.excess(search.standing());
+        let mut effects: Vec<Arc<dyn Effect>> = catalogue()
+            .into_iter()
+            .filter(|effect| !effect.of_the_shape())
+            .collect();
+        effects.extend(own.iter().map(|own| own.effect()));
+        let traces = Traces::new(dataset, &search.states(), search.noise_um());
+        Ok(Self {
+            scale,
+            thresholds,
+            rounds: Vec::new(),
+            shape_determined,
+            base,
+            base_excess,
+            first_trials: Vec::new(),
+            dataset,
+            family: model.family,
+            effects,
+            one_sine: reasons.contains(&Reason::OneSine),
+            traces,
+            search,
+        })
+    }
+
+    pub(crate) fn traces(&self) -> &Traces {
+        &self.traces
+    }
+
+    /// Measured minus modelled of every record as the chain stands, at the full rate, run-in included.
+    pub(crate) fn residuals(&self) -> Vec<Vec<f64>> {
+        let modelled = self.search.modelled(self.search.standing());
+        let records = self.dataset.records.iter().zip(modelled).zip(&self.traces.each);
+        records
+            .map(|((record, modelled), trace)| {
+                let own: Vec<f64> = record.position_um.iter().zip(&modelled).map(|(y, m)| y - m).collect();
+                own[..trace.from].iter().chain(&own).copied().collect()
+            })
+            .collect()
+    }
+
+    /// Whether nothing was taken yet that the model did not have in its hysteresis.
+    pub(crate) fn nothing_taken(&self) -> bool {
+        self.rounds.iter().all(|round| round.taken.is_none() || round.of_family)
+    }
+
+    /// Tries every candidate on the chain as it stands; the best of those that are significant, else the best of all.
+    pub(crate) fn round(&mut self, progress: &(dyn Fn(f64, &str) + Sync)) -> Option<Best> {
+        let first = self.nothing_taken();
+        let line = self.mains_line();
+        let tried: Vec<Arc<dyn Effect>> = self
+            .effects
+            .iter()
+            .filter(|effect| !effect.adds_line_spectrum() || line.is_some())
+            .cloned()
+            .collect();
+        let mut trials: Vec<(Arc<dyn Effect>, Trial)> = Vec::new();
+        let results = self.search.candidates(&tried, line, progress);
+        for (effect, result) in tried.into_iter().zip(results) {
+            if let Ok(trial) = result {
+                trials.push((effect, trial));
+            }
+        }
+        let mut judged = self.judged(trials);
+        judged.sort_by(|a, b| self.order(first, &a.candidate, &b.candidate));
+        self.by_likelihood(first, &mut judged);
+        if self.rounds.is_empty() {
+            let kept = judged
+                .iter()
+                .take(4)
+                .map(|best| (best.effect.name(), best.trial.clone()));
+            self.first_trials = kept.collect();
+        }
+        self.rounds.push(Round {
+            candidates: judged.iter().map(|best| best.candidate.clone()).collect(),
+            taken: None,
+            of_family: false,
+        });
+        judged.into_iter().next()
+    }
+
+    /// Takes the best of the last round into the chain.
+    pub(crate) fn take(&mut self, best: Best) {
+        let of_family =
+            matches!(self.family, Family::Mrpi | Family::Wrpi) && best.effect.name() == EffectId::RateDependence;
+        if let Some(round) = self.rounds.last_mut() {
+            round.taken = Some(best.effect.name());
+            round.of_family = of_family;
+        }
+        self.search.stand_on(best.trial);
+    }
+
+    /// Frequency of the mains where most records that could show its lines do.
+    fn mains_line(&self) -> Option<f64> {
+        let hum = hum::find(&self.traces, &self.residuals(), self.search.noise_um())?;
+        (hum.of > 0 && 2 * hum.seen_in > hum.of).then_some(hum.frequency_hz)
+    }
+
+    /// Each trial against the chain without it, under the same ridge where that helps the chain.
+    fn judged(&self, trials: Vec<(Arc<dyn Effect>, Trial)>) -> Vec<Best> {
+        let standing = self.search.standing();
+        let first = self.nothing_taken();
+        let mut others: Vec<Trial> = Vec::new();
+        let mut judged = Vec::new();
+        for (effect, trial) in trials {
+            let mut without = standing;
+            // Only what counts is worth another fit of the chain.
+            let counts = self.scale.fall(standing, &trial) > self.thresholds.of(RuleId::Statistic);
+            if counts && trial.ridge() != standing.ridge() {
+                if !others.iter().any(|other| other.ridge() == trial.ridge()) {
+                    others.extend(self.search.under_ridge_of(&trial));
+                }
+                let same = others.iter().find(|other| other.ridge() == trial.ridge());
+                without = same
+                    .filter(|same| self.scale.fall(standing, same) > 0.0)
+                    .unwrap_or(standing);
+            }
+            let name = effect.name();
+            let implausible = self.implausible(effect.as_ref(), &trial);
+            let candidate = self
+                .scale
+                .candidate(&self.search, &name, (without, &trial), implausible);
+            judged.push(Best {
+                significant: candidate.significant(first, &self.thresholds),
+                effect,
+                trial,
+                candidate,
+            });
+        }
+        judged
+    }
+
+    /// Significant ones first, then by the statistic.
+    fn order(&self, first: bool, a: &Candidate, b: &Candidate) -> std::cmp::Ordering {
+        let key = |c: &Candidate| (c.significant(first, &self.thresholds), c.statistic);
+        let ((a_counts, a), (b_counts, b)) = (key(a), key(b));
+        b_counts.cmp(&a_counts).then(b.total_cmp(&a))
+    }
+
+    /// Rivals that the statistic does not tell apart stand in the order of their likelihood: it counts how white a residual is.
+    fn by_likelihood(&self, first: bool, judged: &mut [Best]) {
+        let Some(best) = judged.first().map(|best| best.candidate.statistic) else {
+            return;
+        };
+        let least = best - self.thresholds.of(RuleId::Undecided);
+        let close = judged.partition_point(|other| {
+            other.candidate.significant(first, &self.thresholds) && other.candidate.statistic > least
+        });
+        judged[..close].sort_by(|a, b| b.candidate.likelihood.total_cmp(&a.candidate.likelihood));
+    }
+
+    /// What physics, or what these records are, says against it.
+    fn implausible(&self, effect: &dyn Effect, trial: &Trial) -> bool {
+        let name = effect.name();
+        if self.one_sine && !effect.shows_in_one_sine() {
+            return true;
+        }
+        if trial
+            .on_bound(&name)
+            .iter()
+            .any(|parameter| effect.refuted_on_bound(parameter))
+        {
+            return true;
+        }
+        // A position that follows the temperature moves the zero at the records' starts as well; creep does not.
+        let values: Vec<f64> = self
+            .search
+            .parameters_of(trial, &name)
+            .iter()
+            .map(|p| p.value)
+            .collect();
+        let zero = if values.is_empty() {
+            None
+        } else {
+            effect.zero_um_per_k(&values)
+        };
+        zero.is_some_and(|um_per_k| !traces::moves_the_zero(&self.traces, um_per_k))
+    }
+}
+
+/// The least error of a record that moves, micrometres rms.
+fn least_left_um(standing: &Trial, strokes_um: &[f64]) -> f64 {
+    let moving = standing
+        .left_um2
+        .iter()
+        .zip(strokes_um)
+        .filter(|(_, stroke)| **stroke > 0.0);
+    moving.map(|(left, _)| left.sqrt()).fold(f64::INFINITY, f64::min)
+}

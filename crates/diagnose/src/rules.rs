@@ -1,0 +1,185 @@
+//! The rules that turn evidence into a verdict: each with its threshold, its reason, and what set it.
+//!
+//! A threshold is found here by its [`RuleId`] and nowhere else, so that all of them can be moved together.
+
+use serde::{Deserialize, Serialize};
+
+/// A rule.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RuleId {
+    /// Least fall of the logarithms of the parts' squared errors, each foretold from the others.
+    Statistic,
+    /// Least gain in predictive log-likelihood, nats.
+    Likelihood,
+    /// Least share of the squared error that a first effect takes.
+    FirstShare,
+    /// Least share that an effect takes of what another one leaves.
+    NextShare,
+    /// Least error that an effect takes, percent of peak to peak.
+    TakenPercent,
+    /// Error below which nothing is looked into, percent of peak to peak.
+    MattersPercent,
+    /// Least share of the excess error that the named effects must explain together.
+    ExplainedShare,
+    /// The same where much is left.
+    LargeExplainedShare,
+    /// Error that is much, percent of peak to peak.
+    MuchLeftPercent,
+    /// An effect that takes less than the main part is named with the rest unexplained from this statistic on.
+    PartStatistic,
+    /// ... and this share.
+    PartShare,
+    /// ... and so many times the statistic of the next effect.
+    PartLead,
+    /// A candidate stands in the set from this share of the best one's statistic on.
+    SetStatistic,
+    /// ... and this share of its likelihood.
+    SetLikelihood,
+    /// Candidates that are closer than this in the statistic are ranked by likelihood.
+    Undecided,
+    /// The model's own plays lack the shape from this error above the free shape's on, percent.
+    ShapeLacksPercent,
+    /// Share of what straight plays lack that a bend must take to stand beside the shape.
+    EquivalentShare,
+    /// A free shape that foretells worse than straight plays by this fall of logarithms is not determined.
+    Undetermined,
+    /// The stroke must be so many times the noise.
+    StrokeOverNoise,
+    /// Share of samples that stand on an extreme from which records are clipped.
+    ClippedShare,
+}
+
+/// A rule with its threshold and where it comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Rule {
+    /// Which.
+    pub id: RuleId,
+    /// Its threshold.
+    pub threshold: f64,
+    /// Why there is one.
+    pub reason: &'static str,
+}
+
+const fn rule(id: RuleId, threshold: f64, reason: &'static str) -> Rule {
+    Rule { id, threshold, reason }
+}
+
+/// All rules.
+pub const RULES: [Rule; 20] = [
+    rule(RuleId::Statistic, 2.0, "two parts whose squared error falls to a third"),
+    rule(
+        RuleId::Likelihood,
+        10.0,
+        "odds of 1 to 20 000 against chance, among some 40 starts tried",
+    ),
+    rule(RuleId::FirstShare, 0.1, "a first effect may be one of several"),
+    rule(
+        RuleId::NextShare,
+        0.3,
+        "what comes on top of another must be a good part of what is left",
+    ),
+    rule(
+        RuleId::TakenPercent,
+        0.1,
+        "an effect of 0.3 % leaves 0.1 after its best mimic has absorbed what it can",
+    ),
+    rule(
+        RuleId::MattersPercent,
+        0.3,
+        "the weakest effects that are looked for add 0.3 %",
+    ),
+    rule(RuleId::ExplainedShare, 0.6, "less leaves the main thing unnamed"),
+    rule(
+        RuleId::LargeExplainedShare,
+        0.8,
+        "an error above a medium effect hides another one as large",
+    ),
+    rule(RuleId::MuchLeftPercent, 1.2, "a medium effect adds 1 to 2 %"),
+    rule(
+        RuleId::PartStatistic,
+        4.0,
+        "a name beside an unexplained rest needs twice the evidence",
+    ),
+    rule(RuleId::PartShare, 0.25, "a part smaller than a quarter is no main part"),
+    rule(RuleId::PartLead, 1.15, "where much is unexplained a mimic comes close"),
+    rule(RuleId::SetStatistic, 0.9, "rivals as good as this are not told apart"),
+    rule(
+        RuleId::SetLikelihood,
+        0.8,
+        "rivals as likely as this are not told apart",
+    ),
+    rule(RuleId::Undecided, 0.25, "one part's squared error by a factor of 1.3"),
+    rule(
+        RuleId::ShapeLacksPercent,
+        0.5,
+        "ten plays leave 0.24 to 0.97 % on stages in which nothing is missing",
+    ),
+    rule(
+        RuleId::EquivalentShare,
+        0.9,
+        "a bend that takes nine tenths explains the loops as well as the shape",
+    ),
+    rule(RuleId::Undetermined, 2.0, "the same evidence that an effect needs"),
+    rule(
+        RuleId::StrokeOverNoise,
+        30.0,
+        "below it the noise hides a medium effect in every single sample",
+    ),
+    rule(
+        RuleId::ClippedShare,
+        0.05,
+        "a sine stands on its extremes for a hundredth of its samples",
+    ),
+];
+
+/// Errors below this share of peak to peak, percent, are not looked into.
+pub(crate) const MATTERS_PERCENT: f64 = Thresholds::DEFAULT.of(RuleId::MattersPercent);
+
+/// The thresholds, movable.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Thresholds([f64; RULES.len()]);
+
+impl Thresholds {
+    /// Those of the table.
+    pub const DEFAULT: Self = {
+        let mut all = [0.0; RULES.len()];
+        let mut i = 0;
+        while i < RULES.len() {
+            all[RULES[i].id as usize] = RULES[i].threshold;
+            i += 1;
+        }
+        Self(all)
+    };
+
+    /// The threshold of a rule.
+    pub const fn of(&self, id: RuleId) -> f64 {
+        self.0[id as usize]
+    }
+
+    /// With one of them times a factor.
+    #[must_use]
+    pub fn moved(mut self, id: RuleId, factor: f64) -> Self {
+        self.0[id as usize] *= factor;
+        self
+    }
+}
+
+impl Default for Thresholds {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_each_rule_stands_once_in_the_table() {
+        for (i, rule) in RULES.iter().enumerate() {
+            assert_eq!(rule.id as usize, i, "{rule:?}");
+            assert!(rule.threshold > 0.0 && !rule.reason.is_empty());
+        }
+    }
+}

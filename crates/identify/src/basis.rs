@@ -1,0 +1,229 @@
+//! What a play's output and the input are turned into, well conditioned: powers about the middle of what they reach on the
+//! records, and straight lines beyond.
+//!
+//! The coefficients of these functions and those of [`hysteron_core::play_polynomial`] are the same polynomials: inside the
+//! range both give the same output, to rounding.
+
+use crate::effects::Family;
+
+/// The functions of one hysteresis: its family, and the range of inputs it was fitted on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Basis {
+    family: Family,
+    middle: f64,
+    half: f64,
+}
+
+/// Middle and half width of what a polynomial is written in.
+#[derive(Debug, Clone, Copy)]
+struct Window {
+    middle: f64,
+    half: f64,
+}
+
+impl Basis {
+    pub(crate) fn new(family: Family, [low, high]: [f64; 2]) -> Self {
+        let half = 0.5 * (high - low);
+        Self {
+            family,
+            middle: 0.5 * (low + high),
+            half: if half > 0.0 { half } else { 1.0 },
+        }
+    }
+
+    /// Whether the functions are other than the family's own powers.
+    fn centred(&self) -> bool {
+        self.family == Family::PlayPolynomial
+    }
+
+    fn of_input(&self) -> Window {
+        Window {
+            middle: self.middle,
+            half: self.half,
+        }
+    }
+
+    /// A one-sided play moves between the lowest input and its threshold below the highest.
+    fn of_play(&self, threshold: f64) -> Window {
+        Window {
+            middle: self.middle - 0.5 * threshold,
+            // A play as wide as the range hardly moves; a twentieth keeps its powers from exploding.
+            half: (self.half - 0.5 * threshold).max(0.05 * self.half),
+        }
+    }
+
+    /// The input's functions into `cells`, one a power of the family.
+    #[inline(always)]
+    pub(crate) fn input(&self, v: f64, cells: &mut [f64]) {
+        if self.centred() {
+            powers((v - self.middle) / self.half, cells);
+        } else {
+            for (cell, &power) in cells.iter_mut().zip(self.family.input_powers()) {
+                *cell = v.powi(power);
+            }
+        }
+    }
+
+    /// A play's functions, of which the family uses as many as it has coefficients a play.
+    #[inline(always)]
+    pub(crate) fn play(&self, scale: PlayScale, w: f64, rate: f64) -> [f64; 3] {
+        match self.family {
+            Family::Pi | Family::Mpi | Family::Mrpi => [w, 0.0, 0.0],
+            Family::Wrpi => [w, w * rate, 0.0],
+            Family::PlayPolynomial => {
+                let x = (w - scale.middle) * scale.per_unit;
+                let inside = x.clamp(-1.0, 1.0);
+                let beyond = x - inside;
+                let square = inside * inside;
+                [
+                    x,
+                    square + 2.0 * inside * beyond,
+                    (square + 3.0 * inside * beyond) * inside,
+                ]
+            }
+        }
+    }
+
+    /// What [`Self::play`] needs of a threshold.
+    pub(crate) fn scale(&self, threshold: f64) -> PlayScale {
+        let window = self.of_play(threshold);
+        PlayScale {
+            middle: window.middle,
+            per_unit: 1.0 / window.half,
+        }
+    }
+
+    /// Coefficients of the core's own powers, laid out as [`crate::columns::fill`] does.
+    pub(crate) fn to_powers(self, thresholds: &[f64], coefficients: &[f64]) -> Vec<f64> {
+        self.rewritten(thresholds, coefficients, |window, own| {
+            shifted(own, -window.middle / window.half, 1.0 / window.half)
+        })
+    }
+
+    /// The inverse of [`Self::to_powers`].
+    pub(crate) fn of_powers(self, thresholds: &[f64], coefficients: &[f64]) -> Vec<f64> {
+        self.rewritten(thresholds, coefficients, |window, own| {
+            shifted(own, window.middle, window.half)
+        })
+    }
+
+    fn rewritten(
+        self,
+        thresholds: &[f64],
+        coefficients: &[f64],
+        rewrite: impl Fn(Window, &[f64]) -> Vec<f64>,
+    ) -> Vec<f64> {
+        let mut all = coefficients.to_vec();
+        if !self.centred() {
+            return all;
+        }
+        let inputs = self.family.input_powers().len();
+        let n = thresholds.len();
+        let of_input = rewrite(self.of_input(), &coefficients[1..=inputs]);
+        all[0] += of_input[0];
+        all[1..=inputs].copy_from_slice(&of_input[1..]);
+        for (i, &threshold) in thresholds.iter().enumerate() {
+            let at = |power: usize| 1 + inputs + power * n + i;
+            let own: Vec<f64> = (0..3).map(|power| coefficients[at(power)]).collect();
+            let of_play = rewrite(self.of_play(threshold), &own);
+            all[0] += of_play[0];
+            (0..3).for_each(|power| all[at(power)] = of_play[power + 1]);
+        }
+        all
+    }
+}
+
+/// Middle of a play's travel, and what makes half of it one.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct PlayScale {
+    middle: f64,
+    per_unit: f64,
+}
+
+/// Powers of `x` from the first on; straight lines beyond -1 and 1.
+fn powers(x: f64, cells: &mut [f64]) {
+    let inside = x.clamp(-1.0, 1.0);
+    let beyond = x - inside;
+    let mut before = 1.0;
+    for (k, cell) in cells.iter_mut().enumerate() {
+        *cell = before * inside + (k + 1) as f64 * before * beyond;
+        before *= inside;
+    }
+}
+
+/// The polynomial `sum c_k x^k`, k from 1, of `x = origin + slope z`, in powers of z from 0.
+fn shifted(own: &[f64], origin: f64, slope: f64) -> Vec<f64> {
+    // Horner's scheme over polynomials of z.
+    let mut sum = vec![0.0; own.len() + 1];
+    for &c in own.iter().rev() {
+        sum[0] += c;
+        for k in (0..sum.len()).rev() {
+            let below = if k > 0 { sum[k - 1] * slope } else { 0.0 };
+            sum[k] = sum[k] * origin + below;
+        }
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::columns::{fill, output};
+
+    const THRESHOLDS: [f64; 3] = [2.0, 15.0, 60.0];
+
+    fn coefficients() -> Vec<f64> {
+        (0..15).map(|k| 0.3 * f64::from((k * 7) % 5 - 2)).collect()
+    }
+
+    fn by_basis(basis: &Basis, c: &[f64], v: f64, outputs: &[f64]) -> f64 {
+        let mut cells = [0.0; 5];
+        basis.input(v, &mut cells);
+        let of_input: f64 = cells.iter().zip(&c[1..6]).map(|(x, c)| x * c).sum();
+        let of_plays: f64 = (0..3)
+            .map(|i| {
+                let own = basis.play(basis.scale(THRESHOLDS[i]), outputs[i], 0.0);
+                (0..3).map(|power| own[power] * c[6 + 3 * power + i]).sum::<f64>()
+            })
+            .sum();
+        c[0] + of_input + of_plays
+    }
+
+    /// Inside the range the core's powers and these functions are one polynomial; to and fro changes nothing.
+    #[test]
+    fn val_the_same_polynomials_as_the_cores() {
+        let basis = Basis::new(Family::PlayPolynomial, [-10.0, 90.0]);
+        let own = coefficients();
+        let powers = basis.to_powers(&THRESHOLDS, &own);
+        for (a, b) in own.iter().zip(basis.of_powers(&THRESHOLDS, &powers)) {
+            assert!((a - b).abs() < 1e-9, "{a} {b}");
+        }
+        for (v, outputs) in [(0.0, [-1.0, -8.0, -10.0]), (77.0, [76.0, 70.0, 25.0])] {
+            let here = by_basis(&basis, &own, v, &outputs);
+            let core = output(Family::PlayPolynomial, &powers, v, 0.0, &outputs);
+            assert!((here - core).abs() < 1e-9, "{here} {core}");
+            let mut row = vec![0.0; 15];
+            fill(Family::PlayPolynomial, v, 0.0, &outputs, &mut row);
+            let by_row: f64 = row.iter().zip(&powers).map(|(x, c)| x * c).sum();
+            assert!((by_row - core).abs() < 1e-9);
+        }
+    }
+
+    /// Beyond what was fitted the output goes on in a straight line: no second difference.
+    #[test]
+    fn val_straight_lines_beyond_the_range() {
+        let basis = Basis::new(Family::PlayPolynomial, [0.0, 100.0]);
+        let own = coefficients();
+        let at = |v: f64| by_basis(&basis, &own, v, &[v - 1.0, v - 10.0, v - 40.0]);
+        let second = at(150.0) - 2.0 * at(160.0) + at(170.0);
+        assert!(second.abs() < 1e-9, "{second}");
+        // No step and no kink at the edge of the input's range.
+        let mut edge = [[0.0; 5]; 3];
+        for (cells, v) in edge.iter_mut().zip([100.0 - 1e-6, 100.0, 100.0 + 1e-6]) {
+            basis.input(v, cells);
+        }
+        for k in 0..5 {
+            assert!((edge[0][k] - 2.0 * edge[1][k] + edge[2][k]).abs() < 1e-12);
+        }
+    }
+}

@@ -1,0 +1,443 @@
+//! One more effect in the chain: where its search begins, and the way to the bottom of its valley.
+
+use super::fitted::{Descent, Fitted, Look, Standing, reweighed};
+use super::records::Prepared;
+use super::system::within_bounds;
+use super::trial::{Trial, judge};
+use super::{Search, bounds, chosen_states, has, start_in};
+use crate::chain::{Chain, Link, Own, Stroke};
+use crate::effects::{Bounds, Effect, Facts};
+use crate::family::range;
+use crate::normal::Normal;
+use crate::start_state::InitialState;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// How much of a search for one candidate is done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Effort {
+    /// Among many: one that takes nothing is left early.
+    Quick,
+    /// For its own sake: it is wanted whatever it takes.
+    Thorough,
+}
+
+impl Effort {
+    /// Starts that are followed towards the bottom of their valleys.
+    fn followed(self) -> usize {
+        match self {
+            Self::Quick => 2,
+            Self::Thorough => 4,
+        }
+    }
+
+    /// Steps of those, and of the best of them.
+    fn steps(self) -> (usize, usize) {
+        match self {
+            Self::Quick => (1, 6),
+            Self::Thorough => (3, usize::MAX),
+        }
+    }
+
+    /// Fall of the sum of logarithms below which a search has settled: the error of one record by a two-hundredth, or a
+    /// hundredth of that.
+    fn settled(self) -> f64 {
+        match self {
+            Self::Quick => 1e-2,
+            Self::Thorough => 1e-4,
+        }
+    }
+
+    /// Times that the states of the records and the chain follow each other.
+    fn turns(self) -> usize {
+        match self {
+            Self::Quick => 2,
+            Self::Thorough => 4,
+        }
+    }
+
+    /// Rounds in which records choose the numbers of their own again.
+    fn rounds(self) -> usize {
+        match self {
+            Self::Quick => 2,
+            Self::Thorough => 5,
+        }
+    }
+}
+
+/// Times that the space about the best start is halved in a quick look.
+const HALVED: usize = 3;
+
+/// A candidate whose first steps take less than this of the sum of logarithms is not followed further: the squared error of one record
+/// by a tenth.
+const LEAST_FALL: f64 = 0.1;
+
+/// Why an effect cannot be tried.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Refused {
+    /// The chain has it, and cannot have it once more.
+    There,
+    /// These records or this hysteresis cannot have it; in words.
+    Cannot(String),
+}
+
+/// The chain as it stands, ready for a quick look at many starts: what is left of each fitted record, and what the
+/// hysteresis could take of a change.
+pub(super) struct Basis {
+    records: Vec<OfRecord>,
+    /// The sum of logarithms at the bottom of the valley that the standing chain is in.
+    error: f64,
+}
+
+struct OfRecord {
+    index: usize,
+    stroke: Stroke,
+    modelled: Vec<f64>,
+    columns: DMatrix<f64>,
+    residual: DVector<f64>,
+    system: Normal,
+}
+
+impl Search<'_> {
+    /// The standing chain made ready for [`Search::candidate`].
+    pub(super) fn basis(&self) -> Basis {
+        let fitted = &self.standing.fitted;
+        let taking_part = (0..self.records.len()).filter(|&i| self.records[i].fits);
+        let records: Vec<OfRecord> = taking_part
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(|index| {
+                let record = &self.records[index];
+                let tangent = fitted.tangent(record, index, Look::Few, false);
+                let trace = record.trace(fitted.chain.dynamic());
+                let own = &fitted.own[index];
+                let stroke = fitted.chain.stroke(&fitted.coefficients, trace, own);
+                OfRecord {
+                    index,
+                    modelled: fitted.chain.respond_from(&fitted.coefficients, trace, own, &stroke),
+                    stroke,
+                    system: Normal::of_columns(&tangent.columns, &tangent.residual),
+                    columns: tangent.columns,
+                    residual: tangent.residual,
+                }
+            })
+            .collect();
+        Basis {
+            records,
+            error: self.descent().project(fitted.clone()).error,
+        }
+    }
+
+    /// Fits one more effect in the standing chain, everything anew with it, whatever it takes.
+    ///
+    /// # Errors
+    /// The chain has it, or the records cannot have it.
+    /// # Cost
+    /// A pass over the records a start, some thirty more.
+    pub fn candidate(&self, effect: &Arc<dyn Effect>) -> Result<Trial, Refused> {
+        self.candidate_on(effect, &self.basis(), None, Effort::Thorough)
+    }
+
+    /// Several candidates, on all cores, in their order; one that adds lines of the mains begins at `line_hz`. `progress` gets the
+    /// share done.
+    pub fn candidates(
+        &self,
+        effects: &[Arc<dyn Effect>],
+        line_hz: Option<f64>,
+        progress: &(dyn Fn(f64, &str) + Sync),
+    ) -> Vec<Result<Trial, Refused>> {
+        let basis = self.basis();
+        let done = std::sync::atomic::AtomicUsize::new(0);
+        effects
+            .par_iter()
+            .with_max_len(1)
+            .map(|effect| {
+                let before = done.load(std::sync::atomic::Ordering::Relaxed);
+                progress(before as f64 / effects.len() as f64, effect.description().name);
+                let trial = self.candidate_on(effect, &basis, line_hz, Effort::Quick);
+                done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+                trial
+            })
+            .collect()
+    }
+
+    fn candidate_on(
+        &self,
+        effect: &Arc<dyn Effect>,
+        basis: &Basis,
+        line_hz: Option<f64>,
+        effort: Effort,
+    ) -> Result<Trial, Refused> {
+        let (point, link, mut starts) = self.plan(effect)?;
+        if let Some(line_hz) = line_hz.filter(|_| effect.adds_line_spectrum()) {
+            starts.truncate(1);
+            starts
+                .iter_mut()
+                .filter_map(|start| start.first_mut())
+                .for_each(|f| *f = line_hz);
+        }
+        if !effect.has_own_numbers() && starts.len() > effort.followed() {
+            starts = self.quick_look(&point, link, starts, basis, effort);
+        }
+        let nowhere = || Refused::Cannot("there is nowhere to begin".to_owned());
+        let mut best = self
+            .followed(&self.records, &point, link, &starts, effort)
+            .ok_or_else(nowhere)?;
+        let mut other_states: Option<Vec<Prepared<'_>>> = None;
+        if effect.outlasts_records()
+            && let Some(from_rest) = self.begun_at_rest()
+            && let Some(other) = self.followed(&from_rest, &point, link, &starts, effort)
+            && other.error < best.error
+        {
+            (best, other_states) = (other, Some(from_rest));
+        }
+        if effort == Effort::Quick && best.error > basis.error - LEAST_FALL {
+            return Ok(self.standing.taking_nothing(best.fitted));
+        }
+        best = self.to_the_end(other_states.as_deref().unwrap_or(&self.records), best, effort);
+        if effect.outlasts_records() {
+            // What outlasts records is taken for the state of the plays where it is missing: with it that is another.
+            for _ in 0..effort.turns() {
+                let records = other_states.get_or_insert_with(|| self.records.clone());
+                let chosen = chosen_states(records, &best.fitted);
+                if !start_in(records, &chosen) {
+                    break;
+                }
+                let error = self.descent_on(records, effort).error(&best.fitted);
+                best = self.to_the_end(records, Standing { error, ..best }, effort);
+            }
+        }
+        let records = other_states.as_deref().unwrap_or(&self.records);
+        let states = other_states
+            .is_some()
+            .then(|| records.iter().map(Prepared::initial).collect());
+        let mut point = best.fitted;
+        point.ridge = self.standing.fitted.ridge;
+        let mut trial = judge(records, point, &self.standing.weights, self.noise_um, false);
+        trial.states = states;
+        Ok(trial)
+    }
+
+    fn descent_on<'s>(&self, records: &'s [Prepared<'s>], effort: Effort) -> Descent<'s> {
+        Descent {
+            records,
+            noise_um: self.noise_um,
+            settled: effort.settled(),
+        }
+    }
+
+    /// The best of some starts, each followed some steps.
+    fn followed(
+        &self,
+        records: &[Prepared<'_>],
+        point: &Fitted,
+        link: usize,
+        starts: &[Vec<f64>],
+        effort: Effort,
+    ) -> Option<Standing> {
+        let descent = self.descent_on(records, effort);
+        let own_numbers = point.chain.links[link].effect.has_own_numbers();
+        let each = starts.iter().map(|values| {
+            let mut at = point.clone();
+            at.chain.links[link].values.clone_from(values);
+            if own_numbers {
+                at.settle(records);
+            }
+            descent.descend(descent.project(at), effort.steps().0)
+        });
+        each.min_by(|a, b| a.error.total_cmp(&b.error))
+    }
+
+    fn to_the_end(&self, records: &[Prepared<'_>], best: Standing, effort: Effort) -> Standing {
+        let descent = self.descent_on(records, effort);
+        let mut best = descent.descend(best, effort.steps().1);
+        if best.fitted.chain.links.iter().any(|link| link.effect.has_own_numbers()) {
+            for _ in 0..effort.rounds() {
+                best.fitted.settle(records);
+                let steps = if effort == Effort::Quick { 2 } else { usize::MAX };
+                best = descent.descend(descent.project(best.fitted), steps);
+            }
+        }
+        best
+    }
+
+    /// The records with those from rest that begin at the low end of their drive: what repeats now may not have come to its end.
+    /// `None` where none would change.
+    fn begun_at_rest(&self) -> Option<Vec<Prepared<'_>>> {
+        let rest = InitialState::Remanent { fraction: 0.0 };
+        let mut records = self.records.clone();
+        let mut changed = false;
+        for prepared in &mut records {
+            let voltage_v = &prepared.record().voltage_v;
+            let (low, high) = range(voltage_v.iter().copied());
+            if prepared.initial() != rest && voltage_v[0] - low <= 1e-3 * (high - low) {
+                prepared.start_in(rest);
+                changed = true;
+            }
+        }
+        changed.then_some(records)
+    }
+
+    /// The standing chain under another trial's ridge, where that is its own: what a candidate gains by its ridge alone
+    /// must not count for it.
+    pub fn under_ridge_of(&self, trial: &Trial) -> Option<Trial> {
+        let ridge = trial.fitted.ridge;
+        (ridge != self.standing.fitted.ridge).then(|| {
+            let point = Fitted {
+                ridge,
+                ..self.standing.fitted.clone()
+            };
+            judge(&self.records, point, &self.standing.weights, self.noise_um, true)
+        })
+    }
+
+    /// The chain with the effect in it, which link that is, and where its search begins.
+    fn plan(&self, effect: &Arc<dyn Effect>) -> Result<(Fitted, usize, Vec<Vec<f64>>), Refused> {
+        let standing = &self.standing.fitted;
+        let facts = Facts {
+            family: standing.chain.design.family,
+            ..self.facts
+        };
+        let own = effect.bounds(&facts).map_err(Refused::Cannot)?;
+        if own.is_empty() {
+            return Err(Refused::Cannot(
+                "it is a change of the hysteresis, no link of the chain".to_owned(),
+            ));
+        }
+        let already = has(&standing.chain, effect.as_ref());
+        let mut links = standing.chain.links.clone();
+        if already.is_none() {
+            links.push(Link {
+                effect: Arc::clone(effect),
+                values: own.iter().map(|b| b.neutral).collect(),
+            });
+        }
+        let chain = Chain::new(standing.chain.design.clone(), links, standing.chain.range_v);
+        let mut bounds = bounds(&chain, &facts);
+        let link = has(&chain, effect.as_ref()).unwrap_or(0);
+        let starts = if already.is_some() {
+            let again = effect.once_more(&chain.links[link].values, &bounds[link]);
+            let starts = again.ok_or(Refused::There)?;
+            if let Some(first) = starts.first() {
+                effect.free(first, &mut bounds[link]);
+            }
+            starts
+        } else {
+            effect.starts(&facts, &bounds[link])
+        };
+        let own = standing
+            .own
+            .iter()
+            .map(|own| with_place(own, already.is_none().then_some(link)))
+            .collect();
+        let point = Fitted {
+            bounds,
+            coefficients: standing.coefficients.clone(),
+            own,
+            ridge: standing.ridge,
+            chain,
+        };
+        Ok((point, link, starts))
+    }
+
+    /// The starts whose change of the modelled position leaves least, with what the hysteresis could take of it; the space about
+    /// the best one is halved some times, since a light mode's valley is narrower than the steps between starts.
+    fn quick_look(
+        &self,
+        point: &Fitted,
+        link: usize,
+        starts: Vec<Vec<f64>>,
+        basis: &Basis,
+        effort: Effort,
+    ) -> Vec<Vec<f64>> {
+        let left = |values: &Vec<f64>| {
+            let mut chain = point.chain.clone();
+            chain.links[link].values.clone_from(values);
+            basis.left(self, &chain, link, point)
+        };
+        let scored: Vec<f64> = starts.par_iter().map(left).collect();
+        let mut order: Vec<usize> = (0..starts.len()).collect();
+        order.sort_by(|&a, &b| scored[a].total_cmp(&scored[b]));
+        let best = order[0];
+        let mut nearest = starts[best].clone();
+        let mut least = scored[best];
+        let mut beside: Vec<Vec<f64>> = [best.checked_sub(1), Some(best + 1)]
+            .into_iter()
+            .flatten()
+            .filter_map(|k| starts.get(k).cloned())
+            .collect();
+        for _ in 0..HALVED {
+            beside.iter_mut().for_each(|other| *other = between(&nearest, other));
+            let tried: Vec<f64> = beside.par_iter().map(left).collect();
+            for (values, left) in beside.iter().zip(tried) {
+                if left < least {
+                    (nearest, least) = (values.clone(), left);
+                }
+            }
+        }
+        let mut chosen = vec![nearest];
+        // The others come from other valleys than the first one's neighbours.
+        let apart = order[1..]
+            .iter()
+            .filter(|&&k| k.abs_diff(best) > 1 || starts.len() <= 4);
+        chosen.extend(apart.take(effort.followed() - 1).map(|&k| starts[k].clone()));
+        chosen
+    }
+}
+
+/// Half way between two starts: by equal factors where both have one sign.
+fn between(a: &[f64], b: &[f64]) -> Vec<f64> {
+    let half = |(a, b): (&f64, &f64)| {
+        if a * b > 0.0 {
+            a.signum() * (a * b).sqrt()
+        } else {
+            0.5 * (a + b)
+        }
+    };
+    a.iter().zip(b).map(half).collect()
+}
+
+impl Basis {
+    /// The sum of logarithms that a change of the chain leaves, up to a factor, with what the hysteresis could take of it.
+    fn left(&self, search: &Search<'_>, chain: &Chain, link: usize, point: &Fitted) -> f64 {
+        let dynamic = chain.dynamic();
+        let of_standing = search.standing.fitted.chain.dynamic();
+        let systems: Vec<Normal> = self
+            .records
+            .iter()
+            .map(|record| {
+                let trace = search.records[record.index].trace(dynamic);
+                let numbers = &point.own[record.index];
+                let modelled = if dynamic == of_standing || trace.every == 1 {
+                    chain.respond_again(link, &point.coefficients, trace, numbers, &record.stroke)
+                } else {
+                    chain.respond(&point.coefficients, trace, numbers)
+                };
+                let rows = &search.records[record.index].few_rows;
+                let change = DVector::from_iterator(rows.len(), rows.iter().map(|&k| modelled[k] - record.modelled[k]));
+                let across = record.columns.tr_mul(&change);
+                record
+                    .system
+                    .bordered(&across, change.norm_squared(), change.dot(&record.residual))
+            })
+            .collect();
+        let n = point.coefficients.len();
+        let factor = [(Bounds::new(0.0, MOST_TIMES, 1.0, 0.0), 0.0)];
+        let solve = |sum: &Normal| within_bounds(sum, n, point.ridge, 0.0, &factor);
+        let stay = vec![0.0; n + 1];
+        reweighed(&systems, search.noise_um, Some(&stay), 2, solve).map_or(f64::INFINITY, |(_, error)| error)
+    }
+}
+
+/// A start's change counts up to so many times.
+const MOST_TIMES: f64 = 3.0;
+
+/// A record's own numbers with an empty list for a new link.
+fn with_place(own: &Own, link: Option<usize>) -> Own {
+    let mut own = own.clone();
+    if let Some(link) = link {
+        own.insert(link.min(own.len()), Vec::new());
+    }
+    own
+}

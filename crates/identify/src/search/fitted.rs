@@ -1,0 +1,290 @@
+//! A chain with all of its numbers, its answer on the records, and the way down to the bottom of its valley.
+
+use super::records::Prepared;
+use super::system::within_bounds;
+use crate::chain::{Chain, Own};
+use crate::effects::Bounds;
+use crate::normal::Normal;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// A chain with its coefficients, and what may be fitted of it.
+#[derive(Clone)]
+pub(crate) struct Fitted {
+    pub chain: Chain,
+    /// Bounds of each link's parameters, in the order of the chain.
+    pub bounds: Vec<Vec<Bounds>>,
+    /// Of the functions of [`Chain::basis`].
+    pub coefficients: Vec<f64>,
+    /// Numbers of each record alone.
+    pub own: Vec<Own>,
+    /// Ridge on the scaled columns of the hysteresis.
+    pub ridge: f64,
+}
+
+/// Which samples are looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Look {
+    /// Those of a search.
+    Few,
+    /// Those of a comparison.
+    All,
+}
+
+impl Look {
+    pub(super) fn rows<'r>(self, record: &'r Prepared<'_>) -> &'r [usize] {
+        match self {
+            Self::Few => &record.few_rows,
+            Self::All => &record.rows,
+        }
+    }
+}
+
+/// The answer of a chain on one record, at the rows, and how it changes with each coefficient and parameter.
+pub(super) struct Tangent {
+    pub columns: DMatrix<f64>,
+    /// Measured minus modelled.
+    pub residual: DVector<f64>,
+    /// What the columns have to give: the residual and what the coefficients give already.
+    pub target: DVector<f64>,
+}
+
+/// Step of numerical derivatives, in units of a parameter's scale: between rounding and bends.
+const DIFFERENCE: f64 = 1e-3;
+
+/// Steps of the search; one that has not settled by then follows a flat valley.
+const MOST_STEPS: usize = 25;
+
+impl Fitted {
+    /// Number of parameters of all effects, fitted or not.
+    pub(super) fn parameters(&self) -> usize {
+        self.bounds.iter().map(Vec::len).sum()
+    }
+
+    /// Lets each effect choose the numbers that belong to one record alone.
+    pub(super) fn settle(&mut self, records: &[Prepared<'_>]) {
+        let dynamic = self.chain.dynamic();
+        self.own = records
+            .par_iter()
+            .map(|record| self.chain.settle(&self.coefficients, record.trace(dynamic)))
+            .collect();
+    }
+
+    /// The modelled position at every sample of a record.
+    pub(super) fn modelled(&self, record: &Prepared<'_>, i: usize) -> Vec<f64> {
+        let trace = record.trace(self.chain.dynamic());
+        self.chain.respond(&self.coefficients, trace, &self.own[i])
+    }
+
+    /// The answer on one record; `derivatives` asks for the columns of the effects' parameters as well.
+    pub(super) fn tangent(&self, record: &Prepared<'_>, i: usize, look: Look, derivatives: bool) -> Tangent {
+        let rows = look.rows(record);
+        let trace = record.trace(self.chain.dynamic());
+        let own = &self.own[i];
+        let (stroke, linear) = self.chain.stroke_and_columns(&self.coefficients, trace, own, rows);
+        let modelled = self.chain.respond_from(&self.coefficients, trace, own, &stroke);
+        let measured = &record.record().position_um;
+        let residual = DVector::from_iterator(rows.len(), rows.iter().map(|&k| measured[k] - modelled[k]));
+        let target = &residual + &linear * DVector::from_column_slice(&self.coefficients);
+        let (n, more) = (linear.ncols(), if derivatives { self.parameters() } else { 0 });
+        if more == 0 {
+            return Tangent {
+                columns: linear,
+                residual,
+                target,
+            };
+        }
+        let mut columns = linear.resize_horizontally(n + more, 0.0);
+        let mut column = n;
+        for (link, bounds) in self.bounds.iter().enumerate() {
+            for (j, b) in bounds.iter().enumerate() {
+                if b.fitted {
+                    let value = self.chain.links[link].values[j];
+                    let forward = DIFFERENCE * b.scale;
+                    let step = if value + forward <= b.max { forward } else { -forward };
+                    let mut shifted = self.chain.clone();
+                    shifted.links[link].values[j] = value + step;
+                    let there = shifted.respond_again(link, &self.coefficients, trace, own, &stroke);
+                    for (cell, &k) in columns.column_mut(column).iter_mut().zip(rows) {
+                        *cell = (there[k] - modelled[k]) / step;
+                    }
+                }
+                column += 1;
+            }
+        }
+        Tangent {
+            columns,
+            residual,
+            target,
+        }
+    }
+
+    /// Normal equations of each fitted record around this point.
+    fn systems(&self, records: &[Prepared<'_>], derivatives: bool) -> Vec<Normal> {
+        let taking_part: Vec<usize> = (0..records.len()).filter(|&i| records[i].fits).collect();
+        taking_part
+            .par_iter()
+            .map(|&i| {
+                let tangent = self.tangent(&records[i], i, Look::Few, derivatives);
+                Normal::of_columns(&tangent.columns, &tangent.target)
+            })
+            .collect()
+    }
+
+    pub(super) fn flat(&self) -> Vec<(Bounds, f64)> {
+        self.bounds
+            .iter()
+            .zip(&self.chain.links)
+            .flat_map(|(bounds, link)| bounds.iter().copied().zip(link.values.iter().copied()))
+            .collect()
+    }
+
+    /// The point that a solution of the normal equations leads to.
+    pub(super) fn moved_by(&self, solution: &[f64]) -> Self {
+        let linear = self.coefficients.len();
+        let mut moved = self.clone();
+        moved.coefficients = solution[..linear].to_vec();
+        let mut changes = solution[linear..].iter();
+        for (link, bounds) in moved.chain.links.iter_mut().zip(&self.bounds) {
+            for ((value, b), change) in link.values.iter_mut().zip(bounds).zip(&mut changes) {
+                if b.fitted {
+                    *value = (*value + change).clamp(b.min, b.max);
+                }
+            }
+        }
+        moved
+    }
+}
+
+/// A search over the parameters of a chain's effects: the linear coefficients in closed form for every trial (variable projection,
+/// Golub and Pereyra 1973), the others by damped Gauss-Newton steps within physical bounds.
+///
+/// What falls is the sum of the logarithms of the records' mean squares: a record explained to a tenth counts as much as another
+/// one explained to a tenth, and the records that lack an effect do not speak for the others.
+#[derive(Clone, Copy)]
+pub(super) struct Descent<'s> {
+    pub records: &'s [Prepared<'s>],
+    /// Noise of the readings, micrometres rms: below it no record is worth more.
+    pub noise_um: f64,
+    /// Fall of the sum of logarithms below which it has settled.
+    pub settled: f64,
+}
+
+/// A point and the sum of the logarithms of what it leaves of each record.
+pub(super) struct Standing {
+    pub fitted: Fitted,
+    pub error: f64,
+}
+
+/// Rounds in which each record is weighed by what is left of it.
+const REWEIGHED: usize = 3;
+
+/// Least squares over records, each weighed by what a solution leaves of it: coefficients, and the sum of logarithms.
+pub(super) fn reweighed(
+    systems: &[Normal],
+    noise_um: f64,
+    first: Option<&[f64]>,
+    rounds: usize,
+    solve: impl Fn(&Normal) -> Option<Vec<f64>>,
+) -> Option<(Vec<f64>, f64)> {
+    let mean_square = |system: &Normal, x: &[f64]| system.squared_error(x) / system.samples.max(1) as f64;
+    let noise_um2 = noise_um.powi(2).max(f64::MIN_POSITIVE);
+    let mut solution = first.map(<[f64]>::to_vec);
+    for _ in 0..rounds {
+        let mut sum = Normal::new(systems.first()?.columns());
+        for system in systems {
+            let left = solution.as_deref().map_or(0.0, |x| mean_square(system, x));
+            // Before there is a solution each record counts by its own size.
+            let scale = if solution.is_some() {
+                noise_um2 + left
+            } else {
+                noise_um2 + system.target_squares / system.samples.max(1) as f64
+            };
+            sum.add_scaled(system, 1.0 / (scale * system.samples.max(1) as f64));
+        }
+        solution = Some(solve(&sum)?);
+    }
+    let solution = solution?;
+    let error = systems
+        .iter()
+        .map(|system| (noise_um2 + mean_square(system, &solution)).ln())
+        .sum();
+    Some((solution, error))
+}
+
+impl Descent<'_> {
+    /// Solves for the linear coefficients at these effects; for a nonlinear chain around the given coefficients.
+    pub(super) fn project(&self, mut fitted: Fitted) -> Standing {
+        let systems = fitted.systems(self.records, false);
+        let linear = fitted.coefficients.len();
+        let solve = |sum: &Normal| within_bounds(sum, linear, fitted.ridge, 0.0, &[]);
+        let solved = reweighed(&systems, self.noise_um, Some(&fitted.coefficients), REWEIGHED, solve);
+        let mut error = f64::INFINITY;
+        if let Some((solution, left)) = solved {
+            (fitted.coefficients, error) = (solution, left);
+        }
+        if !fitted.chain.linear() {
+            error = self.error(&fitted);
+        }
+        Standing { fitted, error }
+    }
+
+    /// The sum of logarithms at the rows of the search.
+    pub(super) fn error(&self, fitted: &Fitted) -> f64 {
+        let errors: Vec<f64> = self
+            .records
+            .par_iter()
+            .enumerate()
+            .filter(|(_, record)| record.fits)
+            .map(|(i, record)| {
+                let modelled = fitted.modelled(record, i);
+                let measured = &record.record().position_um;
+                let rows = &record.few_rows;
+                let sum: f64 = rows.iter().map(|&k| (measured[k] - modelled[k]).powi(2)).sum();
+                (self.noise_um.powi(2).max(f64::MIN_POSITIVE) + sum / rows.len().max(1) as f64).ln()
+            })
+            .collect();
+        errors.iter().sum()
+    }
+
+    /// From a point to the bottom of its valley, in a number of steps at the most.
+    pub(super) fn descend(&self, start: Standing, most_steps: usize) -> Standing {
+        let mut here = start;
+        let mut damping = 1e-3;
+        for _ in 0..most_steps.min(MOST_STEPS) {
+            let systems = here.fitted.systems(self.records, true);
+            let linear = here.fitted.coefficients.len();
+            let mut stay = here.fitted.coefficients.clone();
+            stay.resize(linear + here.fitted.parameters(), 0.0);
+            let flat = here.fitted.flat();
+            let solution = |damping: f64| {
+                let solve = |sum: &Normal| within_bounds(sum, linear, here.fitted.ridge, damping, &flat);
+                reweighed(&systems, self.noise_um, Some(&stay), 2, solve)
+            };
+            let promised = solution(1e-9).map_or(0.0, |(_, error)| here.error - error);
+            if here.error.is_finite() && promised < self.settled {
+                break;
+            }
+            // A step that does not go down is tried again, shorter.
+            let mut lower = None;
+            for _ in 0..5 {
+                let Some((solution, _)) = solution(damping) else { break };
+                let fitted = here.fitted.moved_by(&solution);
+                let error = self.error(&fitted);
+                if error < here.error {
+                    lower = Some(Standing { fitted, error });
+                    damping = (damping * 0.1).max(1e-9);
+                    break;
+                }
+                damping *= 10.0;
+            }
+            let Some(lower) = lower else { break };
+            let fell = here.error - lower.error;
+            here = lower;
+            if fell < self.settled {
+                break;
+            }
+        }
+        here
+    }
+}

@@ -1,0 +1,318 @@
+//! The one search behind `fit` of a free shape, `add`, `diagnose` and `learn`: a chain of effects around a hysteresis, fitted,
+//! extended by a candidate, judged on what took no part in the fit, and made a [`Model`].
+//!
+//! The chain that a candidate is judged with is the chain that the user gets.
+
+mod accept;
+mod candidate;
+mod fitted;
+mod records;
+mod system;
+mod trial;
+
+pub use candidate::Refused;
+pub use trial::{Part, Trial};
+
+use crate::chain::{Chain, Link};
+use crate::chain_facts::facts;
+use crate::chain_trace::Trace;
+use crate::columns::Design;
+use crate::effects::{Bounds, Effect, Facts, Family};
+use crate::error::IdentifyError;
+use crate::initial;
+use crate::model::Model;
+use crate::placement::{Placement, thresholds};
+use crate::start_state::InitialState;
+use fitted::{Descent, Fitted, Standing};
+use hysteron_core::envelope::Envelope;
+use hysteron_data::{Dataset, Record, Role};
+use rayon::prelude::*;
+use records::Prepared;
+
+/// Plays of the free shape: enough to bring a Preisach density down to a few hundredths of a percent.
+pub const FREE_PLAYS: usize = 18;
+
+/// Ridge of a free shape before any is chosen.
+const FIRST_RIDGE: f64 = 1e-7;
+
+/// Times that the states of the records and the chain follow each other.
+const MOST_TURNS: usize = 4;
+
+/// The hysteresis that a search fits its effects around.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shape {
+    /// The model's own family and thresholds.
+    Own,
+    /// The free shape: [`FREE_PLAYS`] plays where the records exercise them, each through a cubic.
+    Free,
+    /// As many plays in the same places with a weight each, behind an input function that is linear.
+    Straight,
+}
+
+/// Records, and the chain as it stands on them.
+pub struct Search<'a> {
+    dataset: &'a Dataset,
+    /// The model that the search began with: its history, and how it was fitted.
+    origin: Model,
+    records: Vec<Prepared<'a>>,
+    noise_um: f64,
+    facts: Facts,
+    /// The chain as it stands.
+    standing: Trial,
+}
+
+impl<'a> Search<'a> {
+    /// A model's chain on records, everything fitted anew: around its own hysteresis or another shape of it.
+    ///
+    /// # Errors
+    /// No record that moves.
+    /// # Cost
+    /// Some six passes over the records.
+    pub fn new(dataset: &'a Dataset, model: &Model, shape: &Shape, noise_um: f64) -> Result<Self, IdentifyError> {
+        let (chain, facts) = chain_in(dataset, model, shape)?;
+        let records = records::prepare(dataset, &chain.design);
+        if records.iter().all(|record| !record.moves() || !record.fits) {
+            return Err(IdentifyError::NothingToFit);
+        }
+        let largest_um = records.iter().map(|r| r.stroke_um).fold(0.0, f64::max);
+        let weights = vec![1.0 / (noise_um.powi(2) + (0.01 * largest_um).powi(2)); records.len()];
+        let point = start(chain, &facts, &records);
+        let mut search = Self {
+            dataset,
+            origin: model.clone(),
+            noise_um,
+            facts,
+            standing: Trial::unjudged(point, weights),
+            records,
+        };
+        let point = search.settled_point();
+        search.standing = search.judged(point);
+        if search.choose_states() {
+            let point = search.settled_point();
+            search.standing = search.judged(point);
+        }
+        Ok(search)
+    }
+
+    /// The chain as it stands, judged.
+    pub fn standing(&self) -> &Trial {
+        &self.standing
+    }
+
+    /// Noise of the readings that the search reckons with, micrometres rms.
+    pub fn noise_um(&self) -> f64 {
+        self.noise_um
+    }
+
+    /// What the effects may know of the records.
+    pub fn facts(&self) -> &Facts {
+        &self.facts
+    }
+
+    /// Peak to peak of each record's position, micrometres; 0 where its drive stands still.
+    pub fn strokes_um(&self) -> Vec<f64> {
+        self.records.iter().map(|record| record.stroke_um).collect()
+    }
+
+    /// The state in which each record finds the plays.
+    pub fn states(&self) -> Vec<InitialState> {
+        self.records.iter().map(Prepared::initial).collect()
+    }
+
+    /// Whether each record takes part in the fit.
+    pub fn fits(&self) -> Vec<bool> {
+        self.records.iter().map(|record| record.fits).collect()
+    }
+
+    /// The records that are searched.
+    pub fn dataset(&self) -> &'a Dataset {
+        self.dataset
+    }
+
+    /// A trial's answer to a voltage that was not recorded, from rest at its first value, micrometres; `None` where its effects need
+    /// more than a voltage.
+    pub fn foretell(&self, trial: &Trial, voltage_v: &[f64], period_s: f64) -> Option<Vec<f64>> {
+        let chain = &trial.fitted.chain;
+        let beyond = |link: &&Link| link.effect.needs_columns() && !link.effect.adds_line_spectrum();
+        if chain.links.iter().any(|link| beyond(&link)) {
+            return None;
+        }
+        let record = Record {
+            file: String::new(),
+            role: Role::Validate,
+            excitation: String::new(),
+            start_s: 0.0,
+            period_s,
+            voltage_v: voltage_v.to_vec(),
+            position_um: vec![0.0; voltage_v.len()],
+            reference_um: None,
+            temperature_c: None,
+            voltage2_v: None,
+        };
+        let trace = Trace::new(&record, InitialState::Remanent { fraction: 0.0 }, chain.dynamic());
+        Some(chain.respond(&trial.fitted.coefficients, &trace, &vec![Vec::new(); chain.links.len()]))
+    }
+
+    /// The chain of a trial run freely over every record, micrometres.
+    pub fn modelled(&self, trial: &Trial) -> Vec<Vec<f64>> {
+        let each = self.records.par_iter().enumerate();
+        each.map(|(i, record)| trial.fitted.modelled(record, i)).collect()
+    }
+
+    /// Goes on from a trial of this search.
+    pub fn stand_on(&mut self, mut trial: Trial) {
+        start_in(&mut self.records, &trial.states.take().unwrap_or_default());
+        self.standing = trial;
+        for _ in 0..MOST_TURNS {
+            if !self.choose_states() {
+                break;
+            }
+            let point = self.settled_point();
+            self.standing = self.judged(point);
+        }
+    }
+
+    fn descent(&self) -> Descent<'_> {
+        Descent {
+            records: &self.records,
+            noise_um: self.noise_um,
+            settled: 1e-2,
+        }
+    }
+
+    /// The standing chain's coefficients and parameters at the bottom of their valley, on few rows.
+    fn settled_point(&self) -> Fitted {
+        let descent = self.descent();
+        let mut here = Standing {
+            fitted: self.standing.fitted.clone(),
+            error: f64::INFINITY,
+        };
+        let own_numbers = here.fitted.chain.links.iter().any(|link| link.effect.has_own_numbers());
+        for _ in 0..if own_numbers { 3 } else { 1 } {
+            here.fitted.settle(&self.records);
+            here = descent.project(here.fitted);
+            if !here.fitted.chain.links.is_empty() || here.fitted.chain.design.family == Family::Mrpi {
+                here = descent.descend(here, 8);
+            }
+        }
+        here.fitted
+    }
+
+    fn judged(&self, point: Fitted) -> Trial {
+        trial::judge(&self.records, point, &self.standing.weights, self.noise_um, false)
+    }
+
+    /// Chooses the state in which each record finds the plays under the standing chain; whether any changed.
+    fn choose_states(&mut self) -> bool {
+        let chosen = chosen_states(&self.records, &self.standing.fitted);
+        start_in(&mut self.records, &chosen)
+    }
+}
+
+/// The state in which each record finds the plays under a chain.
+fn chosen_states(records: &[Prepared<'_>], fitted: &Fitted) -> Vec<InitialState> {
+    let dynamic = fitted.chain.dynamic();
+    records
+        .par_iter()
+        .map(|prepared| {
+            let record = prepared.record();
+            let guess = initial::guess(&record.voltage_v, &record.position_um);
+            initial::choose_by(guess, &record.position_um, |state| {
+                let trace = prepared.trace(dynamic).starting_at(state, dynamic);
+                let own = fitted.chain.settle(&fitted.coefficients, &trace);
+                fitted.chain.respond(&fitted.coefficients, &trace, &own)
+            })
+        })
+        .collect()
+}
+
+/// Puts records into states; whether any changed.
+fn start_in(records: &mut [Prepared<'_>], states: &[InitialState]) -> bool {
+    let mut changed = false;
+    for (record, &state) in records.iter_mut().zip(states) {
+        if state != record.initial() {
+            record.start_in(state);
+            changed = true;
+        }
+    }
+    changed
+}
+
+/// The chain to begin with, and what its effects may know.
+fn chain_in(dataset: &Dataset, model: &Model, shape: &Shape) -> Result<(Chain, Facts), IdentifyError> {
+    let family = match shape {
+        Shape::Own => model.family,
+        Shape::Free => Family::PlayPolynomial,
+        Shape::Straight => Family::Pi,
+    };
+    let mut facts = facts(dataset, family);
+    let fitted: Vec<&[f64]> = {
+        let identify = dataset.with_role(Role::Identify).map(|r| r.voltage_v.as_slice());
+        let own: Vec<&[f64]> = identify.collect();
+        if own.is_empty() {
+            dataset.records.iter().map(|r| r.voltage_v.as_slice()).collect()
+        } else {
+            own
+        }
+    };
+    facts.family = family;
+    let thresholds = match shape {
+        Shape::Own => model.thresholds.clone(),
+        Shape::Free | Shape::Straight => thresholds(Placement::Data, FREE_PLAYS, &fitted),
+    };
+    if thresholds.is_empty() {
+        return Err(IdentifyError::NoExcitation { input: "voltage" });
+    }
+    let of_family = *shape == Shape::Own;
+    let design = Design {
+        family,
+        thresholds,
+        envelope: Envelope {
+            alpha_s: 0.0,
+            beta_s: 0.0,
+        },
+    };
+    let links = accept::links(model, of_family);
+    Ok((Chain::new(design, links, facts.voltage_v), facts))
+}
+
+/// A chain with a straight line for a hysteresis.
+fn start(chain: Chain, facts: &Facts, records: &[Prepared<'_>]) -> Fitted {
+    let mut coefficients = vec![0.0; chain.design.columns()];
+    let [low, high] = facts.position_um;
+    coefficients[0] = 0.5 * (low + high);
+    // Half the stroke over half the range; the plays take their part of it when they are fitted.
+    let slope = 0.5 * (high - low);
+    coefficients[1] = if chain.design.family == Family::PlayPolynomial {
+        slope
+    } else {
+        2.0 * slope / (facts.voltage_v[1] - facts.voltage_v[0]).max(f64::MIN_POSITIVE)
+    };
+    let bounds = bounds(&chain, facts);
+    Fitted {
+        bounds,
+        coefficients,
+        own: vec![vec![Vec::new(); chain.links.len()]; records.len()],
+        ridge: FIRST_RIDGE,
+        chain,
+    }
+}
+
+/// Bounds of every link's parameters.
+fn bounds(chain: &Chain, facts: &Facts) -> Vec<Vec<Bounds>> {
+    let of_link = |link: &Link| {
+        let mut of_link = link.effect.bounds(facts).unwrap_or_else(|_| {
+            // Records that cannot show an effect of the model leave it as it is.
+            link.values.iter().map(|&value| Bounds::fixed(value)).collect()
+        });
+        link.effect.free(&link.values, &mut of_link);
+        of_link
+    };
+    chain.links.iter().map(of_link).collect()
+}
+
+/// Whether a chain has a link of this effect.
+fn has(chain: &Chain, effect: &dyn Effect) -> Option<usize> {
+    let name = effect.name();
+    chain.links.iter().position(|link| link.is(&name))
+}

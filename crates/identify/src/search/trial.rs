@@ -1,0 +1,365 @@
+//! A fitted chain judged: what it leaves of each record, and what it would leave of a part that took no part in the fit.
+
+use super::fitted::{Fitted, Look, Tangent};
+use super::records::Prepared;
+use super::system::within_bounds;
+use crate::effects::Family;
+use crate::normal::Normal;
+use crate::start_state::InitialState;
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+/// Ridges on the hysteresis' functions, chosen by leaving out one part at a time.
+const RIDGES: [f64; 5] = [1e-9, 1e-8, 1e-7, 1e-6, 1e-5];
+
+/// What families that are linear in their plays get: nothing but what rounding needs.
+const LINEAR_RIDGE: f64 = 1e-12;
+
+/// An error of a part that took no part in the fit counts at most so many times that when it does: what only one record shows
+/// (the highest rate, the longest hold) cannot be foretold from the others, with or without an effect.
+const MOST_HELD_OUT: f64 = 4.0;
+
+/// What a hysteresis of free shape leaves where much is missing, share of the stroke: a record that is left with less is worth no more
+/// than one with this.
+const COARSENESS: f64 = 2e-3;
+
+/// Smaller strokes than this share of the largest are reckoned with as if they were this share.
+const SMALLEST_STROKE: f64 = 0.1;
+
+/// A part of a record that is judged at once.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    /// Index of the record.
+    pub record: usize,
+    /// Mean square of what is left where the part takes no part in the fit, square micrometres.
+    pub held_out_um2: f64,
+    /// The same as it is fitted (or foretold, where its record is not fitted).
+    pub fitted_um2: f64,
+    /// Samples of what is left that count as independent.
+    pub independent: f64,
+}
+
+/// A chain, fitted and judged.
+#[derive(Clone)]
+pub struct Trial {
+    pub(super) fitted: Fitted,
+    /// Weight of each record's mean square that it was fitted under.
+    pub(super) weights: Vec<f64>,
+    /// Normal equations of each part of the fitted records, around the point.
+    pub(super) systems: Vec<(usize, Normal)>,
+    /// The states of the records that it was fitted in, where they are others than the search's.
+    pub(super) states: Option<Vec<InitialState>>,
+    /// The parts, in the order of the records.
+    pub parts: Vec<Part>,
+    /// Mean square of what is left of each record, square micrometres.
+    pub left_um2: Vec<f64>,
+}
+
+/// Measured and modelled of one record at the rows of a comparison.
+struct OfRecord {
+    systems: Vec<Normal>,
+    rows: usize,
+}
+
+/// Fits a chain to all rows from a point near the bottom of its valley, ridge chosen and weights taken from what it leaves, and
+/// judges it. `same_ridge` keeps the ridge of the point.
+pub(super) fn judge(
+    records: &[Prepared<'_>],
+    point: Fitted,
+    weights: &[f64],
+    noise_um: f64,
+    same_ridge: bool,
+) -> Trial {
+    let of_records: Vec<OfRecord> = records
+        .par_iter()
+        .enumerate()
+        .map(|(i, record)| {
+            if !record.fits {
+                return OfRecord {
+                    systems: Vec::new(),
+                    rows: record.rows.len(),
+                };
+            }
+            let Tangent { columns, target, .. } = point.tangent(record, i, Look::All, true);
+            let of_part = |part: &std::ops::Range<usize>| {
+                let rows = columns.rows(part.start, part.len()).into_owned();
+                Normal::of_columns(&rows, &target.rows(part.start, part.len()).into_owned())
+            };
+            OfRecord {
+                systems: record.parts.iter().map(of_part).collect(),
+                rows: record.rows.len(),
+            }
+        })
+        .collect();
+    let systems: Vec<(usize, Normal)> = of_records
+        .iter()
+        .enumerate()
+        .flat_map(|(i, of)| of.systems.iter().map(move |system| (i, system.clone())))
+        .collect();
+    let mut pool = Pool {
+        systems: &systems,
+        rows: records.iter().map(|record| record.rows.len().max(1)).collect(),
+        weights: weights.to_vec(),
+        floor_um2: floors_um2(records, noise_um),
+        noise_um,
+        point: &point,
+    };
+    let ridge = match point.chain.design.family {
+        Family::PlayPolynomial if !same_ridge => pool.best_ridge(),
+        Family::PlayPolynomial => point.ridge,
+        _ => LINEAR_RIDGE,
+    };
+    let mut solution = pool.solve(None, ridge);
+    for _ in 0..2 {
+        pool.reweigh(&solution);
+        solution = pool.solve(None, ridge);
+    }
+    let held_out = pool.held_out(&solution, ridge);
+    let (weights, floor_um2) = (pool.weights.clone(), pool.floor_um2.clone());
+    let mut fitted = point.moved_by(&solution);
+    fitted.ridge = ridge;
+    if !fitted.chain.linear() && left(records, &fitted, &floor_um2) > left(records, &point, &floor_um2) {
+        // Where the chain is no straight line the last step may go up.
+        fitted = point;
+    }
+    conclude(records, fitted, weights, systems, &of_records, held_out)
+}
+
+/// Sum of the logarithms of what a point leaves of the fitted records.
+fn left(records: &[Prepared<'_>], point: &Fitted, floor_um2: &[f64]) -> f64 {
+    let each: Vec<f64> = records
+        .par_iter()
+        .enumerate()
+        .filter(|(_, record)| record.fits)
+        .map(|(i, record)| {
+            let modelled = point.modelled(record, i);
+            let measured = &record.record().position_um;
+            let squares: f64 = record.rows.iter().map(|&k| (measured[k] - modelled[k]).powi(2)).sum();
+            (floor_um2[i] + squares / record.rows.len().max(1) as f64).ln()
+        })
+        .collect();
+    each.iter().sum()
+}
+
+fn conclude(
+    records: &[Prepared<'_>],
+    fitted: Fitted,
+    weights: Vec<f64>,
+    systems: Vec<(usize, Normal)>,
+    before: &[OfRecord],
+    held_out: Vec<[f64; 2]>,
+) -> Trial {
+    let residuals: Vec<DVector<f64>> = records
+        .par_iter()
+        .enumerate()
+        .map(|(i, record)| {
+            let modelled = fitted.modelled(record, i);
+            let measured = &record.record().position_um;
+            let rows = record.rows.iter().map(|&k| measured[k] - modelled[k]);
+            DVector::from_iterator(before[i].rows, rows)
+        })
+        .collect();
+    let mut held_out = held_out.into_iter();
+    let mut parts = Vec::new();
+    for (i, (record, residual)) in records.iter().zip(&residuals).enumerate() {
+        for part in &record.parts {
+            let own = residual.rows(part.start, part.len());
+            let fitted_um2 = own.norm_squared() / part.len().max(1) as f64;
+            // Held out and fitted as the normal equations see them: their ratio, on what is really left.
+            let ratio = match record.fits.then(|| held_out.next()).flatten() {
+                Some([out, fitted]) if fitted > 0.0 => (out / fitted).clamp(1.0, MOST_HELD_OUT),
+                _ => 1.0,
+            };
+            parts.push(Part {
+                record: i,
+                held_out_um2: ratio * fitted_um2,
+                fitted_um2,
+                independent: independent(own.as_slice()),
+            });
+        }
+    }
+    let left_um2 = residuals
+        .iter()
+        .map(|r| r.norm_squared() / r.len().max(1) as f64)
+        .collect();
+    Trial {
+        fitted,
+        weights,
+        systems,
+        states: None,
+        parts,
+        left_um2,
+    }
+}
+
+fn floors_um2(records: &[Prepared<'_>], noise_um: f64) -> Vec<f64> {
+    let largest_um = records.iter().map(|record| record.stroke_um).fold(0.0, f64::max);
+    let of = |record: &Prepared<'_>| COARSENESS * record.stroke_um.max(SMALLEST_STROKE * largest_um);
+    records
+        .iter()
+        .map(|record| noise_um.powi(2) + of(record).powi(2))
+        .collect()
+}
+
+/// Normal equations of all parts, to be pooled without any one of them at next to no cost.
+struct Pool<'p> {
+    systems: &'p [(usize, Normal)],
+    rows: Vec<usize>,
+    weights: Vec<f64>,
+    /// What no record's weight goes beyond.
+    floor_um2: Vec<f64>,
+    noise_um: f64,
+    point: &'p Fitted,
+}
+
+impl Pool<'_> {
+    fn weight(&self, record: usize) -> f64 {
+        self.weights[record] / self.rows[record] as f64
+    }
+
+    fn solve(&self, without: Option<usize>, ridge: f64) -> Vec<f64> {
+        let n = self.point.coefficients.len();
+        let mut sum = Normal::new(n + self.point.parameters());
+        for (i, (record, system)) in self.systems.iter().enumerate() {
+            if Some(i) != without {
+                sum.add_scaled(system, self.weight(*record));
+            }
+        }
+        self.solve_sum(&sum, ridge)
+    }
+
+    fn solve_sum(&self, sum: &Normal, ridge: f64) -> Vec<f64> {
+        let n = self.point.coefficients.len();
+        within_bounds(sum, n, ridge, 1e-9, &self.point.flat()).unwrap_or_else(|| {
+            let mut stay = self.point.coefficients.clone();
+            stay.resize(n + self.point.parameters(), 0.0);
+            stay
+        })
+    }
+
+    fn mean_square(&self, part: usize, solution: &[f64]) -> f64 {
+        let system = &self.systems[part].1;
+        system.squared_error(solution) / system.samples.max(1) as f64
+    }
+
+    /// Each record weighed by what is left of it.
+    fn reweigh(&mut self, solution: &[f64]) {
+        let mut sums = vec![(0.0, 0_usize); self.weights.len()];
+        for (record, system) in self.systems {
+            sums[*record].0 += system.squared_error(solution);
+            sums[*record].1 += system.samples;
+        }
+        let records = self.weights.iter_mut().zip(&self.floor_um2).zip(sums);
+        for ((weight, floor_um2), (squares, rows)) in records {
+            if rows > 0 {
+                *weight = 1.0 / (floor_um2 + squares / rows as f64);
+            }
+        }
+    }
+
+    /// The ridge under which the parts forecast each other best.
+    fn best_ridge(&self) -> f64 {
+        let n = self.point.coefficients.len();
+        let mut all = Normal::new(n + self.point.parameters());
+        for (record, system) in self.systems {
+            all.add_scaled(system, self.weight(*record));
+        }
+        let errors: Vec<[f64; RIDGES.len()]> = (0..self.systems.len())
+            .into_par_iter()
+            .map(|out| {
+                let (record, system) = &self.systems[out];
+                let mut others = all.clone();
+                others.add_scaled(system, -self.weight(*record));
+                RIDGES.map(|ridge| {
+                    let x = self.solve_sum(&others, ridge);
+                    // The logarithm: where an effect is missing, the records that it spoils must not choose for the others.
+                    (self.noise_um.powi(2) + self.mean_square(out, &x)).ln()
+                })
+            })
+            .collect();
+        let error = |k: usize| errors.iter().map(|each| each[k]).sum::<f64>();
+        let best = (0..RIDGES.len()).min_by(|&a, &b| error(a).total_cmp(&error(b)));
+        RIDGES[best.unwrap_or(2)]
+    }
+
+    /// Mean square of each part where it takes no part in the fit, and where it does.
+    fn held_out(&self, solution: &[f64], ridge: f64) -> Vec<[f64; 2]> {
+        let mut all = Normal::new(solution.len());
+        for (record, system) in self.systems {
+            all.add_scaled(system, self.weight(*record));
+        }
+        (0..self.systems.len())
+            .into_par_iter()
+            .map(|out| {
+                let (record, system) = &self.systems[out];
+                let fitted = self.mean_square(out, solution);
+                if self.systems.len() == 1 {
+                    return [fitted; 2];
+                }
+                let mut others = all.clone();
+                others.add_scaled(system, -self.weight(*record));
+                [self.mean_square(out, &self.solve_sum(&others, ridge)), fitted]
+            })
+            .collect()
+    }
+}
+
+/// `n / (1 + 2 sum rho)`, the sum up to where the autocorrelation first falls below a twentieth.
+fn independent(residual: &[f64]) -> f64 {
+    let n = residual.len();
+    if n < 8 {
+        return n as f64;
+    }
+    let mean = residual.iter().sum::<f64>() / n as f64;
+    let centred: Vec<f64> = residual.iter().map(|r| r - mean).collect();
+    let variance: f64 = centred.iter().map(|r| r * r).sum();
+    if variance <= 0.0 {
+        return n as f64;
+    }
+    let mut sum = 0.0;
+    for lag in 1..n / 4 {
+        let rho = centred[lag..].iter().zip(&centred).map(|(a, b)| a * b).sum::<f64>() / variance;
+        if rho < 0.05 {
+            break;
+        }
+        sum += rho;
+    }
+    (n as f64 / (1.0 + 2.0 * sum)).max(2.0)
+}
+
+impl Trial {
+    /// Family of the hysteresis.
+    pub fn family(&self) -> Family {
+        self.fitted.chain.design.family
+    }
+
+    /// Ridge on the hysteresis.
+    pub fn ridge(&self) -> f64 {
+        self.fitted.ridge
+    }
+}
+
+impl super::Search<'_> {
+    /// Error of a trial over the records that move, each relative to its stroke, percent of peak to peak (eq. 19): those with
+    /// or without part in the fit.
+    pub fn percent(&self, trial: &Trial, fitted: bool) -> Option<f64> {
+        let squares: Vec<f64> = self
+            .records
+            .iter()
+            .zip(&trial.left_um2)
+            .filter(|(record, _)| record.moves() && record.fits == fitted)
+            .map(|(record, left)| 1e4 * left / record.stroke_um.powi(2))
+            .collect();
+        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    }
+
+    /// Both pooled.
+    pub fn pooled_percent(&self, trial: &Trial) -> f64 {
+        let both = [true, false].map(|fitted| self.percent(trial, fitted).map_or(0.0, |p| p * p));
+        let count = [true, false]
+            .iter()
+            .filter(|&&fitted| self.percent(trial, fitted).is_some())
+            .count();
+        (both.iter().sum::<f64>() / count.max(1) as f64).sqrt()
+    }
+}
