@@ -1,4 +1,4 @@
-//! The invariants of ARCHITECTURE.md that `cargo metadata` can tell.
+//! The invariants of ARCHITECTURE.md that `cargo metadata` can tell, and its drawing.
 #![expect(clippy::unwrap_used, reason = "a test that cannot read the workspace fails")]
 
 use serde_json::Value;
@@ -6,78 +6,131 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+type Graph = BTreeMap<String, BTreeSet<String>>;
+
 /// Each crate of ours with those crates of ours that it depends on (tests and benches left out).
-fn dependencies() -> BTreeMap<String, BTreeSet<String>> {
-    let output = Command::new(env!("CARGO"))
-        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .output()
-        .unwrap();
-    let metadata: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let packages = metadata["packages"].as_array().unwrap();
-    let ours = |name: &str| name.strip_prefix("hysteron-").map(str::to_owned);
-    packages
-        .iter()
-        .filter_map(|package| Some((ours(package["name"].as_str()?)?, package)))
-        .map(|(name, package)| {
-            let shipped = package["dependencies"]
-                .as_array()
-                .unwrap()
-                .iter()
-                .filter(|d| d["kind"].is_null());
+fn dependencies() -> Graph {
+    let mut graph = Graph::new();
+    // The application of the firmware is in no workspace of the root.
+    for manifest in ["Cargo.toml", "../firmware/app/Cargo.toml"] {
+        let output = Command::new(env!("CARGO"))
+            .args([
+                "metadata",
+                "--format-version",
+                "1",
+                "--no-deps",
+                "--offline",
+                "--manifest-path",
+                manifest,
+            ])
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .unwrap();
+        let metadata: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let packages = metadata["packages"].as_array().unwrap();
+        let named = packages
+            .iter()
+            .filter_map(|package| Some((ours(package["name"].as_str()?)?, package)));
+        graph.extend(named.map(|(name, package)| {
+            let shipped = package["dependencies"].as_array().unwrap().iter();
+            let shipped = shipped.filter(|d| d["kind"].is_null() && d["optional"] == false);
             (name, shipped.filter_map(|d| ours(d["name"].as_str()?)).collect())
-        })
-        .collect()
+        }));
+    }
+    // Further workspaces of the firmware are images of these.
+    graph.retain(|name, _| !["cortex-m7", "bench", "mps2", "nucleo"].contains(&name.as_str()));
+    graph
 }
 
+fn ours(name: &str) -> Option<String> {
+    name.strip_prefix("hysteron-").map(str::to_owned)
+}
+
+/// Everything that a crate is built on.
+fn below<'a>(graph: &'a Graph, name: &str) -> BTreeSet<&'a str> {
+    let mut found = BTreeSet::new();
+    for next in graph.get(name).into_iter().flatten() {
+        found.insert(next.as_str());
+        found.extend(below(graph, next));
+    }
+    found
+}
+
+/// The arrows that do not follow from others.
+fn drawing(graph: &Graph) -> Vec<String> {
+    let mut arrows = Vec::new();
+    for (name, next) in graph {
+        let follows = |to: &str| next.iter().any(|other| other != to && below(graph, other).contains(to));
+        let own = next.iter().filter(|to| !follows(to));
+        arrows.extend(own.map(|to| format!("{name} --> {to}")));
+    }
+    arrows
+}
+
+fn architecture() -> String {
+    std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../ARCHITECTURE.md")).unwrap()
+}
+
+/// The drawing is the house, and every crate has its paragraph.
 #[test]
-fn val_data_flows_one_way() {
-    let found = dependencies();
-    let check = |name: &str, allowed: &[&str]| {
-        let extra: Vec<_> = found[name].iter().filter(|d| !allowed.contains(&d.as_str())).collect();
+fn val_the_drawing_is_what_the_manifests_say() {
+    let text = architecture();
+    let drawn: Vec<&str> = text
+        .lines()
+        .map(str::trim)
+        .filter(|line| line.contains(" --> "))
+        .collect();
+    let graph = dependencies();
+    let real = drawing(&graph);
+    assert!(graph.len() >= 13 && real.len() >= graph.len(), "{graph:?}");
+    assert_eq!(drawn, real, "ARCHITECTURE.md should draw:\n  {}", real.join("\n  "));
+    for name in graph.keys() {
+        let paragraph = text
+            .split("\n- ")
+            .find(|text| text.starts_with(&format!("**`{name}`**")));
+        let words = paragraph.unwrap_or_else(|| panic!("ARCHITECTURE.md has no paragraph `- **`{name}`** is ...`"));
         assert!(
-            extra.is_empty(),
-            "{name} depends on {extra:?}; ARCHITECTURE.md allows {allowed:?}"
+            words.contains("Absent:"),
+            "the paragraph of {name} does not say what is absent"
         );
-    };
-    check("core", &[]);
-    check("data", &[]);
-    check("plant", &["data"]);
-    check("effects", &["core"]);
-    check("acquisition", &["data"]);
-    check("identify", &["acquisition", "core", "data", "effects"]);
-    check("diagnose", &["acquisition", "core", "data", "identify"]);
-    check("tracking", &["core", "data", "identify", "plant"]);
-    check("table", &["core"]);
-    check("board", &["core", "firmware", "plant", "table"]);
-    check("report", &["data", "identify", "diagnose", "tracking"]);
-    check("challenge", &["data", "plant"]);
-    check("lab", &["challenge", "data", "identify", "diagnose", "report"]);
-    let known = [
-        "core",
-        "data",
-        "plant",
-        "challenge",
-        "effects",
-        "acquisition",
-        "identify",
-        "diagnose",
-        "tracking",
-        "report",
-        "lab",
-        "table",
-        "board",
-        "cli",
-    ];
-    for name in found.keys() {
-        assert!(known.contains(&name.as_str()), "{name} is not in ARCHITECTURE.md");
     }
 }
 
+/// The drawing test can fail: an arrow that follows from others is left out, one that does not is kept.
 #[test]
-fn val_the_plant_shares_nothing_with_the_models() {
-    let plant = &dependencies()["plant"];
-    assert!(!plant.contains("core") && !plant.contains("identify"), "{plant:?}");
+fn val_arrows_that_follow_are_left_out() {
+    let set = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+    let graph = Graph::from([
+        ("a".to_owned(), set(&["b", "c"])),
+        ("b".to_owned(), set(&["c"])),
+        ("c".to_owned(), set(&[])),
+    ]);
+    assert_eq!(drawing(&graph), ["a --> b", "b --> c"]);
+}
+
+/// The rules behind the drawing.
+#[test]
+fn val_data_flows_one_way() {
+    let graph = dependencies();
+    let free = |name: &str| graph[name].is_empty();
+    assert!(free("core") && free("data"), "{graph:?}");
+    let never = [
+        ("plant", "core"),
+        ("plant", "identify"),
+        ("identify", "plant"),
+        ("diagnose", "plant"),
+        ("diagnose", "report"),
+        ("report", "plant"),
+        ("lab", "plant"),
+        ("lab", "tracking"),
+        ("table", "identify"),
+        ("firmware", "data"),
+    ];
+    for (upper, lower) in never {
+        assert!(!graph[upper].contains(lower), "{upper} must not depend on {lower}");
+    }
+    // The binary is the roof: nothing stands on it.
+    assert!(graph.values().all(|next| !next.contains("cli")));
 }
 
 #[test]

@@ -1,10 +1,13 @@
 //! `cargo xtask`: what CI does, as one command at home.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a tool of the command line")]
 
+mod docs;
 mod firmware;
 mod firmware_bench;
 mod firmware_boards;
 mod firmware_image;
+mod prose;
+mod release;
 mod tests;
 
 use std::path::PathBuf;
@@ -13,9 +16,15 @@ use std::process::{Command, ExitCode};
 const HELP: &str = "\
 usage: cargo xtask <command>
 
-  test    install what the tests need, then format check, lints, chip build and all tests; ends on a count
-  bench   print the figures of the README: cargo bench over the workspace
-  calibrate   verdicts on hundreds of simulated stages with hidden effects, as the README quotes them; takes cases an
+  test    install what the tests need, then format check, lints, chip build, all tests and the docs; ends on a count
+  docs    check every link and run every command block of README and book against its printed output, then build the book with
+          mdbook in target/book; --write brings the output in the pages up to date, --fast leaves slow blocks out, --no-html
+          builds no book, --program FILE takes this program instead of building it
+  prose   print how README, ARCHITECTURE and book read: what, it, that in 1000 words, sentences above 30 and 40 words; takes files
+  msrv    check the workspace with the oldest Rust that it promises, which rustup installs
+  dist    build the program without debugging information and pack it with licences and README in target/dist
+  bench   print the figures of the book: cargo bench over the workspace
+  calibrate   verdicts on hundreds of simulated stages with hidden effects, as the book quotes them; takes cases an
           effect and strength (default 4) and the first seed (default 1000)
   firmware run      build the images, run each in the emulator against the simulated stage
   firmware build    build the images for the emulator's boards; takes tables, by default firmware/tables/paper-rate-mrpi.toml:
@@ -39,6 +48,10 @@ fn main() -> ExitCode {
         Some("test") => test(),
         Some("bench") => cargo(&["bench", "--workspace"]),
         Some("calibrate") => calibrate(&words.collect::<Vec<_>>()),
+        Some("docs") => docs::docs(&words.collect::<Vec<_>>()),
+        Some("prose") => prose::prose(&words.collect::<Vec<_>>()),
+        Some("msrv") => release::msrv(),
+        Some("dist") => release::dist(),
         Some("firmware") => firmware(words.next().as_deref(), &words.collect::<Vec<_>>()),
         Some("fuzz") => fuzz(words.next().as_deref().unwrap_or("60")),
         Some("help" | "--help" | "-h") => {
@@ -121,7 +134,8 @@ fn test() -> Result<(), String> {
     firmware_boards::boards()?;
     // No member of the workspace: its tests run on the host all the same.
     cargo(&["test", "--package", "hysteron-firmware", "--locked"])?;
-    tests::tests()
+    tests::tests()?;
+    docs::check()
 }
 
 /// Where cargo puts what it builds.
