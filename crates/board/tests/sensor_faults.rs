@@ -89,7 +89,7 @@ impl Kind {
             // 50 samples of one code in which the reference moves; a fast one is 0.56 um away before.
             Self::Frozen if hz < 50.0 => (Fault::SensorStuck, 200),
             Self::Frozen => (Fault::Disagreement, 50),
-            Self::ReversedInPlace => (Fault::Disagreement, 600),
+            Self::ReversedInPlace => (Fault::Disagreement, 700),
             Self::Reversed | Self::Halved | Self::Jump(_) | Self::Missing(0x8000) => (Fault::SensorJump, 4),
             // 0.56 um at the sensor's speed, and what the stage was off by.
             Self::Drift(um_per_s) => (Fault::Disagreement, (0.75 / um_per_s.abs() * RATE_HZ) as u32),

@@ -168,7 +168,7 @@ static void learn_hum(@name@_state *s, float error) {
 static float trusted(@name@_state *s, float asked) {
     float slow = s->trust_slow;
     float allowed = larger(slow - TRUST[0], smaller(asked, slow + TRUST[0]));
-    float toward = larger(smaller(allowed - slow, TRUST[2]), -TRUST[2]);
+    float toward = allowed > slow ? TRUST[2] : -TRUST[2];
     s->trust_slow = larger(smaller(slow + toward, TRUST[1]), -TRUST[1]);
     return allowed;
 }
