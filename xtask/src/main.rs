@@ -6,6 +6,7 @@ mod firmware;
 mod firmware_bench;
 mod firmware_boards;
 mod firmware_image;
+mod mutants;
 mod prose;
 mod release;
 mod tests;
@@ -33,6 +34,8 @@ usage: cargo xtask <command>
   firmware compare  every controller on every reference, in the emulator and on the host, bit by bit, as one table
   firmware boards   build the images of nucleo-h743zi and nucleo-g474re, and check what can be checked without a board
   firmware tables   write the tables in firmware/tables anew with the tool's own commands
+  mutants run cargo-mutants on the control law and the firmware's monitor and controller: which changes no test notices; takes
+          its words, as --shard 0/8
   fuzz    run every fuzz target for SECONDS (default 60) with cargo-fuzz; needs the nightly toolchain
 
 Example:
@@ -53,6 +56,7 @@ fn main() -> ExitCode {
         Some("msrv") => release::msrv(),
         Some("dist") => release::dist(),
         Some("firmware") => firmware(words.next().as_deref(), &words.collect::<Vec<_>>()),
+        Some("mutants") => mutants::mutants(&words.collect::<Vec<_>>()),
         Some("fuzz") => fuzz(words.next().as_deref().unwrap_or("60")),
         Some("help" | "--help" | "-h") => {
             print!("{HELP}");
