@@ -1,4 +1,5 @@
 //! Helpers shared by the tests across crates.
 
+pub mod benchmark;
 pub mod hidden;
 pub mod users;

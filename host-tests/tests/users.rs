@@ -1,6 +1,7 @@
 //! The stages and recordings of `host_tests::users` are what they say they are.
 
 use host_tests::users::case::{Case, Kind, Spec};
+use host_tests::users::harmless::Harmless;
 use host_tests::users::loops::Loops;
 use host_tests::users::{Effect, Family, Hidden, Programme};
 use hysteron_data::Role;
@@ -173,4 +174,30 @@ fn val_another_record_can_be_played() {
         .iter()
         .fold((f64::MAX, f64::MIN), |(a, b), &y| (a.min(y), b.max(y)));
     assert!(most - least > 0.8 * case.truth.stroke_um, "{least} {most}");
+}
+
+/// Harmless changes keep what they say they keep.
+#[test]
+fn val_harmless_changes_are_harmless() {
+    let case = Case::generate(3, &spec(Programme::ThreeSines, Kind::Nothing));
+    let samples = |dataset: &hysteron_data::Dataset| dataset.records.iter().map(|record| record.len()).sum::<usize>();
+    for change in Harmless::ALL {
+        let changed = change.apply(&case).unwrap_or_else(|| panic!("{}", change.words()));
+        let (before, after) = (samples(&case.dataset), samples(&changed));
+        match change {
+            Harmless::EverySecond | Harmless::FewerPeriods => {
+                assert!(
+                    (0.4..0.75).contains(&(after as f64 / before as f64)),
+                    "{}: {after} of {before}",
+                    change.words()
+                );
+            }
+            _ => assert_eq!(before, after, "{}", change.words()),
+        }
+        let records = case.dataset.records.len() + usize::from(change == Harmless::Split);
+        assert_eq!(changed.records.len(), records, "{}", change.words());
+        for record in &changed.records {
+            assert_eq!(record.voltage_v.len(), record.position_um.len(), "{}", change.words());
+        }
+    }
 }

@@ -27,6 +27,10 @@ usage: cargo xtask <command>
   bench   print the figures of the book: cargo bench over the workspace
   calibrate   verdicts on hundreds of simulated stages with hidden effects, as the book quotes them; takes cases an
           effect and strength (default 4) and the first seed (default 1000)
+  calibrate users   the same on recordings as users make them: ten programmes, stages of other families; takes the number of
+          cases (default 60), the first seed, a programme, family, effect or kind; --quick, --harmless, --json FILE
+  benchmark   oscillators with hysteresis, a hardening spring and friction inside, made from their published equations: errors
+          beside a linear model and a NARX; takes one of bouc-wen, duffing, friction; --quick
   firmware run      build the images, run each in the emulator against the simulated stage
   firmware build    build the images for the emulator's boards; takes tables, by default firmware/tables/paper-rate-mrpi.toml:
                     several become banks that the host changes between; x.toml --y y.toml makes images of both axes
@@ -55,6 +59,7 @@ fn main() -> ExitCode {
         Some("prose") => prose::prose(&words.collect::<Vec<_>>()),
         Some("msrv") => release::msrv(),
         Some("dist") => release::dist(),
+        Some("benchmark") => example("benchmark", &words.collect::<Vec<_>>()),
         Some("firmware") => firmware(words.next().as_deref(), &words.collect::<Vec<_>>()),
         Some("mutants") => mutants::mutants(&words.collect::<Vec<_>>()),
         Some("fuzz") => fuzz(words.next().as_deref().unwrap_or("60")),
@@ -76,18 +81,18 @@ fn main() -> ExitCode {
     }
 }
 
-fn calibrate(words: &[String]) -> Result<(), String> {
-    let mut all = vec![
-        "run",
-        "--release",
-        "--package",
-        "host-tests",
-        "--example",
-        "calibrate",
-        "--",
-    ];
+/// Runs an example of the tests across crates, built for speed.
+fn example(name: &str, words: &[String]) -> Result<(), String> {
+    let mut all = vec!["run", "--release", "--package", "host-tests", "--example", name, "--"];
     all.extend(words.iter().map(String::as_str));
     cargo(&all)
+}
+
+fn calibrate(words: &[String]) -> Result<(), String> {
+    match words {
+        [users, rest @ ..] if users == "users" => example("calibrate_users", rest),
+        _ => example("calibrate", words),
+    }
 }
 
 fn firmware(what: Option<&str>, tables: &[String]) -> Result<(), String> {
