@@ -93,12 +93,14 @@ fn solve(mut square: Vec<Vec<f64>>, mut right: Vec<f64>) -> Option<Vec<f64>> {
         }
         square.swap(i, pivot);
         right.swap(i, pivot);
-        for below in i + 1..n {
-            let factor = square[below][i] / square[i][i];
-            for j in i..n {
-                square[below][j] -= factor * square[i][j];
+        let (upper, lower) = square.split_at_mut(i + 1);
+        let pivots = &upper[i];
+        for (below, row) in lower.iter_mut().enumerate() {
+            let factor = row[i] / pivots[i];
+            for (x, pivot) in row[i..].iter_mut().zip(&pivots[i..]) {
+                *x -= factor * pivot;
             }
-            right[below] -= factor * right[i];
+            right[i + 1 + below] -= factor * right[i];
         }
     }
     for i in (0..n).rev() {

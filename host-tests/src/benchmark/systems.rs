@@ -106,7 +106,7 @@ impl System {
         // Band of the drive in hertz, its rms, noise in micrometres.
         let (band, rms, noise_um) = match self {
             Self::BoucWen => ([5.0, 150.0], 50.0, 8.0),
-            Self::Duffing => ([1.0, 200.0], 20.0, 0.2),
+            Self::Duffing => ([1.0, 200.0], 6.0, 0.05),
             Self::Friction => ([0.5, 60.0], 3.0, 0.1),
         };
         let mut records = Vec::new();

@@ -6,6 +6,7 @@ use super::stage::Relaxing;
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use std::collections::VecDeque;
+use std::f64::consts::TAU;
 
 /// An effect of the catalogue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -315,7 +316,7 @@ impl Form {
                 });
             }
             Effect::Hum => {
-                let of = |k: f64, share: f64, phase: f64| [k, 0.08 * strength * stroke * share, 6.28 * phase];
+                let of = |k: f64, share: f64, phase: f64| [k, 0.08 * strength * stroke * share, TAU * phase];
                 stage.sensor.push(Element::Hum {
                     mains_hz: if self.pick[0] < 0.3 { 59.96 } else { 50.0 } + 0.08 * (self.pick[1] - 0.5),
                     harmonics: vec![
@@ -363,7 +364,7 @@ impl Form {
             Outside::Ripple => stage.sensor.push(Element::Ripple {
                 size: 0.05 * strength * stroke,
                 pitch: stroke * self.between(0, 0.06, 0.2),
-                phase: 6.28 * self.pick[1],
+                phase: TAU * self.pick[1],
             }),
             Outside::Jitter => rig.instrument.jitter_s = 0.15 * strength * scale.fastest_s,
             Outside::Slip => stage.after.push(Element::Slip {

@@ -153,7 +153,7 @@ impl Loops {
                 for k in 0..n {
                     self.integrate(from + du * k as f64, du);
                 }
-                self.from_states(u)
+                self.displacement(u)
             }
         };
         self.last = u;
@@ -245,7 +245,7 @@ impl Loops {
         }
     }
 
-    fn from_states(&self, u: f64) -> f64 {
+    fn displacement(&self, u: f64) -> f64 {
         match &self.body {
             Body::Dahl { .. } | Body::BoucWen { .. } => u - self.strength * self.states[0],
             Body::SemilinearDuhem { states } => states.iter().zip(&self.states).map(|(s, x)| s[2] * x).sum(),

@@ -6,6 +6,7 @@ use super::signals;
 use hysteron_data::Role::{self, Identify, Validate};
 use rand::RngExt;
 use rand_pcg::Pcg64;
+use std::f64::consts::TAU;
 
 /// A programme.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -419,7 +420,7 @@ fn closed_loop(maker: &mut Maker<'_>) -> Held {
     let period_s = maker.one_of(&[5e-5, 1e-4]);
     let top = maker.between(30.0, 90.0);
     // The loop's bandwidth is a few times its fastest reference.
-    let gain = 6.28 * 4.0 * top;
+    let gain = TAU * 4.0 * top;
     let (stroke, reach) = (maker.setting.stroke_um, maker.reach);
     let position = move |signal: Vec<f64>, zero: f64| -> Vec<f64> {
         signal

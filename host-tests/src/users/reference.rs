@@ -90,7 +90,7 @@ impl Plays {
         for (k, v) in played.command_v.iter().enumerate() {
             let x = (v - low) / (high - low);
             self.step(x);
-            if k >= played.lead_in && (k - played.lead_in) % each == 0 {
+            if k >= played.lead_in && (k - played.lead_in).is_multiple_of(each) {
                 let mut row = [1.0; COLUMNS];
                 row[1] = x;
                 row[2] = x.powi(3);
@@ -126,8 +126,8 @@ impl Normal {
         for i in 0..COLUMNS {
             for j in 0..=i {
                 let mut sum = self.square[i][j] + if i == j { ridge } else { 0.0 };
-                for k in 0..j {
-                    sum -= lower[i][k] * lower[j][k];
+                for (a, b) in lower[i].iter().zip(&lower[j]).take(j) {
+                    sum -= a * b;
                 }
                 if i == j {
                     if sum <= 0.0 {
