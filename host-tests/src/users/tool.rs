@@ -80,7 +80,7 @@ pub fn ask(dataset: &Dataset, model: &Model) -> Said {
 /// What the tool learns by itself from a start model: the model, and the effects in it.
 pub fn learned(dataset: &Dataset, model: Model) -> (Model, Vec<String>) {
     let model = learn_from(dataset, model, &|_, _| {}).model;
-    let effects = model.effects.iter().map(|effect| effect.name.clone()).collect();
+    let effects = model.effects.iter().map(|effect| effect.name.to_string()).collect();
     (model, effects)
 }
 
