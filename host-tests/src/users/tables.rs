@@ -6,6 +6,7 @@ use super::loops::Family;
 use super::programme::Programme;
 use super::score::{Grade, MOST_RECORDS, Outcome, Silence};
 use super::statistics::{Share, median, median_text};
+use super::tool::Said;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -34,7 +35,7 @@ fn of_three(grade: Grade) -> bool {
 }
 
 fn names_something(outcome: &Outcome) -> bool {
-    outcome.said.as_ref().is_ok_and(|said| !said.set().is_empty())
+    outcome.said.as_ref().is_ok_and(|said| Said::is_name(&said.verdict))
 }
 
 fn ratio(outcome: &Outcome) -> Option<f64> {
