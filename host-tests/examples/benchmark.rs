@@ -56,7 +56,7 @@ fn rows(system: System, quick: bool, folder: &Path) -> Result<(), Box<dyn Error>
     let clock = Instant::now();
     let start = tool::start(dataset, Family::Mpi)?;
     eprintln!("{}: fitted in {:.1} s", system.name(), clock.elapsed().as_secs_f64());
-    let learned = (!quick).then(|| tool::learned(dataset, start.clone()));
+    let learned = (!quick).then(|| tool::learned(dataset, start.clone())).transpose()?;
     eprintln!("{}: learned in {:.1} s", system.name(), clock.elapsed().as_secs_f64());
     for record in dataset.with_role(Role::Validate) {
         let linear = linear

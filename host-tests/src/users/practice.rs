@@ -138,7 +138,7 @@ pub fn score(files: &Files) -> Result<Scored, Box<dyn Error>> {
             .and_then(|held_out| tool::error_percent(held_out, model))
     };
     let before = error(&model);
-    let (better, learned) = tool::learned(&files.dataset, model.clone());
+    let (better, learned) = tool::learned(&files.dataset, model.clone())?;
     let accepted: Vec<&str> = files.accepted.iter().map(String::as_str).collect();
     Ok(Scored {
         grade: grade(&accepted, &said),

@@ -173,11 +173,18 @@ pub fn one(seed: u64, spec: &Spec, questions: Questions) -> Outcome {
 
 fn learn(case: &Case, start: Model, outcome: &mut Outcome) {
     let before = tool::error_percent(&case.held_out, &start);
-    let (model, effects) = tool::learned(&case.dataset, start);
-    outcome.held_percent = before
-        .zip(tool::error_percent(&case.held_out, &model))
-        .map(|(b, a)| [b, a]);
-    outcome.learned = effects;
+    match tool::learned(&case.dataset, start) {
+        Ok((model, effects)) => {
+            let after = tool::error_percent(&case.held_out, &model);
+            outcome.held_percent = before.zip(after).map(|(b, a)| [b, a]);
+            outcome.learned = effects;
+        }
+        // The user has the start model then, no better and no worse.
+        Err(error) => {
+            outcome.held_percent = before.map(|before| [before, before]);
+            outcome.learned = vec![format!("error: {error}")];
+        }
+    }
 }
 
 /// Plays what is asked for, adds it to the records, asks again.

@@ -47,7 +47,11 @@ fn wanted(text: &mut String, outcomes: &[Outcome]) {
     let counts: Vec<&Outcome> = outcomes.iter().filter(|o| o.counts()).collect();
     let of_kind = |kind: Kind| outcomes.iter().filter(move |o| o.truth.kind == kind);
     let sets = || {
-        let set = |o: &&Outcome| o.said.as_ref().is_ok_and(|said| said.set().len() > 1);
+        let set = |o: &&Outcome| {
+            o.said
+                .as_ref()
+                .is_ok_and(|said| said.set().len() > usize::from(Said::is_name(&said.verdict)))
+        };
         outcomes
             .iter()
             .filter(|o| matches!(o.truth.kind, Kind::One | Kind::Pair))

@@ -60,11 +60,11 @@ pub fn ask(dataset: &Dataset, model: &Model) -> Said {
     let said = diagnose(dataset, model, &|_, _| {});
     let starred = said.ranking.iter().filter(|entry| entry.significant);
     Said {
-        starred: starred.map(|entry| entry.effect.clone()).collect(),
-        verdict: said.verdict,
-        also_possible: said.also_possible,
-        further: said.further,
-        refused: said.cannot_answer,
+        starred: starred.map(|entry| entry.effect.to_string()).collect(),
+        verdict: said.verdict.as_str().to_owned(),
+        also_possible: said.also_possible.iter().map(ToString::to_string).collect(),
+        further: said.further.iter().map(ToString::to_string).collect(),
+        refused: said.cannot_answer.iter().map(|reason| format!("{reason:?}")).collect(),
         next: said
             .next_record
             .filter(|next| !next.voltage_v.is_empty())
@@ -78,10 +78,13 @@ pub fn ask(dataset: &Dataset, model: &Model) -> Said {
 }
 
 /// What the tool learns by itself from a start model: the model, and the effects in it.
-pub fn learned(dataset: &Dataset, model: Model) -> (Model, Vec<String>) {
-    let model = learn_from(dataset, model, &|_, _| {}).model;
+///
+/// # Errors
+/// As [`learn_from`].
+pub fn learned(dataset: &Dataset, model: Model) -> Result<(Model, Vec<String>), IdentifyError> {
+    let model = learn_from(dataset, model, &|_, _| {})?.model;
     let effects = model.effects.iter().map(|effect| effect.name.to_string()).collect();
-    (model, effects)
+    Ok((model, effects))
 }
 
 /// Error of a model on records, percent of peak to peak, pooled over those that move; none where none does.
