@@ -1,4 +1,5 @@
 //! The noise floor on records whose noise is known.
+#![expect(clippy::unwrap_used, reason = "noise that cannot be drawn fails the test")]
 
 use hysteron_acquisition::{Basis, NoiseSource, noise_floor};
 use hysteron_data::{Dataset, Known, Record, Role};

@@ -1,5 +1,4 @@
 //! Tables for other programs: what is written is read back to the last bit.
-#![expect(clippy::unwrap_used, reason = "a helper that fails is a test that fails")]
 
 use hysteron_data::export::{Column, TableFormat, Values, write_table};
 use hysteron_data::import::{ImportOptions, import};

@@ -222,8 +222,9 @@ mod tests {
         for (cells, v) in edge.iter_mut().zip([100.0 - 1e-6, 100.0, 100.0 + 1e-6]) {
             basis.input(v, cells);
         }
-        for k in 0..5 {
-            assert!((edge[0][k] - 2.0 * edge[1][k] + edge[2][k]).abs() < 1e-12);
+        let [before, at, after] = edge;
+        for ((a, b), c) in before.iter().zip(at).zip(after) {
+            assert!((a - 2.0 * b + c).abs() < 1e-12);
         }
     }
 }

@@ -1,5 +1,4 @@
 //! Models are fitted at any sample rate, voltage, stroke and length.
-#![expect(clippy::unwrap_used, reason = "a fit that fails fails the test")]
 
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::{Family, FitOptions, fit};

@@ -55,6 +55,9 @@ pub(crate) fn is_clock_name(name: &str) -> bool {
     PERIODS.contains(&name.as_str()) || RATES.contains(&name.as_str())
 }
 
+/// Reads a file, and tells the bytes read so far.
+pub(crate) type Reads = fn(&mut dyn Read, &mut dyn FnMut(u64)) -> Result<Contents, Fault>;
+
 /// How files of a kind are read, and what is said of them.
 pub(crate) struct Format {
     /// What a file is called: `MATLAB file`.
@@ -63,7 +66,7 @@ pub(crate) struct Format {
     pub(crate) noun: &'static str,
     /// What to do with one that is broken.
     pub(crate) again: &'static str,
-    pub(crate) read: fn(&mut dyn Read, &mut dyn FnMut(u64)) -> Result<Contents, Fault>,
+    pub(crate) read: Reads,
 }
 
 /// A numeric array.

@@ -104,7 +104,7 @@ pub(crate) fn refuse(offer: &Offer, mut doubts: Vec<Doubt>, taken: &[usize]) -> 
         .collect();
     options.sort_by_key(|(quantity, _)| *quantity);
     let options: Vec<String> = options.into_iter().map(|(_, option)| option).collect();
-    let time = doubts.iter().any(|doubt| *doubt == Doubt::Missing(Quantity::Time));
+    let time = doubts.contains(&Doubt::Missing(Quantity::Time));
     let words: Vec<String> = doubts.iter().map(|doubt| doubt.words(offer)).collect();
     DataError::Unclear {
         at: offer.at.clone(),

@@ -1,19 +1,19 @@
 //! LabVIEW's measurement files, `.lvm`: text with a head of its own, and sections with heads of theirs.
 //!
-//! ```text
+//! ```text (tabs between the cells)
 //! LabVIEW Measurement
-//! Separator	Tab
-//! Decimal_Separator	,
-//! X_Columns	One
+//! Separator  Tab
+//! Decimal_Separator  ,
+//! X_Columns  One
 //! ***End_of_Header***
 //!
-//! Channels	2
-//! Y_Unit_Label	V	um
-//! X0	0,0	0,0
-//! Delta_X	0,001	0,001
+//! Channels  2
+//! Y_Unit_Label  V  um
+//! X0  0,0  0,0
+//! Delta_X  0,001  0,001
 //! ***End_of_Header***
-//! X_Value	Voltage	Position	Comment
-//! 0,0	1,5	0,25
+//! X_Value  Voltage  Position  Comment
+//! 0,0  1,5  0,25
 //! ```
 //!
 //! A section is a run of its own. `X_Columns` says whether the time stands once, before each channel, or nowhere: then it
