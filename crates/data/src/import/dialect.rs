@@ -170,7 +170,8 @@ fn rows(lines: &[Vec<u8>], after: usize, separator: Separator, numerals: Numeral
     None
 }
 
-/// Whether the line before is one of names, one a column, of which two are quantities.
+/// Whether the line before is one of names, one a column, of which two are different quantities: `Vertical Units,V,V` of an
+/// instrument's settings are none.
 fn follows_names(before: &[Vec<u8>], separator: Separator, columns: usize) -> bool {
     let Some(line) = before.iter().rfind(|line| !line.trim_ascii().is_empty()) else {
         return false;
@@ -178,11 +179,9 @@ fn follows_names(before: &[Vec<u8>], separator: Separator, columns: usize) -> bo
     let Some(names) = names(line, separator, Encoding::of(line), columns) else {
         return false;
     };
-    names
-        .iter()
-        .filter(|name| spelling::read(name).quantity.is_some())
-        .count()
-        >= 2
+    let mut quantities = names.iter().filter_map(|name| spelling::read(name).quantity);
+    let first = quantities.next();
+    quantities.any(|quantity| Some(quantity) != first)
 }
 
 /// The cells of a row: at least two that are numbers, or none that is text and one that is not just empty.
@@ -459,6 +458,11 @@ mod tests {
         check(
             "Date: 2026-11-21\nRate: 5000\n\nt,u\n0,1.5\n1,2\n2,3\n",
             (Comma, DP, Some(4), None, 5, &["t", "u"]),
+        );
+        // An oscilloscope: a line of settings for two channels is no line of names, the next one no first row
+        check(
+            "Model,DSO,\nVertical Units,V,V\nProbe Attenuation,1,1\n,,\nTIME,CH1,CH2\n-1e-3,0.5,0.1\n0,0.6,0.2\n1e-3,0.7,0.3\n",
+            (Comma, DP, Some(5), None, 6, &["TIME", "CH1", "CH2"]),
         );
         check("t;u;\n0;1;\n1;2;\n", (Semicolon, DP, Some(1), None, 2, &["t", "u", ""]));
         check(
