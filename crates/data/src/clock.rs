@@ -22,6 +22,9 @@ const COARSEST_ROUNDING: f64 = 0.25;
 /// product, one for the sum, one for printing and reading, doubled.
 const ROUNDING_ULPS: f64 = 6.0;
 
+/// Digits of a period or rate that a person writes. A period of more is a computed one and stays to its last bit.
+const WRITTEN_DIGITS: usize = 9;
+
 /// Significant digits that tell all numbers of single precision apart.
 const SINGLE_DIGITS: i32 = 9;
 
@@ -153,7 +156,8 @@ pub(crate) fn infer(stamps: &[f64], printed: Printed) -> Result<Clock, ClockFaul
     for step in printed_steps(first, second, printed) {
         if test.passes(step, Some(floating)) {
             // what a person writes, where the stamps' own rounding cannot tell it from their step
-            let written = simplest(step, floating / steps).find(|period| test.passes(*period, Some(floating)));
+            let mut written = up_to_digits(step, floating / steps, WRITTEN_DIGITS);
+            let written = written.find(|period| test.passes(*period, Some(floating)));
             let period = written.unwrap_or(step);
             return Ok(Clock { start: first, period });
         }
@@ -186,16 +190,19 @@ fn printed_steps(first: f64, second: f64, printed: Printed) -> impl Iterator<Ite
 
 /// Numbers within `slack` of `period`, those with fewer digits (as a period, then as a rate) first; `period` last.
 pub(crate) fn simplest(period: f64, slack: f64) -> impl Iterator<Item = f64> {
-    (1..=15usize)
-        .flat_map(move |digits| {
-            let as_period = round_to_digits(period, digits);
-            let as_rate = round_to_digits(1.0 / period, digits).map(|rate| 1.0 / rate);
-            [as_period, as_rate]
-                .into_iter()
-                .flatten()
-                .filter(move |candidate| (candidate - period).abs() <= slack)
-        })
-        .chain([period])
+    up_to_digits(period, slack, 15).chain([period])
+}
+
+/// As [`simplest`], of numbers with so many digits at most, and without `period` itself.
+fn up_to_digits(period: f64, slack: f64, digits: usize) -> impl Iterator<Item = f64> {
+    (1..=digits).flat_map(move |digits| {
+        let as_period = round_to_digits(period, digits);
+        let as_rate = round_to_digits(1.0 / period, digits).map(|rate| 1.0 / rate);
+        [as_period, as_rate]
+            .into_iter()
+            .flatten()
+            .filter(move |candidate| (candidate - period).abs() <= slack)
+    })
 }
 
 fn round_to_digits(value: f64, digits: usize) -> Option<f64> {

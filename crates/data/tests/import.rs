@@ -158,7 +158,7 @@ fn val_rate_instead_of_time() {
         text,
         &ImportOptions::default(),
         "run.csv, line 1: no time among the columns 1 `u [V]`, 2 `y [um]`; say which it is, as in `--column \
-         time=1:s`, or the sample rate with `--rate HZ`",
+         time=NAME:s`, or the sample rate with `--rate HZ`",
     );
     refuse(
         text,
@@ -730,7 +730,7 @@ fn refuse_gcs_arrays_that_do_not_hold_together() {
             "# SAMPLE_TIME = 0.00005\n",
             "",
             "run.csv: no time among the columns 1 `Voltage of output chan 1`, 2 `Actual Position of axis 1`; say \
-             which it is, as in `--column time=1:s`, or the sample rate with `--rate HZ`",
+             which it is, as in `--column time=NAME:s`, or the sample rate with `--rate HZ`",
         ),
     ] {
         refuse(&GCS.replace(from, to), &options, expect);

@@ -4,7 +4,7 @@ use super::columns::Offer;
 use super::spelling;
 use crate::error::DataError;
 use crate::place::shown;
-use crate::units::Quantity;
+use crate::units::{Quantity, Unit};
 
 /// One thing that is not clear.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,8 +29,12 @@ impl Doubt {
         let quantity = self.quantity();
         let index = match self {
             Doubt::Missing(_) => likely(offer, quantity, taken),
-            Doubt::Twice(_, first, _) => *first,
-            Doubt::Unit(_, index, _) => *index,
+            Doubt::Twice(_, first, _) => Some(*first),
+            Doubt::Unit(_, index, _) => Some(*index),
+        };
+        let Some(index) = index else {
+            // nothing is left that it could be
+            return format!("--column {quantity}=NAME:{}", typed(quantity.base_unit()));
         };
         taken.push(index);
         format!("--column {quantity}={}:{}", index + 1, suffix(offer, quantity, index))
@@ -141,7 +145,12 @@ fn suffix(offer: &Offer, quantity: Quantity, index: usize) -> &'static str {
     let unit = offer
         .unit_in_file(index)
         .and_then(|spelled| spelling::unit(quantity, &spelled));
-    match unit.unwrap_or(quantity.base_unit()).suffix {
+    typed(unit.unwrap_or(quantity.base_unit()))
+}
+
+/// A unit as it is typed.
+fn typed(unit: Unit) -> &'static str {
+    match unit.suffix {
         "v" => "V",
         "mv" => "mV",
         "kv" => "kV",
@@ -150,9 +159,8 @@ fn suffix(offer: &Offer, quantity: Quantity, index: usize) -> &'static str {
     }
 }
 
-/// A column that may be meant: free and with a unit of the quantity, else free and without a unit, else free, else the
-/// first.
-fn likely(offer: &Offer, quantity: Quantity, taken: &[usize]) -> usize {
+/// A column that may be meant: free and with a unit of the quantity, else free and without a unit, else free.
+fn likely(offer: &Offer, quantity: Quantity, taken: &[usize]) -> Option<usize> {
     let free = || (0..offer.names.len()).filter(|index| !taken.contains(index));
     let fits = |index: &usize| {
         offer
@@ -163,5 +171,4 @@ fn likely(offer: &Offer, quantity: Quantity, taken: &[usize]) -> usize {
         .find(fits)
         .or_else(|| free().find(|index| offer.unit_in_file(*index).is_none()))
         .or_else(|| free().next())
-        .unwrap_or(0)
 }

@@ -93,7 +93,7 @@ impl Imported {
 /// assert_eq!(found.records[0].voltage_v, [1.5, 2.5]);
 /// assert_eq!(found.records[0].position_um, [0.25, 0.5]);
 ///
-/// std::fs::write(&path, "t,u,y\n0,1.5,250\n0.2,2.5,500\n")?;
+/// std::fs::write(&path, "t,u,y [nm]\n0,1.5,250\n0.2,2.5,500\n")?;
 /// let error = import(&path, &ImportOptions::default(), &mut |_, _| {}).unwrap_err().to_string();
 /// assert!(error.ends_with("line 1, column 2 (u): no unit given for voltage; known are V, mV, µV, kV; say which it is, \
 ///     as in `--column voltage=2:V` (with a gain: `V*20`)"), "{error}");
@@ -146,8 +146,9 @@ pub fn import_from(
 ) -> Result<Imported, DataError> {
     options.validate()?;
     let opened = open::open(Box::new(source), file, options, progress)?;
-    let (chosen, mut notices) = columns::choose(&opened.offer(options), options)?;
-    notices.extend(opened.notices());
+    let (chosen, more) = columns::choose(&opened.offer(options), options)?;
+    let mut notices = opened.notices();
+    notices.extend(more);
     let kind = opened.kind();
     let parts = opened.read(chosen, options, &mut notices, progress)?;
     finish::finish(parts, kind, file, options, notices)
