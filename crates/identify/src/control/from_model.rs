@@ -126,7 +126,7 @@ pub fn chain_of(
     let (inverse, left_v) = inverse::fit_pairs(&played.series);
     let swing_v = model.input_max - model.input_min;
     chain.inverse = inverse;
-    chain.around.rest_um = played.rest_um;
+    chain.around.rest_um = rest_with_creep(model, sample_period_s)?;
     chain.misfit_percent = 100.0 * left_v / swing_v;
     let spans = played.series.iter().flat_map(|pairs| pairs.position_um.iter().copied());
     let (low, high) = crate::family::range(spans);
@@ -239,6 +239,22 @@ pub(super) fn quasi_static(model: &Model) -> Model {
         beta_s: 0.0,
     });
     alone
+}
+
+/// Position at rest at 0 V, micrometres: creep adds its share of the stroke that the middle of the range is away.
+fn rest_with_creep(model: &Model, sample_period_s: f64) -> Result<f64, IdentifyError> {
+    let mut settled = model.clone();
+    settled.effects.retain(|fitted| {
+        matches!(
+            compensation(fitted),
+            Ok(Compensation {
+                by: Compensator::HysteresisInverse | Compensator::Creep(_),
+                ..
+            })
+        )
+    });
+    let rest = InitialState::Remanent { fraction: 0.0 };
+    Ok(settled.simulate_input(&[0.0; 2], sample_period_s, rest)?[0])
 }
 
 /// Voltages and the displacements that they make, from rest at 0 V.
