@@ -170,6 +170,18 @@ impl Facts {
     pub fn stroke_um(&self) -> f64 {
         self.position_um[1] - self.position_um[0]
     }
+
+    /// Stroke, micrometres, where the position moves at all.
+    ///
+    /// # Errors
+    /// A position that stands still in every record.
+    pub(crate) fn moving_stroke_um(&self) -> Result<f64, String> {
+        let stroke = self.stroke_um();
+        if stroke <= 0.0 {
+            return Err("the position stands still in every record".to_owned());
+        }
+        Ok(stroke)
+    }
 }
 
 /// One record as effects see it. All series have the length of the command; where the record is periodic, one period of

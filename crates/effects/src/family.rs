@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 /// The largest number of play operators.
 pub const MAX_PLAYS: usize = 64;
 
+/// Plays of the free shape: enough to bring a Preisach density down to a few hundredths of a percent.
+pub const FREE_PLAYS: usize = 18;
+
 /// The hysteresis models of the core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -5,6 +5,7 @@ use crate::chain_trace::Trace;
 use crate::columns::Design;
 use crate::effects::{Acts, Effect, EffectName, Signals};
 use crate::start_state::InitialState;
+use hysteron_data::{Record, Role};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -225,13 +226,28 @@ impl Chain {
         }
     }
 
-    /// What a link adds to the position at the recorded samples, whatever the position is.
-    pub(crate) fn addition(&self, trace: &Trace<'_>, own: &Own, link: usize) -> Vec<f64> {
-        let stack_v = self.stack(trace, own);
-        let mut position = vec![0.0; stack_v.len()];
-        let Link { effect, values } = &self.links[link];
-        effect.on_position(values, &signals(trace, own, &stack_v, link), &mut position);
-        recorded(trace, &position)
+    /// The response to a voltage alone: no effect has a number of the record's own.
+    pub(crate) fn respond_to_voltage(
+        &self,
+        coefficients: &[f64],
+        voltage_v: &[f64],
+        period_s: f64,
+        initial: InitialState,
+    ) -> Vec<f64> {
+        let record = Record {
+            file: String::new(),
+            role: Role::Validate,
+            excitation: String::new(),
+            start_s: 0.0,
+            period_s,
+            voltage_v: voltage_v.to_vec(),
+            position_um: vec![0.0; voltage_v.len()],
+            reference_um: None,
+            temperature_c: None,
+            voltage2_v: None,
+        };
+        let trace = Trace::new(&record, initial, self.dynamic());
+        self.respond(coefficients, &trace, &vec![Vec::new(); self.links.len()])
     }
 
     /// The response of a chain in which one link has changed since `before`; where the voltage at the stack and the plays stay,

@@ -32,6 +32,18 @@ pub(crate) struct Design {
 }
 
 impl Design {
+    /// A family whose plays stand still in time: no envelope widens them.
+    pub(crate) fn still(family: Family, thresholds: Vec<f64>) -> Self {
+        Self {
+            family,
+            thresholds,
+            envelope: Envelope {
+                alpha_s: 0.0,
+                beta_s: 0.0,
+            },
+        }
+    }
+
     /// Number of columns: offset, input powers, plays.
     pub(crate) fn columns(&self) -> usize {
         1 + self.family.input_powers().len() + self.family.coefficients_a_play() * self.thresholds.len()

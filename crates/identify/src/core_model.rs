@@ -188,9 +188,7 @@ mod tests {
             };
             let model = fit(&dataset, &options, &|_| ()).unwrap().model;
             let input = &dataset.records[0].position_um;
-            let wanted = model
-                .simulate_input(input, 20e-6, InitialState::Remanent { fraction: 0.0 })
-                .unwrap();
+            let wanted = model.simulate_input(input, 20e-6, InitialState::REST).unwrap();
             let table = model
                 .to_core::<f64, 10>(model.input_min, model.input_max, 50e3)
                 .unwrap();

@@ -2,17 +2,16 @@
 
 use crate::columns::{Design, Run};
 use crate::error::IdentifyError;
-use crate::family::{Direction, Family, MAX_PLAYS, peak_to_peak, range};
+use crate::family::{Direction, FREE_PLAYS, Family, MAX_PLAYS, peak_to_peak, range};
 use crate::history::record_errors;
 use crate::initial;
 use crate::model::{FittedOn, FittedRecord, Method, Model};
 use crate::objective::{Weighting, runs};
 use crate::placement::{Placement, thresholds};
-use crate::search::{FREE_PLAYS, Search, Shape};
+use crate::search::{Search, Shape};
 use crate::separable::{self, Solved};
 use crate::start_state::InitialState;
 use crate::{mpso, uncertainty};
-use hysteron_core::envelope::Envelope;
 use hysteron_data::{Dataset, Role};
 
 /// What to fit and how.
@@ -101,14 +100,7 @@ pub fn fit(
     if options.family == Family::PlayPolynomial && options.direction == Direction::Forward {
         return free_shape(dataset, options, &runs, placed, progress);
     }
-    let rate_independent = Design {
-        family: options.family,
-        thresholds: placed.clone(),
-        envelope: Envelope {
-            alpha_s: 0.0,
-            beta_s: 0.0,
-        },
-    };
+    let rate_independent = Design::still(options.family, placed.clone());
     for run in &mut runs {
         initial::skip_unsettled(&rate_independent, run);
     }

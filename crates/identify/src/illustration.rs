@@ -11,7 +11,6 @@ use crate::effects::{Bounds, Effect, Facts, Scene, Shape};
 use crate::family::{Family, peak_to_peak};
 use crate::placement::{Placement, thresholds};
 use crate::start_state::InitialState;
-use hysteron_core::envelope::Envelope;
 use hysteron_data::{Dataset, Record, Role};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -112,19 +111,7 @@ fn stage() -> (Design, Vec<f64>) {
     let mut coefficients = vec![0.0, gain * (1.0 - plays)];
     coefficients.extend(PLAYS.iter().map(|(_, weight)| gain * weight));
     let widths = PLAYS.iter().map(|(threshold, _)| threshold * FULL_V).collect();
-    (design(Family::Pi, widths), coefficients)
-}
-
-fn design(family: Family, thresholds: Vec<f64>) -> Design {
-    let envelope = Envelope {
-        alpha_s: 0.0,
-        beta_s: 0.0,
-    };
-    Design {
-        family,
-        thresholds,
-        envelope,
-    }
+    (Design::still(Family::Pi, widths), coefficients)
 }
 
 fn with_effect(effect: &Arc<dyn Effect>, values: &[f64], facts: &Facts, record: &Record) -> Vec<f64> {
@@ -136,7 +123,12 @@ fn with_effect(effect: &Arc<dyn Effect>, values: &[f64], facts: &Facts, record: 
     let place = |plays| thresholds(Placement::Log, plays, &[&record.voltage_v]);
     if let Some(richer) = effect.reshape(&shape, facts, &place) {
         let coefficients = enrich(&richer, &bare.thresholds, &coefficients);
-        return run(&design(richer.family, richer.thresholds), &coefficients, None, record);
+        return run(
+            &Design::still(richer.family, richer.thresholds),
+            &coefficients,
+            None,
+            record,
+        );
     }
     let link = Link {
         effect: Arc::clone(effect),
@@ -177,7 +169,7 @@ fn enrich(richer: &Shape, before: &[f64], coefficients: &[f64]) -> Vec<f64> {
 
 fn run(design: &Design, coefficients: &[f64], link: Option<Link>, record: &Record) -> Vec<f64> {
     let chain = Chain::new(design.clone(), link.into_iter().collect(), [0.0, FULL_V]);
-    let trace = Trace::new(record, InitialState::Remanent { fraction: 0.0 }, chain.dynamic());
+    let trace = Trace::new(record, InitialState::REST, chain.dynamic());
     let coefficients = chain.basis().of_powers(&design.thresholds, coefficients);
     chain.respond(&coefficients, &trace, &vec![Vec::new(); chain.links.len()])
 }

@@ -49,14 +49,7 @@ pub(crate) fn solve(
     seed: u64,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Swarmed {
-    let design = Design {
-        family,
-        thresholds,
-        envelope: Envelope {
-            alpha_s: 0.0,
-            beta_s: 0.0,
-        },
-    };
+    let design = Design::still(family, thresholds);
     let bounds = search_box(&design, runs);
     let dimensions = bounds.len();
     let split = |x: &[f64]| -> (Design, Vec<f64>) {

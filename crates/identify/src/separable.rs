@@ -42,14 +42,7 @@ pub(crate) struct Solved {
 
 /// Fits coefficients, and alpha and beta where the family has them.
 pub(crate) fn solve(family: Family, thresholds: Vec<f64>, runs: &[Run<'_>], progress: &(dyn Fn(f64) + Sync)) -> Solved {
-    let mut design = Design {
-        family,
-        thresholds,
-        envelope: Envelope {
-            alpha_s: 0.0,
-            beta_s: 0.0,
-        },
-    };
+    let mut design = Design::still(family, thresholds);
     if family == Family::Mrpi {
         design.envelope = search_envelope(&design, runs, progress);
     }

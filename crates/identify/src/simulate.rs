@@ -11,7 +11,7 @@ use crate::model::{FittedEffect, Model, Simulation};
 use crate::objective::run_of;
 use crate::start_state::InitialState;
 use hysteron_core::envelope::Envelope;
-use hysteron_data::{Record, Role};
+use hysteron_data::Record;
 
 impl Model {
     /// Runs the model freely over a record (never one step ahead: the measured output is used for nothing but the state
@@ -35,26 +35,13 @@ impl Model {
 
     /// As [`Self::simulate`] of a record that is known to begin at rest at the low end of its drive.
     pub(crate) fn simulate_from_rest(&self, record: &Record) -> Vec<f64> {
-        let rest = InitialState::Remanent { fraction: 0.0 };
         if let Some((chain, coefficients)) = self.chain() {
-            let trace = Trace::new(record, rest, chain.dynamic());
+            let trace = Trace::new(record, InitialState::REST, chain.dynamic());
             return chain.respond(&coefficients, &trace, &chain.settle(&coefficients, &trace));
         }
         let mut run = run_of(record, self.direction, None);
-        run.initial = rest;
+        run.initial = InitialState::REST;
         self.simulate_from(&self.design(), &run).output
-    }
-
-    /// The mains hum of the model in a record, micrometres, its phases as the record has them; `None` where the model has none.
-    ///
-    /// # Cost
-    /// As [`Self::simulate`].
-    pub fn hum_um(&self, record: &Record) -> Option<Vec<f64>> {
-        let (chain, coefficients) = self.chain()?;
-        let is_hum = |link: &Link| link.effect.adds_line_spectrum();
-        let hum = chain.links.iter().position(is_hum)?;
-        let (trace, own) = prepare(&chain, &coefficients, record);
-        Some(chain.addition(&trace, &own, hum))
     }
 
     /// Runs the model over an input alone, from a given state, with the effects around the hysteresis.
@@ -112,11 +99,6 @@ impl Model {
         self.effects.iter().filter_map(link).collect()
     }
 
-    /// Whether an effect moves signals in time: then records are run on the grid of [`crate::grid::refinement`].
-    pub fn is_dynamic(&self) -> bool {
-        self.links().iter().any(|link| link.effect.dynamic())
-    }
-
     pub(crate) fn design(&self) -> Design {
         Design {
             family: self.family,
@@ -157,18 +139,5 @@ fn simulate_voltage(
             effect: link.effect.name(),
         });
     }
-    let record = Record {
-        file: String::new(),
-        role: Role::Validate,
-        excitation: String::new(),
-        start_s: 0.0,
-        period_s,
-        voltage_v: voltage_v.to_vec(),
-        position_um: vec![0.0; voltage_v.len()],
-        reference_um: None,
-        temperature_c: None,
-        voltage2_v: None,
-    };
-    let trace = Trace::new(&record, initial, chain.dynamic());
-    Ok(chain.respond(coefficients, &trace, &vec![Vec::new(); chain.links.len()]))
+    Ok(chain.respond_to_voltage(coefficients, voltage_v, period_s, initial))
 }

@@ -19,6 +19,9 @@ pub enum InitialState {
 }
 
 impl InitialState {
+    /// At rest after coming down from above, and the virgin start at 0 V.
+    pub const REST: Self = Self::Remanent { fraction: 0.0 };
+
     /// Output of a play of this threshold before the first sample of `input`.
     ///
     /// Periodic records run one period from here, which leaves of it only the plays wider than the record's own span. What

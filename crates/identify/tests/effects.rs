@@ -156,7 +156,7 @@ fn added(name: EffectId, with: impl Fn(&mut StageConfig)) -> Added {
 /// The same with as many plays as the free shape: what fewer leave of the loops takes its part of a bend.
 fn added_to_many_plays(name: EffectId, with: impl Fn(&mut StageConfig)) -> Added {
     let many = FitOptions {
-        plays: hysteron_identify::search::FREE_PLAYS,
+        plays: hysteron_identify::family::FREE_PLAYS,
         ..FitOptions::new(Family::Pi)
     };
     added_to(&stage(), &many, name, &[], with)

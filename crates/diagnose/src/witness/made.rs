@@ -25,7 +25,7 @@ pub(crate) fn traces(error_um: impl Fn(usize, &Record) -> Vec<f64>) -> (Traces, 
     for (record, error) in dataset.records.iter_mut().zip(&errors) {
         record.position_um.iter_mut().zip(error).for_each(|(y, e)| *y += e);
     }
-    let states = vec![InitialState::Remanent { fraction: 0.0 }; dataset.records.len()];
+    let states = vec![InitialState::REST; dataset.records.len()];
     (Traces::new(&dataset, &states, 1e-3), errors)
 }
 

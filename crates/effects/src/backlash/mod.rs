@@ -41,10 +41,7 @@ impl Effect for Backlash {
     }
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
-        let stroke = facts.stroke_um();
-        if stroke <= 0.0 {
-            return Err("the position stands still in every record".to_owned());
-        }
+        let stroke = facts.moving_stroke_um()?;
         Ok(vec![Bounds::new(0.0, 0.1 * stroke, 1e-3 * stroke, 0.0)])
     }
 

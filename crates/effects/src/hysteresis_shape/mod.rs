@@ -2,7 +2,7 @@
 
 use crate::compensator::{Compensation, Compensator};
 use crate::effect::{Bounds, Description, Effect, Facts, Place, Scene, Shape};
-use crate::family::Family;
+use crate::family::{FREE_PLAYS, Family};
 use crate::id::{EffectId, EffectName};
 
 pub(crate) struct HysteresisShape;
@@ -25,9 +25,6 @@ static DESCRIPTION: Description = Description {
     scene: Scene::Ladder,
 };
 
-/// Graded thresholds at which the free shape reaches the sensor's noise on simulated stages.
-const PLAYS: usize = 18;
-
 impl Effect for HysteresisShape {
     fn name(&self) -> EffectName {
         EffectId::HysteresisShape.into()
@@ -48,7 +45,7 @@ impl Effect for HysteresisShape {
     fn reshape(&self, shape: &Shape, _: &Facts, place: &dyn Fn(usize) -> Vec<f64>) -> Option<Shape> {
         (shape.family != Family::PlayPolynomial).then(|| Shape {
             family: Family::PlayPolynomial,
-            thresholds: place(PLAYS.max(shape.thresholds.len())),
+            thresholds: place(FREE_PLAYS.max(shape.thresholds.len())),
         })
     }
 

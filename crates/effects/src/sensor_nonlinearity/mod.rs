@@ -52,10 +52,7 @@ impl Effect for SensorNonlinearity {
     }
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
-        let half = 0.5 * facts.stroke_um();
-        if half <= 0.0 {
-            return Err("the position stands still in every record".to_owned());
-        }
+        let half = 0.5 * facts.moving_stroke_um()?;
         // A reading must grow with the position: slopes down to a half at the ends.
         let (c2, c3) = (0.25 / half, 0.16 / (half * half));
         let middle = 0.5 * (facts.position_um[0] + facts.position_um[1]);

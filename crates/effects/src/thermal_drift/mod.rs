@@ -73,10 +73,7 @@ impl Effect for ThermalDrift {
     }
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
-        let stroke = facts.stroke_um();
-        if stroke <= 0.0 {
-            return Err("the position stands still in every record".to_owned());
-        }
+        let stroke = facts.moving_stroke_um()?;
         let shift = |most: f64| Bounds::new(-most, most, 0.01 * most, 0.0);
         // Where none shows its zero, a zero of each record's own would explain anything.
         let rest_share = if facts.rests {

@@ -228,12 +228,17 @@ fn creep(elements: &[CreepElement], part: &mut CreepPart) {
     }
 }
 
+/// A model of which only the effects with such compensators are left.
+fn with_compensators(model: &Model, stays: impl Fn(&Compensator) -> bool) -> Model {
+    let mut left = model.clone();
+    left.effects
+        .retain(|fitted| matches!(compensation(fitted), Ok(compensation) if stays(&compensation.by)));
+    left
+}
+
 /// The hysteresis alone, as slow as can be: what stands in its place and is static stays, all else is taken out.
 pub(super) fn quasi_static(model: &Model) -> Model {
-    let mut alone = model.clone();
-    let stays =
-        |fitted: &FittedEffect| matches!(compensation(fitted), Ok(by) if by.by == Compensator::HysteresisInverse);
-    alone.effects.retain(stays);
+    let mut alone = with_compensators(model, |by| *by == Compensator::HysteresisInverse);
     alone.envelope = model.envelope.map(|_| Envelope {
         alpha_s: 0.0,
         beta_s: 0.0,
@@ -243,18 +248,10 @@ pub(super) fn quasi_static(model: &Model) -> Model {
 
 /// Position at rest at 0 V, micrometres: creep adds its share of the stroke that the middle of the range is away.
 fn rest_with_creep(model: &Model, sample_period_s: f64) -> Result<f64, IdentifyError> {
-    let mut settled = model.clone();
-    settled.effects.retain(|fitted| {
-        matches!(
-            compensation(fitted),
-            Ok(Compensation {
-                by: Compensator::HysteresisInverse | Compensator::Creep(_),
-                ..
-            })
-        )
+    let settled = with_compensators(model, |by| {
+        matches!(by, Compensator::HysteresisInverse | Compensator::Creep(_))
     });
-    let rest = InitialState::Remanent { fraction: 0.0 };
-    Ok(settled.simulate_input(&[0.0; 2], sample_period_s, rest)?[0])
+    Ok(settled.simulate_input(&[0.0; 2], sample_period_s, InitialState::REST)?[0])
 }
 
 /// Voltages and the displacements that they make, from rest at 0 V.
@@ -292,8 +289,7 @@ pub(super) fn played(model: &Model) -> Result<Played, IdentifyError> {
         list.extend((0..30).map(|i| low + span * (start + golden * f64::from(i)).fract()));
         turns.push(list);
     }
-    let rest = InitialState::Remanent { fraction: 0.0 };
-    let rest_um = model.simulate_input(&[0.0; 2], AGES_S, rest)?[0];
+    let rest_um = model.simulate_input(&[0.0; 2], AGES_S, InitialState::REST)?[0];
     let mut series = Vec::with_capacity(turns.len());
     for list in turns {
         let mut voltage_v = vec![0.0];
@@ -301,7 +297,7 @@ pub(super) fn played(model: &Model) -> Result<Played, IdentifyError> {
             let steps = ((pair[1] - pair[0]).abs() / span * SWEEP as f64).ceil().max(1.0);
             voltage_v.extend((1..=steps as usize).map(|n| pair[0] + (pair[1] - pair[0]) * n as f64 / steps));
         }
-        let position_um = model.simulate_input(&voltage_v, AGES_S, rest)?;
+        let position_um = model.simulate_input(&voltage_v, AGES_S, InitialState::REST)?;
         series.push(Pairs {
             position_um: position_um.iter().map(|y| y - rest_um).collect(),
             voltage_v,

@@ -31,8 +31,7 @@ pub fn refine(chain: &mut ControlModel, model: &Model, records: &[Record]) -> Re
     }
     for record in records {
         turns_are_seen(record)?;
-        let rest = InitialState::Remanent { fraction: 0.0 };
-        let hysteresis_um = alone.simulate_input(&record.voltage_v, AGES_S, rest)?;
+        let hysteresis_um = alone.simulate_input(&record.voltage_v, AGES_S, InitialState::REST)?;
         let modelled_um = model.simulate_from_rest(record);
         let off = record.position_um.iter().zip(&modelled_um).map(|(y, m)| y - m);
         series.push(Pairs {

@@ -265,14 +265,13 @@ impl Search<'_> {
     /// The records with those from rest that begin at the low end of their drive: what repeats now may not have come to its end.
     /// `None` where none would change.
     fn begun_at_rest(&self) -> Option<Vec<Prepared<'_>>> {
-        let rest = InitialState::Remanent { fraction: 0.0 };
         let mut records = self.records.clone();
         let mut changed = false;
         for prepared in &mut records {
             let voltage_v = &prepared.record().voltage_v;
             let (low, high) = range(voltage_v.iter().copied());
-            if prepared.initial() != rest && voltage_v[0] - low <= 1e-3 * (high - low) {
-                prepared.start_in(rest);
+            if prepared.initial() != InitialState::REST && voltage_v[0] - low <= 1e-3 * (high - low) {
+                prepared.start_in(InitialState::REST);
                 changed = true;
             }
         }

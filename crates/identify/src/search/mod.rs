@@ -15,22 +15,18 @@ pub use trial::{Part, Trial};
 
 use crate::chain::{Chain, Link};
 use crate::chain_facts::facts;
-use crate::chain_trace::Trace;
 use crate::columns::Design;
 use crate::effects::{Bounds, Effect, Facts, Family};
 use crate::error::IdentifyError;
+use crate::family::FREE_PLAYS;
 use crate::initial;
 use crate::model::Model;
 use crate::placement::{Placement, thresholds};
 use crate::start_state::InitialState;
 use fitted::{Descent, Fitted, Standing};
-use hysteron_core::envelope::Envelope;
-use hysteron_data::{Dataset, Record, Role};
+use hysteron_data::{Dataset, Role};
 use rayon::prelude::*;
 use records::Prepared;
-
-/// Plays of the free shape: enough to bring a Preisach density down to a few hundredths of a percent.
-pub const FREE_PLAYS: usize = 18;
 
 /// Ridge of a free shape before any is chosen.
 const FIRST_RIDGE: f64 = 1e-7;
@@ -137,20 +133,8 @@ impl<'a> Search<'a> {
         if chain.links.iter().any(|link| beyond(&link)) {
             return None;
         }
-        let record = Record {
-            file: String::new(),
-            role: Role::Validate,
-            excitation: String::new(),
-            start_s: 0.0,
-            period_s,
-            voltage_v: voltage_v.to_vec(),
-            position_um: vec![0.0; voltage_v.len()],
-            reference_um: None,
-            temperature_c: None,
-            voltage2_v: None,
-        };
-        let trace = Trace::new(&record, InitialState::Remanent { fraction: 0.0 }, chain.dynamic());
-        Some(chain.respond(&trial.fitted.coefficients, &trace, &vec![Vec::new(); chain.links.len()]))
+        let coefficients = &trial.fitted.coefficients;
+        Some(chain.respond_to_voltage(coefficients, voltage_v, period_s, InitialState::REST))
     }
 
     /// The chain of a trial run freely over every record, micrometres.
@@ -264,14 +248,7 @@ fn chain_in(dataset: &Dataset, model: &Model, shape: &Shape) -> Result<(Chain, F
         return Err(IdentifyError::NoExcitation { input: "voltage" });
     }
     let of_family = *shape == Shape::Own;
-    let design = Design {
-        family,
-        thresholds,
-        envelope: Envelope {
-            alpha_s: 0.0,
-            beta_s: 0.0,
-        },
-    };
+    let design = Design::still(family, thresholds);
     let links = accept::links(model, of_family);
     Ok((Chain::new(design, links, facts.voltage_v), facts))
 }

@@ -5,7 +5,6 @@ use crate::columns::{Design, Run};
 use crate::family::{peak_to_peak, range};
 use crate::initial;
 use crate::start_state::InitialState;
-use hysteron_core::envelope::Envelope;
 use hysteron_data::{Dataset, Record, Role};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -124,13 +123,7 @@ fn one<'a>(record: &'a Record, fits: bool, design: &Design, budget: &Budget) -> 
         weight: 1.0,
         fit_from: 0,
     };
-    let still = Design {
-        envelope: Envelope {
-            alpha_s: 0.0,
-            beta_s: 0.0,
-        },
-        ..design.clone()
-    };
+    let still = Design::still(design.family, design.thresholds.clone());
     initial::skip_unsettled(&still, &mut run);
     let plain = Trace::new(record, guess, false);
     let moves = peak_to_peak(&record.voltage_v) > 0.0;
