@@ -40,8 +40,7 @@ fn on(
     outcomes
 }
 
-/// 97 % of strong effects is the aim over hundreds of cases. The search that any play model may enter names fewer of these ten, and two of
-/// them wrongly: a creep and a power law over frequency.
+/// 97 % of strong effects is the aim over hundreds of cases; of these ten one may fail.
 #[test]
 fn val_strong_effects_are_named() {
     let physical = [
@@ -58,13 +57,12 @@ fn val_strong_effects_are_named() {
     ];
     let outcomes = on_play_class(300, physical.map(|effect| Spec::one(effect, Strength::Strong)));
     let tally = Tally::of(&outcomes);
-    assert!(tally.right + tally.in_set >= 7 && tally.wrong <= 2, "{tally:?}");
+    assert!(tally.right + tally.in_set >= 9, "{tally:?}");
 }
 
-/// A free shape follows a bend of the voltage and one of the sensor: both are names in a set beside `hysteresis-shape`, none is named alone
-/// and no other effect is.
+/// Where a stage's own loops do not saturate, a bend of the voltage and one of the sensor are told from them and from each other.
 #[test]
-fn val_bends_stand_beside_the_shape() {
+fn val_bends_are_told_apart() {
     let bends = [
         Effect::Asymmetry,
         Effect::Asymmetry,
@@ -76,17 +74,18 @@ fn val_bends_stand_beside_the_shape() {
         .flat_map(|strength| bends.map(|bend| Spec::one(bend, strength)));
     let outcomes = on([StageFamily::MaxwellSlip, StageFamily::Mrpi], 600, specs);
     let tally = Tally::of(&outcomes);
-    assert!(tally.right + tally.in_set >= 5 && tally.wrong == 0, "{tally:?}");
+    assert!(tally.right >= 6 && tally.wrong == 0, "{tally:?}");
 }
 
-/// Where the stage's own loops saturate, a bent sensor is in the set of at least three of four.
+/// Where they do, no two minor loops of a bent sensor have the same shape, which a Preisach plane of any density gives them. Of these four
+/// one may be a `hysteresis-shape` with the bend in the set.
 #[test]
-fn val_a_bent_sensor_stands_beside_loops_that_saturate() {
+fn val_a_bent_sensor_is_told_from_loops_that_saturate() {
     let specs = [Strength::Medium, Strength::Strong, Strength::Strong, Strength::Medium]
         .map(|strength| Spec::one(Effect::SensorNonlinearity, strength));
     let outcomes = on([StageFamily::Preisach, StageFamily::SigmoidPlays], 700, specs);
     let tally = Tally::of(&outcomes);
-    assert!(tally.right + tally.in_set >= 3 && tally.wrong == 0, "{tally:?}");
+    assert!(tally.right >= 3 && tally.right + tally.in_set == 4, "{tally:?}");
 }
 
 /// A model that has the sensor's bend does not lack it.
@@ -142,8 +141,7 @@ fn val_a_mode_is_found_beside_a_harmonic() {
 fn val_a_bent_sensor_is_no_rate_dependence() {
     let spec = Spec::one(Effect::SensorNonlinearity, Strength::Strong);
     let outcomes = on([StageFamily::MaxwellSlip], 41_125, [spec]);
-    let tally = Tally::of(&outcomes);
-    assert_eq!(tally.right + tally.in_set, 1, "{tally:?}");
+    assert_eq!(Tally::of(&outcomes).right, 1);
 }
 
 /// The aim over hundreds of controls is a wrong name in at most 3 %: of eight, none.
