@@ -24,7 +24,8 @@ pub const LARGEST_CROSS: f64 = 0.5;
 
 /// A complete law as plain numbers.
 ///
-/// The host's law in `f64` and the chip's in `f32` are both made of these by [`LawNumbers::law`], and by nothing else.
+/// The host's law in `f64` and the chip's in `f32` are both made of these by [`LawNumbers::law`], and by nothing else. What makes a law is
+/// marked cold: a chip runs it once, and links cold functions outside of its fastest memory.
 ///
 /// # Units
 /// In the names.
@@ -142,6 +143,7 @@ impl LawNumbers {
     ///
     /// # Errors
     /// Values that the core refuses.
+    #[cold]
     pub fn law<T: Real>(&self) -> Result<CompleteLaw<T>, ParamError> {
         let rate_hz = self.sample_rate_hz;
         let fast = [self.creep_fast.shares, self.creep_fast.tau_s];
@@ -154,7 +156,10 @@ impl LawNumbers {
                 hysteresis: self.inverse.inverse(rate_hz)?,
                 lead: HeldLagInverse::new(self.lag_s, rate_hz)?,
             },
-            feedback: self.feedback.map(|numbers| numbers.feedback(rate_hz)).transpose()?,
+            feedback: match &self.feedback {
+                Some(numbers) => Some(numbers.feedback(rate_hz)?),
+                None => None,
+            },
             limiter: Limiter::new(
                 T::from_f64(self.command_min_v),
                 T::from_f64(self.command_max_v),
@@ -168,6 +173,7 @@ impl LawNumbers {
         })
     }
 
+    #[cold]
     fn surroundings<T: Real>(&self) -> Result<Surroundings<T>, ParamError> {
         let rate_hz = self.sample_rate_hz;
         let cross = self.cross_um_per_um.unwrap_or(0.0);
@@ -212,6 +218,7 @@ impl InverseNumbers {
     ///
     /// # Errors
     /// Values that the core refuses.
+    #[cold]
     pub fn inverse<T: Real>(&self, sample_rate_hz: f64) -> Result<CornerPolynomial<T, PLAYS>, ParamError> {
         let bank = PlayBank::new(
             Thresholds::new(self.thresholds_um.map(T::from_f64))?,
@@ -231,6 +238,7 @@ impl InverseNumbers {
 }
 
 impl FeedbackNumbers {
+    #[cold]
     fn feedback<T: Real>(&self, sample_rate_hz: f64) -> Result<Feedback<T>, ParamError> {
         Ok(Feedback {
             integral: PiController::new(

@@ -77,6 +77,7 @@ pub mod one {
     }
 
     /// Where the outputs are safe, and the codes that each goes a sample on its way there.
+    #[cold]
     pub fn ways_to_safe(banks: &Banks) -> [(DacCode, u16); AXES] {
         let range_v = table::DAC_TOP_V - table::DAC_MIN_V;
         let safe = banks[0].dac.code(banks[0].safe_v);
@@ -142,6 +143,7 @@ pub mod two {
     }
 
     /// Where the outputs are safe, and the codes that each goes a sample on its way there.
+    #[cold]
     pub fn ways_to_safe(banks: &Banks) -> [(DacCode, u16); AXES] {
         let of_x = ramp_codes(
             table::RAMP_V_PER_S,

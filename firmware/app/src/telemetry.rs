@@ -129,6 +129,7 @@ impl About {
     }
 
     /// Its packet.
+    #[cold]
     pub fn to_packet(&self) -> [u8; ABOUT_BYTES] {
         let mut packet = [0; ABOUT_BYTES];
         packet[1] = if self.axis == 0 { ABOUT } else { ABOUT_Y };

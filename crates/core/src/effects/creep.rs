@@ -46,6 +46,7 @@ impl<T: Real, const N: usize> Creep<T, N> {
     /// # Errors
     /// A share outside 0 to 10; time constants outside 1e-6 to 1e6 s; a divider outside 1 to 1000000; a sample rate
     /// outside 1e-3 to 1e7 Hz.
+    #[cold]
     pub fn new(shares: [f64; N], tau_s: [f64; N], sample_rate_hz: f64, divider: u32) -> Result<Self, ParamError> {
         in_range("sample_rate_hz", None, sample_rate_hz, 1e-3, 1e7)?;
         in_range("divider", None, f64::from(divider), 1.0, 1e6)?;
@@ -194,6 +195,7 @@ impl<T: Real, const FAST: usize, const SLOW: usize> CreepInverse<T, FAST, SLOW> 
     ///
     /// # Errors
     /// As [`Creep::new`], for either part; fewer samples a step than there are slow elements, of which one moves a sample.
+    #[cold]
     pub fn new(
         [fast_shares, fast_tau_s]: [[f64; FAST]; 2],
         [slow_shares, slow_tau_s]: [[f64; SLOW]; 2],

@@ -66,6 +66,7 @@ impl<T: Real> Lag<T> {
 }
 
 /// `b` and `g` for a time constant of `tau` samples.
+#[cold]
 pub(crate) fn coefficients(tau: f64) -> (f64, f64) {
     if tau < 1e-9 {
         return (1.0, 1.0);
