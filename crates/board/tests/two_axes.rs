@@ -33,8 +33,13 @@ fn tables() -> [Table; 2] {
 }
 
 fn rig(seconds: f64) -> TwoAxisRig {
+    coupled(SHARES, seconds)
+}
+
+/// The stage where other shares couple.
+fn coupled(shares: [f64; 2], seconds: f64) -> TwoAxisRig {
     let axes = [preset::tracking_8k(), preset::tracking_739()];
-    TwoAxisRig::new([&axes[0], &axes[1]], SHARES, 7, seconds).unwrap()
+    TwoAxisRig::new([&axes[0], &axes[1]], shares, 7, seconds).unwrap()
 }
 
 /// A raster: X a triangle, Y a slow sine; or others.
@@ -193,6 +198,131 @@ fn val_a_fault_of_one_axis_is_one_of_both() {
     );
     let again = axes.step(broken(Order::Start), false);
     assert!(again.iter().all(|frame| frame.mode() == Mode::Off), "a latched fault");
+}
+
+/// References of X and Y, of which one is fast, or both are.
+const PAIRS: [[(Shape, f64); 2]; 5] = [
+    [(Shape::Triangle, 100.0), (Shape::Sine, 10.0)],
+    [(Shape::Sine, 10.0), (Shape::Triangle, 100.0)],
+    [(Shape::Sine, 37.0), (Shape::Sine, 500.0)],
+    [(Shape::Steps, 50.0), (Shape::Sine, 3.0)],
+    [(Shape::Sine, 3.0), (Shape::Steps, 50.0)],
+];
+
+/// The first fault of either axis on a stage where the shares couple, in a run of 0.2 s and the way down after it.
+fn fault_of(shares: [f64; 2], references: [(Shape, f64); 2], feedback: bool) -> Option<(u32, Fault)> {
+    let setups = setups(references, feedback, 0.2);
+    let mut rig = coupled(shares, 0.2);
+    drive_both_here(&mut axes(&tables(), &setups), setups[0].ticks, &mut rig);
+    let [x, y] = &rig.recordings;
+    let frames = x.frames.iter().chain(&y.frames);
+    let faults = frames.filter_map(|frame| Some((frame.number, frame.fault()?)));
+    faults.min_by_key(|(number, _)| *number)
+}
+
+/// Whatever a stage couples beyond the tables, up to 8 % of the other's motion, is no fault of a sensor: on the way up, in motion in either
+/// loop, on the way down. A quarter of it is another stage, of whichever axis.
+#[test]
+fn bva_what_couples_is_no_fault_of_the_sensor() {
+    for references in PAIRS {
+        for feedback in [false, true] {
+            for beyond in [[0.08, -0.08], [-0.08, 0.08], [0.08, 0.08], [0.0, 0.0]] {
+                let shares = [SHARES[0] + beyond[0], SHARES[1] + beyond[1]];
+                let found = fault_of(shares, references, feedback);
+                assert_eq!(found, None, "{beyond:?} {references:?} {feedback}");
+            }
+            for beyond in [[0.25, 0.0], [-0.25, 0.0], [0.0, 0.25], [0.0, -0.25]] {
+                let shares = [SHARES[0] + beyond[0], SHARES[1] + beyond[1]];
+                let found = fault_of(shares, references, feedback).map(|(_, fault)| fault);
+                let other = Some(Fault::Disagreement);
+                assert_eq!(found, other, "{beyond:?} {references:?} {feedback}");
+            }
+        }
+    }
+}
+
+/// The stage, and what X's sensor says from a tick on, by its reading and the one at that tick, micrometres.
+struct Wrong {
+    rig: TwoAxisRig,
+    at: u32,
+    then_um: f64,
+    sensor: fn(f64, f64, f64) -> f64,
+}
+
+/// Codes of a micrometre; code 0 is -25 um.
+const CODES_A_UM: f64 = 65_536.0 / 50.0;
+
+impl TwoAxisBench for Wrong {
+    fn inputs(&mut self, number: u32) -> [Input; 2] {
+        let [x, y] = self.rig.inputs(number);
+        let um = f64::from(x.adc) / CODES_A_UM - 25.0;
+        if number < self.at {
+            self.then_um = um;
+            return [x, y];
+        }
+        let seconds = f64::from(number - self.at) / 50e3;
+        let adc = ((self.sensor)(um, self.then_um, seconds) + 25.0) * CODES_A_UM;
+        let adc = adc.round().clamp(0.0, 65_535.0) as u16;
+        [Input { adc, ..x }, y]
+    }
+
+    fn outputs(&mut self, frames: &[Frame; 2]) {
+        self.rig.outputs(frames);
+    }
+}
+
+/// What another axis may couple hides no wrong sensor for long: a row is a kind, the samples until it is a fault, by X's bound of 0.56 um
+/// and a tenth of where Y is, and which faults say so.
+#[test]
+fn val_a_wrong_sensor_beside_a_moving_axis() {
+    use Fault::{Disagreement, SensorJump, SensorStuck};
+    type Sensor = fn(f64, f64, f64) -> f64;
+    let kinds: [(&str, Sensor, u32, &[Fault]); 9] = [
+        // 0.56 and 1.3 um at 2 um a millisecond are 47 samples.
+        ("frozen", |_, then, _| then, 60, &[Disagreement, SensorStuck]),
+        ("reversed", |um, _, _| -um, 4, &[SensorJump]),
+        // From 13 um back to where it was, a quarter of a period.
+        ("reversed in place", |um, then, _| 2.0 * then - um, 150, &[Disagreement]),
+        ("halved", |um, _, _| 0.5 * um, 4, &[SensorJump]),
+        ("+1 um", |um, _, _| um + 1.0, 4, &[SensorJump]),
+        ("-1 um", |um, _, _| um - 1.0, 4, &[SensorJump]),
+        ("+8 um", |um, _, _| um + 8.0, 4, &[SensorJump]),
+        // 0.75 um as beside no other axis, 0.3 um where Y is at its lowest, and until it is there, 5000 samples.
+        ("drift up", |um, _, s| um + 5.0 * s, 15_500, &[Disagreement]),
+        ("drift down", |um, _, s| um - 5.0 * s, 15_500, &[Disagreement]),
+    ];
+    for (name, sensor, deadline, faults) in kinds {
+        for feedback in [false, true] {
+            for at in [2000, 2137] {
+                let setups = setups(PAIRS[0], feedback, 1.0);
+                let mut wrong = Wrong {
+                    rig: rig(1.0),
+                    at,
+                    then_um: 0.0,
+                    sensor,
+                };
+                drive_both_here(&mut axes(&tables(), &setups), at + deadline + 1300, &mut wrong);
+                let found = wrong.rig.recordings.each_ref().map(|recording| {
+                    let mut frames = recording.frames.iter();
+                    let first = frames.find_map(|frame| Some((frame.number, frame.fault()?)));
+                    (first, recording.frames.last().unwrap().mode())
+                });
+                println!("{name}, {feedback}, {at}: {found:?}");
+                let [(Some((number, fault)), mode), (Some(_), mode_y)] = found else {
+                    panic!("{name}: {found:?}");
+                };
+                assert!(
+                    faults.contains(&fault) && number >= at && number - at < deadline,
+                    "{name}: {found:?}"
+                );
+                assert_eq!([mode, mode_y], [Mode::Off; 2], "{name}");
+                // As beside no other axis: 5 % of the reference's range, and what the shares couple of 13 um.
+                let moved = &wrong.rig.true_um[0][at as usize..];
+                let highest_um = moved.iter().fold(0.0, |most: f64, um| most.max(*um));
+                assert!(highest_um < 13.0 + 0.5 + 0.13, "{name}: {highest_um} um");
+            }
+        }
+    }
 }
 
 /// The stage, and an interrupt that does not come back from a tick.

@@ -33,16 +33,16 @@ pub struct Controller<L: Law> {
     first_um: f32,
     /// What the trajectory gives to the next tick on it, micrometres.
     coming_um: f32,
-    /// What another axis takes in on this tick, less its rest, micrometres.
-    beside_um: f32,
-    /// Its command, volts.
-    beside_v: f32,
+    /// What another axis said of itself before this tick.
+    beside: Beside,
     setup: Setup,
     mailbox: Mailbox,
     uploaded: Uploaded,
     mode: Mode,
     fault: Option<Fault>,
-    /// The law's state belongs to the table, and to where the stage is.
+    /// The law's state belongs to another table than the one in force.
+    stale: bool,
+    /// It has run with the table since, and goes along with where the stage is.
     known: bool,
     /// Whether it fell from the way up: there was no trajectory yet.
     rising: bool,
@@ -56,8 +56,20 @@ pub struct Controller<L: Law> {
     number: u32,
 }
 
+/// What an axis tells another of itself before a tick.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Beside {
+    /// What its law takes in on the tick, less where its stage rests, micrometres; 0 away from the trajectory.
+    pub coming_um: f32,
+    /// Its command of the tick before, volts.
+    pub command_v: f32,
+    /// Where its law had its platform on the tick before, less where its stage rests, micrometres.
+    pub away_um: f32,
+}
+
 impl<L: Law> Controller<L> {
     /// The controller at its safe level, with one table.
+    #[cold]
     pub fn new(mut parameters: Parameters<L>, setup: &Setup) -> Self {
         let trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
         let uploaded = Uploaded::default();
@@ -80,14 +92,14 @@ impl<L: Law> Controller<L> {
             seen: MonitorState::default(),
             first_um,
             coming_um: first_um,
-            beside_um: 0.0,
-            beside_v: 0.0,
+            beside: Beside::default(),
             trajectory,
             setup: *setup,
             mailbox: Mailbox::default(),
             uploaded,
             mode: Mode::Off,
             fault: None,
+            stale: false,
             known: false,
             rising: false,
             fall_per_v: 0.0,
@@ -122,6 +134,7 @@ impl<L: Law> Controller<L> {
         let mut measured_um = measured_um;
         if self.mode != Mode::Off {
             let clock = self.monitor.clock(&mut self.seen, late);
+            self.monitor.beside(&mut self.seen, self.beside.away_um);
             let expected_um = self.expected_um();
             let (used_um, sensor) = self.monitor.sensor(&mut self.seen, input.adc, measured_um, expected_um);
             measured_um = used_um;
@@ -132,7 +145,8 @@ impl<L: Law> Controller<L> {
         let (reference_um, limited) = match self.mode {
             Mode::Running => self.run(measured_um),
             Mode::Rising => self.rise(measured_um),
-            Mode::Falling if self.fading > 0 => self.fade(measured_um),
+            // Of a law that never does, an image has no way down along its reference.
+            Mode::Falling if self.parameters.law.comes_down_itself() && self.fading > 0 => self.fade(measured_um),
             Mode::Falling | Mode::Off => self.fall(measured_um, answer == 0),
         };
         self.monitor.command(&mut self.seen, self.command_v);
@@ -159,15 +173,25 @@ impl<L: Law> Controller<L> {
         }
     }
 
-    /// What the law takes in on the next tick, less where the stage rests; 0 away from the trajectory.
-    pub fn coming_um(&self) -> f32 {
+    /// What another axis has to know of this one before the next tick.
+    pub fn beside(&self) -> Beside {
         let law = &self.parameters.law;
-        match self.mode {
+        let coming_um = match self.mode {
             Mode::Running => self.coming_um - law.rest_um(),
             Mode::Rising => law.coming_um(&self.state) - law.rest_um(),
             Mode::Falling if self.fading > 0 => self.faded_um - law.rest_um(),
             Mode::Falling | Mode::Off => 0.0,
+        };
+        Beside {
+            coming_um,
+            command_v: self.command_v,
+            away_um: self.seen.expected_um().map_or(0.0, |um| um - law.rest_um()),
         }
+    }
+
+    /// What another axis has said of itself.
+    pub fn set_beside(&mut self, beside: Beside) {
+        self.beside = beside;
     }
 
     /// Where the platform should be when this tick's reading is taken.
@@ -179,16 +203,6 @@ impl<L: Law> Controller<L> {
             _ => law.coming_um(&self.state),
         };
         law.expected_um(&self.state, coming_um)
-    }
-
-    /// What another axis takes in on the next tick, less its rest, and its command.
-    pub fn set_beside(&mut self, beside_um: f32, beside_v: f32) {
-        (self.beside_um, self.beside_v) = (beside_um, beside_v);
-    }
-
-    /// The command of the last tick, volts.
-    pub fn command_v(&self) -> f32 {
-        self.command_v
     }
 
     /// The latched fault.
@@ -267,7 +281,7 @@ impl<L: Law> Controller<L> {
             Some(other) if allows(other.range_um, &setup) => {
                 adopt(&mut self.parameters, other);
                 self.bank_flags = u16::from(bank) << BANK_BIT;
-                self.known = false;
+                (self.stale, self.known) = (true, false);
                 self.set_up(&setup)
             }
             _ => false,
@@ -291,30 +305,41 @@ impl<L: Law> Controller<L> {
         true
     }
 
+    /// The state has been made before, or this tick would take half as long again as any other.
     fn start(&mut self, measured_um: f32) {
-        let start = Start {
-            measured_um,
-            first_um: self.first_um,
-            command_v: self.command_v,
-            rise_um: self.parameters.rise_um,
-        };
-        if self.known {
-            self.parameters.law.restart(&mut self.state, &start);
-        } else {
-            let table = self.banks.get(usize::from(self.bank_flags >> BANK_BIT));
-            begin(
-                &mut self.state,
-                &self.parameters.law,
-                table.map(|table| &table.law),
-                &start,
-            );
-            self.known = true;
+        if self.stale {
+            self.make_state();
         }
+        let start = self.beginning(measured_um);
+        self.parameters.law.restart(&mut self.state, &start);
+        self.known = true;
         self.seen = MonitorState::at(self.command_v);
         let setup = &self.setup;
         self.trajectory = Trajectory::new(setup.shape, setup.low_um, setup.high_um, setup.phase_step);
         self.coming_um = self.trajectory.next_um(&self.uploaded);
         self.mode = Mode::Rising;
+    }
+
+    fn beginning(&self, measured_um: f32) -> Start {
+        Start {
+            measured_um,
+            first_um: self.first_um,
+            command_v: self.command_v,
+            rise_um: self.parameters.rise_um,
+        }
+    }
+
+    /// That of a stage at rest, for a table that has been selected.
+    fn make_state(&mut self) {
+        let start = self.beginning(self.first_um);
+        let table = self.banks.get(usize::from(self.bank_flags >> BANK_BIT));
+        begin(
+            &mut self.state,
+            &self.parameters.law,
+            table.map(|table| &table.law),
+            &start,
+        );
+        self.stale = false;
     }
 
     #[inline(always)]
@@ -339,15 +364,20 @@ impl<L: Law> Controller<L> {
     }
 
     #[inline(always)]
+    fn now(&self, measured_um: f32) -> Now {
+        Now {
+            measured_um,
+            beside_um: self.beside.coming_um,
+            beside_v: self.beside.command_v,
+        }
+    }
+
+    #[inline(always)]
     fn run(&mut self, measured_um: f32) -> (f32, bool) {
         // A tick early, so that another axis can know of it.
         let trajectory_um = self.coming_um;
         self.coming_um = self.trajectory.next_um(&self.uploaded);
-        let now = Now {
-            measured_um,
-            beside_um: self.beside_um,
-            beside_v: self.beside_v,
-        };
+        let now = self.now(measured_um);
         let Step {
             reference_um,
             command_v,
@@ -368,12 +398,8 @@ impl<L: Law> Controller<L> {
     }
 
     fn rise(&mut self, measured_um: f32) -> (f32, bool) {
+        let now = self.now(measured_um);
         let law = &self.parameters.law;
-        let now = Now {
-            measured_um,
-            beside_um: self.beside_um,
-            beside_v: self.beside_v,
-        };
         let (step, there) = law.rise(&mut self.state, &self.parameters.ramp, now);
         self.command_v = step.command_v;
         if let Some(fault) = self.monitor.departure(&mut self.seen, step.departure_v) {
@@ -399,12 +425,8 @@ impl<L: Law> Controller<L> {
         };
         let reference_um = rest_um + share * (from_um - rest_um);
         self.faded_um = reference_um;
-        let now = Now {
-            // No number is no error: the integral stays.
-            measured_um: if self.fault.is_some() { f32::NAN } else { measured_um },
-            beside_um: self.beside_um,
-            beside_v: self.beside_v,
-        };
+        // No number is no error: the integral stays.
+        let now = self.now(if self.fault.is_some() { f32::NAN } else { measured_um });
         let step = self.parameters.law.run(&mut self.state, reference_um, now);
         self.command_v = step.command_v;
         self.fading -= 1;
@@ -421,13 +443,15 @@ impl<L: Law> Controller<L> {
         if !limited {
             self.mode = Mode::Off;
         }
-        if self.known && along {
+        if !along {
+            return (self.first_um, limited);
+        }
+        if self.stale {
+            // A tick after the one that has taken the table over, which has not the time.
+            self.make_state();
+        } else if self.known {
             let share = (self.command_v - self.parameters.safe_v) * self.fall_per_v;
-            let now = Now {
-                measured_um: if self.fault.is_some() { f32::NAN } else { measured_um },
-                beside_um: self.beside_um,
-                beside_v: self.beside_v,
-            };
+            let now = self.now(if self.fault.is_some() { f32::NAN } else { measured_um });
             self.parameters.law.follow(&mut self.state, share, self.command_v, now);
         }
         (self.first_um, limited)

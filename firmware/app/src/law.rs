@@ -67,10 +67,11 @@ pub trait Law: Copy + core::fmt::Debug + 'static {
     /// Takes over another table's numbers, but for what only [`Law::start`] needs: a tick has not the time to copy that as well.
     fn adopt(&mut self, other: &Self);
 
-    /// The state that the first run with a table begins with, at the safe level; `table` is what was adopted last.
+    /// The state of a stage that rests, for a table that no run was made with yet, at the safe level; `table` is what was adopted last. A tick
+    /// that starts a run has not the time to make it.
     fn start(&self, start: &Start, table: &Self) -> Self::State;
 
-    /// The state that another run begins with, at the safe level: what can be known of where the stage is stays.
+    /// The state that a run begins with, at the safe level: what can be known of where the stage is stays.
     fn restart(&self, state: &mut Self::State, start: &Start);
 
     /// A tick away from the trajectory, on the way to the safe level or at it: the command is not the law's, and `share` is left of the
@@ -238,6 +239,7 @@ pub struct Complete {
 
 impl Complete {
     /// Feedforward, and feedback where the law has it; `v_per_um` is the inverse's smallest slope.
+    #[cold]
     pub fn new(law: CompleteLaw<f32>, v_per_um: f32) -> Self {
         let feedback = law.tracking.feedback;
         Self {

@@ -31,10 +31,9 @@ impl<X: Law, Y: Law> TwoAxes<X, Y> {
     /// # Cost
     /// Twice that of [`Controller::step`], and some 20 instructions.
     pub fn step(&mut self, [of_x, of_y]: [Input; 2], late: bool) -> [Frame; 2] {
-        let (x_um, y_um) = (self.x.coming_um(), self.y.coming_um());
-        let (x_v, y_v) = (self.x.command_v(), self.y.command_v());
-        self.x.set_beside(y_um, y_v);
-        self.y.set_beside(x_um, x_v);
+        let (beside_x, beside_y) = (self.x.beside(), self.y.beside());
+        self.x.set_beside(beside_y);
+        self.y.set_beside(beside_x);
         let order = of_x.order;
         if let Order::To(axis) = order {
             self.to = axis;

@@ -3,7 +3,7 @@
 use hysteron_core::codes::Converter;
 use hysteron_core::limiter::Limiter;
 use hysteron_core::pi_controller::PiController;
-use hysteron_firmware::controller::Controller;
+use hysteron_firmware::controller::{Beside, Controller};
 use hysteron_firmware::law::{Law, Now, Start, Step};
 use hysteron_firmware::monitor::{Fault, Scales};
 use hysteron_firmware::parameters::Parameters;
@@ -367,12 +367,84 @@ fn val_clock_and_departure_trip() {
     assert_eq!(rig.ticks(4).command_v, 5.0);
 }
 
-/// The law's state is made once, and goes along on the way down and at rest; share by share.
+/// Beside another axis that is 2 um from its rest, a tenth of which is 2 V: 6 V of departure and not 4.
+#[test]
+fn bva_departures_beside_another_axis() {
+    for (away_um, departure_v, fault) in [
+        (2.0, 5.9, None),
+        (-2.0, -5.9, None),
+        (2.0, 6.1, Some(Fault::Disagreement)),
+        (0.0, 4.1, Some(Fault::Disagreement)),
+    ] {
+        let mut rig = Rig::new(Lines { departure_v, ..LINES });
+        rig.controller.set_beside(Beside {
+            away_um,
+            ..Beside::default()
+        });
+        rig.order(Order::Start);
+        let rising = rig.ticks(2);
+        let running = rig.ticks(60);
+        assert_eq!(
+            [rising, running].map(|frame| frame.fault()),
+            [fault; 2],
+            "{away_um} {departure_v}"
+        );
+    }
+}
+
+/// What another axis is told: where this one is on the trajectory and was on the tick before, from 0 on where the law has its rest.
+#[test]
+fn val_what_another_axis_is_told() {
+    let mut rig = Rig::new(LINES);
+    assert_eq!(
+        rig.controller.beside(),
+        Beside {
+            command_v: 5.0,
+            ..Beside::default()
+        }
+    );
+    rig.order(Order::Start);
+    rig.ticks(60);
+    let (told, frame) = (rig.controller.beside(), rig.ticks(1));
+    assert_eq!(told.coming_um, frame.reference_um);
+    // The triangle's 2 um in 500 ticks.
+    assert!((told.away_um - (told.coming_um - 0.004)).abs() < 1e-5, "{told:?}");
+    assert!((told.command_v - 10.0 * told.away_um).abs() < 1e-4, "{told:?}");
+}
+
+/// After a change of table its state is made on the first tick without an order, or on the one that starts.
+#[test]
+fn val_a_tables_state_is_made_before_the_start() {
+    use hysteron_firmware::tuning::Change;
+    let banks: &'static [Parameters<Lines>] = Box::leak(Box::new([parameters(LINES); 2]));
+    for idle in [0, 1, 7] {
+        let mut rig = Rig::new(LINES);
+        rig.controller = Controller::new(banks[0], &SETUP).with_banks(banks);
+        let restarts = |rig: &Rig, n: u32| format!("{:?}", rig.controller).contains(&format!("restarts: {n},"));
+        rig.order(Order::Start);
+        rig.order(Order::Stop);
+        rig.ticks(10);
+        assert!(restarts(&rig, 1));
+        for order in Change::Bank(1).orders() {
+            rig.order(order);
+        }
+        assert!(restarts(&rig, 1));
+        if idle > 0 {
+            rig.ticks(idle);
+            assert!(restarts(&rig, 0));
+        }
+        let first = rig.order(Order::Start);
+        assert!(restarts(&rig, 1));
+        assert_eq!((first.mode(), first.command_v, first.bank()), (Mode::Rising, 5.5, 1));
+    }
+}
+
+/// The law's state is made once, before the first start, and goes along on the way down and at rest; share by share.
 #[test]
 fn val_the_state_is_kept() {
     let mut rig = Rig::running();
     let text = |rig: &Rig| format!("{:?}", rig.controller);
-    assert!(text(&rig).contains("starts: 1, restarts: 0, followed: 0"));
+    assert!(text(&rig).contains("starts: 1, restarts: 1, followed: 0"));
     rig.order(Order::Stop);
     let share = |text: &str| -> f32 {
         let at = text.find("share: ").unwrap() + 7;
@@ -384,12 +456,12 @@ fn val_the_state_is_kept() {
     rig.ticks(200);
     assert_eq!(share(&text(&rig)), 0.0);
     assert!(
-        text(&rig).contains("starts: 1, restarts: 0, followed: 201"),
+        text(&rig).contains("starts: 1, restarts: 1, followed: 201"),
         "{}",
         text(&rig)
     );
     rig.order(Order::Start);
-    assert!(text(&rig).contains("starts: 1, restarts: 1, followed: 201"));
+    assert!(text(&rig).contains("starts: 1, restarts: 2, followed: 201"));
 }
 
 /// A change is in force or refused, in the frame of its tick; all but gains at the safe level alone.

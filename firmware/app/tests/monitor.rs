@@ -221,6 +221,31 @@ fn bva_departures() {
     }
 }
 
+/// Beside another axis: a tenth of where it is, at 8 V a micrometre, either way; and none of it once it rests.
+#[test]
+fn bva_departures_beside_another_axis() {
+    let monitor = monitor();
+    for (away_um, departure_v, fault) in [
+        (10.0, 11.999, None),
+        (10.0, -11.999, None),
+        (10.0, 12.001, Some(Fault::Disagreement)),
+        (10.0, -12.001, Some(Fault::Disagreement)),
+        (-10.0, 11.999, None),
+        (-10.0, 12.001, Some(Fault::Disagreement)),
+        (0.5, 4.399, None),
+        (0.5, 4.401, Some(Fault::Disagreement)),
+        (f32::NAN, 0.0, Some(Fault::Disagreement)),
+    ] {
+        let mut state = MonitorState::default();
+        monitor.beside(&mut state, away_um);
+        let found = [0, 1, 2].map(|_| monitor.departure(&mut state, departure_v));
+        assert_eq!(found, [None, None, fault], "{away_um} {departure_v}");
+        monitor.beside(&mut state, 0.0);
+        let found = [0.0, 4.001, 4.001, 4.001].map(|v| monitor.departure(&mut state, v));
+        assert_eq!(found, [None, None, None, Some(Fault::Disagreement)]);
+    }
+}
+
 #[test]
 fn bva_no_number_is_no_reference() {
     let monitor = monitor();
