@@ -166,7 +166,7 @@ fn start_offsets(traces: &mut [Trace], noise_um: f64) {
 }
 
 /// Whether a position that follows the temperature also moves the zero at the records' starts, as heat does and creep does not;
-/// true where the records cannot say.
+/// true where the records cannot say. Between records a body follows the air's temperature in part or as a whole.
 pub(crate) fn moves_the_zero(traces: &Traces, um_per_k: f64) -> bool {
     let known = traces.each.iter().filter(|t| t.start_error_um.is_finite());
     let starts: Vec<(f64, f64)> = known
@@ -177,10 +177,14 @@ pub(crate) fn moves_the_zero(traces: &Traces, um_per_k: f64) -> bool {
     }
     let n = starts.len() as f64;
     let (mean_um, mean_k) = starts.iter().fold((0.0, 0.0), |m, s| (m.0 + s.0 / n, m.1 + s.1 / n));
-    let all: f64 = starts.iter().map(|s| (s.0 - mean_um).powi(2)).sum();
-    let left: f64 = starts
-        .iter()
-        .map(|s| (s.0 - mean_um - um_per_k * (s.1 - mean_k)).powi(2))
-        .sum();
+    let (mut all, mut across, mut foretold) = (0.0, 0.0, 0.0);
+    for (offset_um, kelvin) in starts {
+        let (offset, moved) = (offset_um - mean_um, um_per_k * (kelvin - mean_k));
+        all += offset * offset;
+        across += offset * moved;
+        foretold += moved * moved;
+    }
+    let followed = (across / foretold.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    let left = all - 2.0 * followed * across + followed * followed * foretold;
     left < 0.5 * all
 }

@@ -38,6 +38,9 @@ static DESCRIPTION: Description = Description {
     scene: Scene::SlowSine,
 };
 
+/// A reading may be so many times steeper towards the ends than it may be flatter there.
+const STEEPEST: f64 = 3.0;
+
 impl Effect for SensorNonlinearity {
     fn name(&self) -> EffectName {
         EffectId::SensorNonlinearity.into()
@@ -53,14 +56,22 @@ impl Effect for SensorNonlinearity {
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
         let half = 0.5 * facts.moving_stroke_um()?;
-        // A reading must grow with the position: slopes down to a half at the ends.
+        // A reading must grow with the position: slopes down to a half at the ends, and up to two and a half.
         let (c2, c3) = (0.25 / half, 0.16 / (half * half));
         let middle = 0.5 * (facts.position_um[0] + facts.position_um[1]);
         Ok(vec![
             Bounds::fixed(middle),
             Bounds::new(-c2, c2, 0.02 * c2, 0.0),
-            Bounds::new(-c3, c3, 0.02 * c3, 0.0),
+            Bounds::new(-c3, STEEPEST * c3, 0.02 * c3, 0.0),
         ])
+    }
+
+    /// Plays with polynomials take a part of any bend: from a straight curve the way down ends in a valley of theirs.
+    fn starts(&self, _: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
+        let start = |(c2, c3): (f64, f64)| vec![bounds[0].neutral, c2 * bounds[1].max, c3 * -bounds[2].min];
+        let cubic = [-0.7, -0.3, 0.0, 0.3, 0.9, 1.8, 2.7].map(|c3| (0.0, c3));
+        let quadratic = [(-0.5, 0.0), (0.5, 0.0)];
+        cubic.into_iter().chain(quadratic).map(start).collect()
     }
 
     fn acts(&self) -> Acts {

@@ -4,9 +4,9 @@ use super::fitted::{Descent, Fitted, Look, Standing, reweighed};
 use super::records::Prepared;
 use super::system::within_bounds;
 use super::trial::{Trial, judge};
-use super::{Search, bounds, chosen_states, has, start_in};
+use super::{Search, Shape, bounds, chosen_states, has, start_in};
 use crate::chain::{Chain, Link, Own, Stroke};
-use crate::effects::{Bounds, Effect, Facts};
+use crate::effects::{Bounds, Effect, Facts, Family};
 use crate::family::range;
 use crate::normal::Normal;
 use crate::start_state::InitialState;
@@ -72,6 +72,9 @@ const HALVED: usize = 3;
 /// A candidate whose first steps take less than this of the sum of logarithms is not followed further: the squared error of one record
 /// by a tenth.
 const LEAST_FALL: f64 = 0.1;
+
+/// Records that are left with so many times their noise may have ended in another valley than the effect's.
+const MUCH: f64 = 10.0;
 
 /// Why an effect cannot be tried.
 #[derive(Debug, Clone, PartialEq)]
@@ -155,7 +158,13 @@ impl Search<'_> {
             .map(|effect| {
                 let before = done.load(std::sync::atomic::Ordering::Relaxed);
                 progress(before as f64 / effects.len() as f64, effect.description().name);
-                let trial = self.candidate_on(effect, &basis, line_hz, Effort::Quick);
+                // What the user suspects is looked for for its own sake.
+                let effort = if effect.file().is_some() {
+                    Effort::Thorough
+                } else {
+                    Effort::Quick
+                };
+                let trial = self.candidate_on(effect, &basis, line_hz, effort);
                 done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
                 trial
             })
@@ -170,6 +179,13 @@ impl Search<'_> {
         effort: Effort,
     ) -> Result<Trial, Refused> {
         let (point, link, mut starts) = self.plan(effect)?;
+        let among_many = effort == Effort::Quick;
+        // The states of the records hide what outlasts them: a short way down ends where they still do.
+        let effort = if effect.outlasts_records() {
+            Effort::Thorough
+        } else {
+            effort
+        };
         if let Some(line_hz) = line_hz.filter(|_| effect.adds_line_spectrum()) {
             starts.truncate(1);
             starts
@@ -192,7 +208,19 @@ impl Search<'_> {
         {
             (best, other_states) = (other, Some(from_rest));
         }
-        if effort == Effort::Quick && best.error > basis.error - LEAST_FALL {
+        if effect.outlasts_records()
+            && self.leaves_much(best.error)
+            && let Some((values, states)) = self.beside_straight_plays(effect)
+        {
+            let mut records = self.records.clone();
+            start_in(&mut records, &states);
+            if let Some(other) = self.followed(&records, &point, link, &[values], effort)
+                && other.error < best.error
+            {
+                (best, other_states) = (other, Some(records));
+            }
+        }
+        if among_many && best.error > basis.error - LEAST_FALL {
             return Ok(self.standing.taking_nothing(best.fitted));
         }
         best = self.to_the_end(other_states.as_deref().unwrap_or(&self.records), best, effort);
@@ -217,6 +245,24 @@ impl Search<'_> {
         let mut trial = judge(records, point, &self.standing.weights, self.noise_um, false);
         trial.states = states;
         Ok(trial)
+    }
+
+    /// Whether a sum of logarithms is that of records which are left, in the mean, with many times their noise.
+    fn leaves_much(&self, error: f64) -> bool {
+        let fitted = self.records.iter().filter(|record| record.fits).count() as f64;
+        error > fitted * (MUCH * self.noise_um).powi(2).max(f64::MIN_POSITIVE).ln()
+    }
+
+    /// The parameters of an effect, and the states of the records, beside plays that are too stiff to take its part.
+    fn beside_straight_plays(&self, effect: &Arc<dyn Effect>) -> Option<(Vec<f64>, Vec<InitialState>)> {
+        if self.standing.family() != Family::PlayPolynomial {
+            return None;
+        }
+        let straight = Search::new(self.dataset, &self.model(), &Shape::Straight, self.noise_um).ok()?;
+        let trial = straight.candidate(effect).ok()?;
+        let name = effect.name();
+        let link = trial.fitted.chain.links.iter().find(|link| link.is(&name))?;
+        Some((link.values.clone(), trial.states.unwrap_or_else(|| straight.states())))
     }
 
     fn descent_on<'s>(&self, records: &'s [Prepared<'s>], effort: Effort) -> Descent<'s> {
