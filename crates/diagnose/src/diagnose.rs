@@ -1,22 +1,21 @@
 //! Which physical effect a model lacks.
 
+use crate::bends::bends;
 use crate::diagnosis::{Before, Diagnosis, Level, Reason, Unexplained, Verdict, WhereItFails};
-use crate::evidence::{Evidence, Scale, Seen, ShapeEvidence, errors};
+use crate::evidence::{Evidence, Seen, errors};
 use crate::investigation::{Best, Investigation};
 use crate::next_record;
 use crate::noise;
 use crate::reasons;
-use crate::rules::{RuleId, Thresholds};
+use crate::rules::Thresholds;
 use crate::verdict::{self, Decision};
 use crate::witness::locks::Courses;
 use crate::witness::traces::Traces;
 use crate::witness::where_it_fails::where_it_fails;
 use crate::witness::{dead_band, ringing, structure};
 use hysteron_data::Dataset;
-use hysteron_identify::effects::{Effect, UserEffect, catalogue, late};
-use hysteron_identify::search::{Search, Shape};
-use hysteron_identify::{EffectId, Family, IdentifyError, Model, check_own_effect, period, present_step};
-use std::sync::Arc;
+use hysteron_identify::effects::{UserEffect, late};
+use hysteron_identify::{EffectId, IdentifyError, Model, check_own_effect, period, present_step};
 
 /// Effects that are looked for one after another.
 const MOST_ROUNDS: usize = 3;
@@ -184,13 +183,14 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, before: Before) ->
         reasons: Vec::new(),
         before,
         base: investigation.base,
+        shape_determined: investigation.shape_determined,
         base_excess: investigation.base_excess,
         left_excess: investigation.scale.excess(standing),
         left_percent: left.pooled().unwrap_or(0.0),
         noise_percent: (noise / strokes.len().max(1) as f64).sqrt(),
         more_than_noise: structure::more_than_noise(traces, &residuals),
         rounds: investigation.rounds.clone(),
-        shape: shape(model, investigation),
+        shape: bends(model, investigation),
         seen: Seen {
             dead_band: if has(EffectId::Backlash) {
                 None
@@ -221,47 +221,6 @@ fn drifts_alike(investigation: &Investigation<'_>, traces: &Traces) -> bool {
     // One rate foretells all records: what it takes from each of them has one sign.
     let parts = &investigation.search.standing().parts;
     parts.len() >= ALIKE_IN
-}
-
-/// What the model's own plays and straight ones lack of the free shape, with what was found in all of them.
-fn shape(model: &Model, investigation: &Investigation<'_>) -> ShapeEvidence {
-    let mut evidence = ShapeEvidence::default();
-    if model.family == Family::PlayPolynomial || !investigation.shape_determined {
-        return evidence;
-    }
-    let search = &investigation.search;
-    let dataset = search.dataset();
-    let mut with_found = search.model();
-    with_found.family = model.family;
-    with_found.thresholds.clone_from(&model.thresholds);
-    with_found.envelope = model.envelope;
-    let free = search.pooled_percent(search.standing()).powi(2);
-    let own = Search::new(dataset, &with_found, &Shape::Own, search.noise_um());
-    let straight = Search::new(dataset, &with_found, &Shape::Straight, search.noise_um());
-    if let Ok(own) = own {
-        let own = own.pooled_percent(own.standing()).powi(2);
-        evidence.lacks_percent = Some((own - free).max(0.0).sqrt());
-    }
-    let lacks = evidence.lacks_percent.unwrap_or(0.0);
-    if let Ok(straight) = straight
-        && lacks > Thresholds::DEFAULT.of(RuleId::ShapeLacksPercent)
-    {
-        let scale = Scale::of(&straight);
-        let start = straight.pooled_percent(straight.standing()).powi(2);
-        let bends = catalogue().into_iter().filter(|effect| effect.bends_the_loops());
-        let effects: Vec<Arc<dyn Effect>> = bends.collect();
-        let trials = straight.candidates(&effects, None, &|_, _| ());
-        for (effect, trial) in effects.iter().zip(trials) {
-            let Ok(trial) = trial else { continue };
-            let pair = (straight.standing(), &trial);
-            let mut candidate = scale.candidate(&straight, &effect.name(), pair, false);
-            let taken = start - straight.pooled_percent(&trial).powi(2);
-            candidate.share = taken / (start - free).max(f64::MIN_POSITIVE);
-            evidence.bends.push(candidate);
-        }
-        evidence.bends.sort_by(|a, b| b.share.total_cmp(&a.share));
-    }
-    evidence
 }
 
 /// Where the given model fails, on the records as they are.

@@ -46,13 +46,32 @@ pub struct Round {
     pub of_family: bool,
 }
 
-/// What straight plays lack of the free shape, and what bends make of it.
+/// A bend of the voltage or of the position, beside plays of the model's kind that are as many as the free shape's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Bend {
+    /// Its numbers against these plays without it; the share is that of what they lack of the free shape.
+    pub candidate: Candidate,
+    /// Error that is left with it, percent.
+    pub left_percent: f64,
+    /// Fall of the logarithms of the held-out squared errors from the free shape's to those with it: above 0 it foretells better.
+    pub over_free: f64,
+}
+
+/// What plays of the model's kind lack of the free shape, and what bends make of it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct ShapeEvidence {
+pub struct Bends {
     /// Error of the model's own plays above the free shape's, both with what was found, percent; `None` where the model has that shape.
     pub lacks_percent: Option<f64>,
-    /// Each bend with the share it takes of what straight plays lack.
-    pub bends: Vec<Candidate>,
+    /// The same of as many plays as the free shape has.
+    pub fine_lacks_percent: f64,
+    /// Error that the free shape leaves, percent.
+    pub free_percent: f64,
+    /// Each bend beside those, the one that takes most first.
+    pub each: Vec<Bend>,
+    /// The bend of the position beside that of the voltage.
+    pub both: Option<Bend>,
+    /// The bend of the position behind the free shape, against that shape under either ridge.
+    pub not_congruent: Option<Candidate>,
 }
 
 /// What is seen without a hysteresis model.
@@ -75,6 +94,8 @@ pub struct Evidence {
     pub before: Before,
     /// Errors of the free shape before anything is added.
     pub base: Before,
+    /// Whether the records determine the free shape; otherwise straight plays stand in for it.
+    pub shape_determined: bool,
     /// Excess squared error of that over noise and coarseness, relative to the strokes.
     pub base_excess: f64,
     /// The same with everything that was found.
@@ -88,7 +109,7 @@ pub struct Evidence {
     /// The rounds.
     pub rounds: Vec<Round>,
     /// The shape.
-    pub shape: ShapeEvidence,
+    pub shape: Bends,
     /// What needs no model.
     pub seen: Seen,
 }

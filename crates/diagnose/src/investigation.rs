@@ -98,6 +98,11 @@ impl<'a> Investigation<'a> {
         })
     }
 
+    /// Whether one sine is all that was played.
+    pub(crate) fn one_sine(&self) -> bool {
+        self.one_sine
+    }
+
     pub(crate) fn traces(&self) -> &Traces {
         &self.traces
     }

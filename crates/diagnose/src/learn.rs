@@ -414,6 +414,6 @@ fn rivals(investigation: &Investigation<'_>, best: &Best) -> Vec<EffectName> {
     let Some(round) = investigation.rounds.last() else {
         return Vec::new();
     };
-    let set = crate::verdict::set(round, &investigation.thresholds);
+    let set = crate::verdict::set(round, !investigation.shape_determined, &investigation.thresholds);
     set.into_iter().filter(|name| *name != best.effect.name()).collect()
 }

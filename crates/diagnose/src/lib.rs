@@ -2,6 +2,7 @@
 //! in the report and on the command line.
 #![forbid(unsafe_code)]
 
+mod bends;
 mod breakdown;
 pub mod compare;
 pub mod comparison;

@@ -85,7 +85,8 @@ pub(crate) fn choose(investigation: &Investigation<'_>, decision: &Decision) -> 
 
 type Rival<'t> = (Option<EffectName>, Option<&'t hysteron_identify::search::Trial>);
 
-/// The explanations that are alive: the verdict and its set; where nothing is named the best candidates, and none of them.
+/// The explanations that are alive: the verdict and its set; where nothing is named, or one sine
+/// cannot say so, the best candidates, and none of them.
 fn rivals<'t>(investigation: &'t Investigation<'_>, decision: &Decision) -> Vec<Rival<'t>> {
     let alive = |name: &EffectName| decision.set.contains(name) || decision.verdict.effect() == Some(name);
     let trials = || investigation.first_trials.iter();
@@ -93,13 +94,13 @@ fn rivals<'t>(investigation: &'t Investigation<'_>, decision: &Decision) -> Vec<
         .filter(|(name, _)| alive(name))
         .map(|(name, trial)| (Some(name.clone()), Some(trial)))
         .collect();
-    if rivals.len() < 2 && !matches!(decision.verdict, Verdict::Nothing) {
+    if rivals.len() < 2 && (decision.verdict != Verdict::Nothing || investigation.one_sine()) {
         for (name, trial) in trials().take(2) {
             if !rivals.iter().any(|(there, _)| there.as_ref() == Some(name)) {
                 rivals.push((Some(name.clone()), Some(trial)));
             }
         }
-        if decision.verdict == Verdict::Unknown {
+        if decision.verdict.effect().is_none() {
             rivals.push((None, None));
         }
     }

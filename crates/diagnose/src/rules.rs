@@ -36,12 +36,24 @@ pub enum RuleId {
     SetStatistic,
     /// ... and this share of its likelihood.
     SetLikelihood,
+    /// The same alone where much is left, or the records do not determine the loops.
+    CoarseSetStatistic,
     /// Candidates that are closer than this in the statistic are ranked by likelihood.
     Undecided,
     /// The model's own plays lack the shape from this error above the free shape's on, percent.
     ShapeLacksPercent,
     /// Share of what straight plays lack that a bend must take to stand beside the shape.
     EquivalentShare,
+    /// Fine plays must lack so much of the free shape for a bend of the voltage, percent.
+    BendLacksPercent,
+    /// The same for a bend of the position, percent.
+    PositionLacksPercent,
+    /// With a bend of the voltage at most so many times the free shape's error is left.
+    AsFree,
+    /// Statistic of a bend of the position beside the free shape from which minor loops are not congruent.
+    NotCongruent,
+    /// Most that may then be left, percent.
+    CongruentLeftPercent,
     /// A free shape that foretells worse than straight plays by this fall of logarithms is not determined.
     Undetermined,
     /// The stroke must be so many times the noise.
@@ -66,7 +78,7 @@ const fn rule(id: RuleId, threshold: f64, reason: &'static str) -> Rule {
 }
 
 /// All rules.
-pub const RULES: [Rule; 20] = [
+pub const RULES: [Rule; 26] = [
     rule(RuleId::Statistic, 2.0, "two parts whose squared error falls to a third"),
     rule(
         RuleId::Likelihood,
@@ -109,6 +121,11 @@ pub const RULES: [Rule; 20] = [
         0.8,
         "rivals as likely as this are not told apart",
     ),
+    rule(
+        RuleId::CoarseSetStatistic,
+        0.6,
+        "a rate dependence of another law leaves 0.63 of the statistic of the delay that imitates it",
+    ),
     rule(RuleId::Undecided, 0.25, "one part's squared error by a factor of 1.3"),
     rule(
         RuleId::ShapeLacksPercent,
@@ -119,6 +136,31 @@ pub const RULES: [Rule; 20] = [
         RuleId::EquivalentShare,
         0.9,
         "a bend that takes nine tenths explains the loops as well as the shape",
+    ),
+    rule(
+        RuleId::BendLacksPercent,
+        0.25,
+        "plays that lack less without a bend have none of the voltage",
+    ),
+    rule(
+        RuleId::PositionLacksPercent,
+        0.1,
+        "more than the coarseness of as many plays",
+    ),
+    rule(
+        RuleId::AsFree,
+        1.25,
+        "stages in which nothing is hidden stay 1.4 times above the free shape",
+    ),
+    rule(
+        RuleId::NotCongruent,
+        0.5,
+        "at most 0.11 where nothing is hidden, 0.99 and more behind a sensor that bends by 1 %",
+    ),
+    rule(
+        RuleId::CongruentLeftPercent,
+        0.2,
+        "stages outside the play class keep 0.65 % and more: their minor loops are not congruent for another reason",
     ),
     rule(RuleId::Undetermined, 2.0, "the same evidence that an effect needs"),
     rule(

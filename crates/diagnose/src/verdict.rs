@@ -1,7 +1,7 @@
 //! From evidence to a verdict, by the rules' table.
 
 use crate::diagnosis::{Level, RankedEffect, Verdict};
-use crate::evidence::{Candidate, Evidence, Round};
+use crate::evidence::{Bend, Candidate, Evidence, Round};
 use crate::rules::{RuleId, Thresholds};
 use hysteron_identify::{EffectId, EffectName};
 
@@ -49,27 +49,23 @@ pub fn decide(evidence: &Evidence, thresholds: &Thresholds) -> Decision {
             named.push(entry.effect.clone());
         }
     }
-    if let Some(first) = named.first().cloned() {
-        let round = found.first().filter(|round| round.taken.as_ref() == Some(&first));
-        let candidate = round.and_then(|round| round.candidates.iter().find(|c| c.effect == first));
-        let by_witness = candidate.is_none();
-        let stands = by_witness
-            || explains_enough(evidence, thresholds)
-            || evidence.seen.drifts_alike && first == EffectId::ThermalDrift
-            || candidate
-                .zip(round)
-                .is_some_and(|(c, round)| is_a_part(c, round, thresholds));
-        decision.set = round.map_or_else(Vec::new, |round| set(round, thresholds));
-        if stands {
-            decision.share = candidate.map(|c| c.share);
-            decision.set.retain(|name| *name != first);
-            decision.further = named.split_off(1);
-            decision.verdict = Verdict::Effect(first);
-        }
+    let bent = bent(evidence, thresholds);
+    if named.is_empty()
+        && evidence.before.exceeds(thresholds.of(RuleId::MattersPercent))
+        && let Some((first, further)) = bent.split_first()
+    {
+        let of_first = |bend: &&Bend| bend.candidate.effect == *first;
+        let found = evidence.shape.each.iter().find(of_first);
+        decision.share = found.map(|bend| bend.candidate.share.min(1.0));
+        decision.verdict = Verdict::Effect(first.clone());
+        decision.further = further.to_vec();
         return decision;
     }
+    if !named.is_empty() {
+        return of_found(evidence, (named, &found), bent, decision, thresholds);
+    }
     if let Some(round) = evidence.rounds.iter().rev().find(|r| r.taken.is_none()) {
-        decision.set = set(round, thresholds);
+        decision.set = set(round, coarse(evidence, thresholds), thresholds);
     }
     let matters = thresholds.of(RuleId::MattersPercent);
     let unexplained = evidence.left_percent > matters
@@ -86,6 +82,37 @@ pub fn decide(evidence: &Evidence, thresholds: &Thresholds) -> Decision {
     };
     if decision.verdict == Verdict::Nothing {
         decision.set.clear();
+    }
+    decision
+}
+
+/// The decision where something was found or seen: the first of it, if it explains enough.
+fn of_found(
+    evidence: &Evidence,
+    (mut named, found): (Vec<EffectName>, &[&Round]),
+    bent: Vec<EffectName>,
+    mut decision: Decision,
+    thresholds: &Thresholds,
+) -> Decision {
+    let first = named[0].clone();
+    let round = found.first().filter(|round| round.taken.as_ref() == Some(&first));
+    let candidate = round.and_then(|round| round.candidates.iter().find(|c| c.effect == first));
+    let by_witness = candidate.is_none();
+    let stands = by_witness
+        || explains_enough(evidence, thresholds)
+        || evidence.seen.drifts_alike && first == EffectId::ThermalDrift
+        || candidate
+            .zip(round)
+            .is_some_and(|(c, round)| is_a_part(c, round, thresholds));
+    decision.set = round.map_or_else(Vec::new, |round| set(round, coarse(evidence, thresholds), thresholds));
+    if stands {
+        decision.share = candidate.map(|c| c.share);
+        decision.set.retain(|name| *name != first);
+        decision.further = named.split_off(1);
+        let beside = bent.into_iter().filter(|name| *name != first);
+        let beside: Vec<EffectName> = beside.filter(|name| !decision.further.contains(name)).collect();
+        decision.further.extend(beside);
+        decision.verdict = Verdict::Effect(first);
     }
     decision
 }
@@ -118,14 +145,20 @@ fn is_a_part(candidate: &Candidate, round: &Round, thresholds: &Thresholds) -> b
         && candidate.statistic > thresholds.of(RuleId::PartLead) * next
 }
 
+/// Whether so much is left, or the loops are so poorly known, that the best candidate's lead may be that of a mimic.
+fn coarse(evidence: &Evidence, thresholds: &Thresholds) -> bool {
+    !evidence.shape_determined || evidence.left_percent > thresholds.of(RuleId::MuchLeftPercent)
+}
+
 /// The candidates of a round that cannot be told from its best one, that one first.
-pub(crate) fn set(round: &Round, thresholds: &Thresholds) -> Vec<EffectName> {
+pub(crate) fn set(round: &Round, coarse: bool, thresholds: &Thresholds) -> Vec<EffectName> {
     let significant = |c: &&Candidate| c.significant(true, thresholds);
     let Some(best) = round.candidates.iter().find(significant) else {
         return Vec::new();
     };
     let close = |c: &&Candidate| {
-        (best.statistic - c.statistic).abs() < thresholds.of(RuleId::Undecided)
+        coarse && c.statistic > thresholds.of(RuleId::CoarseSetStatistic) * best.statistic
+            || (best.statistic - c.statistic).abs() < thresholds.of(RuleId::Undecided)
             || c.statistic > thresholds.of(RuleId::SetStatistic) * best.statistic
                 && c.likelihood > thresholds.of(RuleId::SetLikelihood) * best.likelihood
     };
@@ -133,16 +166,64 @@ pub(crate) fn set(round: &Round, thresholds: &Thresholds) -> Vec<EffectName> {
     all.map(|c| c.effect.clone()).collect()
 }
 
-/// Bends that explain what straight plays lack as well as the free shape does.
+/// Bends that explain what the model's plays lack about as well as the free shape does: they may be what it is.
 fn bends(evidence: &Evidence, thresholds: &Thresholds) -> Vec<EffectName> {
-    let as_good = |c: &&Candidate| c.share > thresholds.of(RuleId::EquivalentShare);
-    evidence
-        .shape
-        .bends
-        .iter()
-        .filter(as_good)
-        .map(|c| c.effect.clone())
-        .collect()
+    let as_good = |bend: &&Bend| bend.candidate.share > thresholds.of(RuleId::EquivalentShare);
+    let each = evidence.shape.each.iter().filter(as_good);
+    let alone: Vec<EffectName> = each.map(|bend| bend.candidate.effect.clone()).collect();
+    if alone.is_empty() && evidence.shape.both.iter().any(|both| as_good(&both)) {
+        return vec![EffectId::Asymmetry.into(), EffectId::SensorNonlinearity.into()];
+    }
+    alone
+}
+
+/// Bends that are more than another shape of the loops, the one that takes most first. A bend of two numbers that foretells as the
+/// free shape does, with three numbers a play, is what is there; minor loops that are not congruent show a bent position by themselves.
+fn bent(evidence: &Evidence, thresholds: &Thresholds) -> Vec<EffectName> {
+    let shape = &evidence.shape;
+    let of = |effect: EffectId| shape.each.iter().find(|bend| bend.candidate.effect == effect);
+    let (voltage, position) = (of(EffectId::Asymmetry), of(EffectId::SensorNonlinearity));
+    let better =
+        |a: &Bend, b: Option<&Bend>| b.is_none_or(|b| a.over_free - b.over_free > thresholds.of(RuleId::Statistic));
+    let beats_free = |bend: &Bend| bend.over_free > thresholds.of(RuleId::Undecided);
+    let lacks = shape.fine_lacks_percent;
+    let both = shape.both.as_ref().is_some_and(|both| {
+        lacks > thresholds.of(RuleId::BendLacksPercent)
+            && beats_free(both)
+            && better(both, voltage)
+            && better(both, position)
+    });
+    let of_voltage = voltage.filter(|bend| {
+        let as_free = bend.left_percent < thresholds.of(RuleId::AsFree) * shape.free_percent;
+        both || lacks > thresholds.of(RuleId::BendLacksPercent) && better(bend, position) && as_free
+    });
+    let of_position = position.filter(|bend| {
+        both || lacks > thresholds.of(RuleId::PositionLacksPercent)
+            && bend.candidate.share > thresholds.of(RuleId::EquivalentShare)
+            && better(bend, voltage)
+            && beats_free(bend)
+    });
+    let mut found: Vec<&Bend> = [of_voltage, of_position].into_iter().flatten().collect();
+    found.sort_by(|a, b| b.candidate.share.total_cmp(&a.candidate.share));
+    let mut names: Vec<EffectName> = found.iter().map(|bend| bend.candidate.effect.clone()).collect();
+    if of_position.is_none() && not_congruent(evidence, thresholds) {
+        // A bend of the voltage leaves the minor loops congruent.
+        names = vec![EffectId::SensorNonlinearity.into()];
+    }
+    names
+}
+
+/// Whether a bend of the position takes what the model's plays lack, and foretells besides what no hysteresis with congruent minor loops
+/// does, whatever their shape.
+fn not_congruent(evidence: &Evidence, thresholds: &Thresholds) -> bool {
+    let mut each = evidence.shape.each.iter().map(|bend| &bend.candidate);
+    let takes_all = each
+        .any(|bend| bend.effect == EffectId::SensorNonlinearity && bend.share > thresholds.of(RuleId::EquivalentShare));
+    takes_all
+        && evidence.shape.not_congruent.as_ref().is_some_and(|bend| {
+            bend.statistic > thresholds.of(RuleId::NotCongruent)
+                && bend.errors.pooled().unwrap_or(f64::INFINITY) < thresholds.of(RuleId::CongruentLeftPercent)
+        })
 }
 
 /// The ranking that people see: the first round, with what was found first, then the bends.
@@ -177,13 +258,19 @@ pub(crate) fn ranking(evidence: &Evidence, thresholds: &Thresholds) -> Vec<Ranke
         place.unwrap_or(usize::MAX)
     };
     entries.sort_by_key(taken);
-    for bend in &evidence.shape.bends {
+    let bent = bent(evidence, thresholds);
+    for bend in evidence.shape.each.iter().map(|bend| &bend.candidate) {
         if !entries
             .iter()
             .any(|entry| entry.effect == bend.effect && entry.significant)
         {
             entries.retain(|entry| entry.effect != bend.effect);
-            entries.push(bend.entry(Level::Shape, false, thresholds));
+            let level = if bent.contains(&bend.effect) {
+                Level::Physical
+            } else {
+                Level::Shape
+            };
+            entries.push(bend.entry(level, bent.contains(&bend.effect), thresholds));
         }
     }
     entries
@@ -193,7 +280,7 @@ pub(crate) fn ranking(evidence: &Evidence, thresholds: &Thresholds) -> Vec<Ranke
 mod tests {
     use super::*;
     use crate::diagnosis::{Before, Reason};
-    use crate::evidence::{Seen, ShapeEvidence};
+    use crate::evidence::{Bends, Seen};
 
     fn candidate(effect: EffectId, statistic: f64, share: f64) -> Candidate {
         Candidate {
@@ -210,6 +297,14 @@ mod tests {
         }
     }
 
+    fn bend(effect: EffectId, share: f64, over_free: f64) -> Bend {
+        Bend {
+            candidate: candidate(effect, 1.0, share),
+            left_percent: 1.0,
+            over_free,
+        }
+    }
+
     /// A delay that explains nearly everything, a lag behind it.
     fn evidence() -> Evidence {
         Evidence {
@@ -217,6 +312,7 @@ mod tests {
                 identify_percent: Some(2.0),
                 validate_percent: Some(2.0),
             },
+            shape_determined: true,
             base_excess: 4e-4,
             left_excess: 0.0,
             left_percent: 0.1,
@@ -337,12 +433,13 @@ mod tests {
             evidence.before.identify_percent = Some(before);
             evidence.before.validate_percent = None;
             evidence.left_percent = left;
-            evidence.shape = ShapeEvidence {
+            evidence.shape = Bends {
                 lacks_percent: Some(lacks),
-                bends: vec![
-                    candidate(EffectId::Asymmetry, 1.0, 0.93),
-                    candidate(EffectId::SensorNonlinearity, 1.0, 0.87),
+                each: vec![
+                    bend(EffectId::Asymmetry, 0.93, -5.0),
+                    bend(EffectId::SensorNonlinearity, 0.87, -5.0),
                 ],
+                ..Bends::default()
             };
             decide(&evidence, &Thresholds::DEFAULT)
         };
@@ -354,6 +451,68 @@ mod tests {
         assert_eq!(shape.verdict, named(EffectId::HysteresisShape));
         assert_eq!(shape.set, vec![EffectName::from(EffectId::Asymmetry)]);
         assert_eq!(of(2.0, 0.1, 0.45).verdict, Verdict::Nothing);
+    }
+
+    /// A bend of two numbers that foretells as the free shape does is more than a shape; each threshold on both sides.
+    #[test]
+    fn bva_bends_are_named_on_both_sides() {
+        let of = |lacks: f64, each: [Bend; 2], congruent: Option<f64>| {
+            let mut evidence = evidence();
+            evidence.rounds = vec![Round::default()];
+            evidence.shape = Bends {
+                lacks_percent: Some(2.0),
+                fine_lacks_percent: lacks,
+                free_percent: 0.1,
+                each: each.to_vec(),
+                both: None,
+                not_congruent: congruent.map(|statistic| Candidate {
+                    errors: Before {
+                        identify_percent: Some(0.1),
+                        validate_percent: Some(0.1),
+                    },
+                    ..candidate(EffectId::SensorNonlinearity, statistic, 0.5)
+                }),
+            };
+            verdict(&evidence)
+        };
+        let voltage = |left_percent: f64, over_free: f64| Bend {
+            left_percent,
+            ..bend(EffectId::Asymmetry, 0.99, over_free)
+        };
+        let position = |share: f64, over_free: f64| bend(EffectId::SensorNonlinearity, share, over_free);
+        let shape = named(EffectId::HysteresisShape);
+        let asymmetry = named(EffectId::Asymmetry);
+        let sensor = named(EffectId::SensorNonlinearity);
+        let straight = |lacks, left, rival| of(lacks, [voltage(left, -1.0), position(0.95, rival)], None);
+        assert_eq!(straight(1.0, 0.12, -9.0), asymmetry);
+        assert_eq!(straight(1.0, 0.13, -9.0), shape);
+        assert_eq!(straight(1.0, 0.12, -3.1), asymmetry);
+        assert_eq!(straight(1.0, 0.12, -2.9), shape);
+        assert_eq!(straight(0.27, 0.12, -9.0), asymmetry);
+        assert_eq!(straight(0.23, 0.12, -9.0), shape);
+        let bent = |lacks, share, over| of(lacks, [voltage(1.0, -9.0), position(share, over)], None);
+        assert_eq!(bent(1.0, 0.92, 0.3), sensor);
+        assert_eq!(bent(1.0, 0.88, 0.3), shape);
+        assert_eq!(bent(1.0, 0.92, 0.2), shape);
+        assert_eq!(bent(0.11, 0.92, 0.3), sensor);
+        assert_eq!(bent(0.09, 0.92, 0.3), shape);
+        let minor = |share, statistic| of(1.0, [voltage(1.0, -9.0), position(share, -5.0)], Some(statistic));
+        assert_eq!(minor(0.92, 0.6), sensor);
+        assert_eq!(minor(0.92, 0.4), shape);
+        assert_eq!(minor(0.88, 0.6), shape);
+    }
+
+    #[test]
+    fn bva_a_coarse_chain_has_a_wider_set_on_both_sides() {
+        let set_of = |determined: bool, left_percent: f64, statistic: f64| {
+            let mut evidence = evidence();
+            (evidence.shape_determined, evidence.left_percent) = (determined, left_percent);
+            evidence.rounds[0].candidates[1].statistic = statistic;
+            evidence.rounds[0].candidates[1].likelihood = 15.0;
+            decide(&evidence, &Thresholds::DEFAULT).set.len()
+        };
+        assert_eq!([set_of(true, 1.1, 13.0), set_of(true, 1.3, 13.0)], [0, 1]);
+        assert_eq!([set_of(false, 0.1, 13.0), set_of(false, 0.1, 11.0)], [1, 0]);
     }
 
     /// What the model's family has already is no missing effect, and what follows it is judged as a first one.
