@@ -184,6 +184,8 @@ fn instruction(line: &str, function: &mut Function) {
             let target = operands.split(", ").nth(1).and_then(address);
             function.calls.extend(target);
         }
+        // A narrow conditional branch stays inside; behind a function's end it is what the linker fills gaps with (0xd4d4).
+        _ if name.starts_with('b') && name.len() == 3 && mnemonic.ends_with(".n") => {}
         _ if name.starts_with('b')
             && name != "bic"
             && name != "bfi"
@@ -253,6 +255,26 @@ pub(crate) fn walk(functions: &Functions, entry: &str) -> Result<Walked, String>
         functions: seen,
         stack_bytes,
     })
+}
+
+/// Bytes of the deepest chain of direct calls from an entry, for what is not an interrupt and may do anything: past a pointer or back to
+/// where it has been it does not look.
+pub(crate) fn deepest(functions: &Functions, entry: &str) -> Result<u32, String> {
+    fn below(functions: &Functions, at: u32, known: &mut BTreeMap<u32, u32>) -> u32 {
+        if let Some(&bytes) = known.get(&at) {
+            return bytes;
+        }
+        known.insert(at, 0);
+        let bytes = functions.get(&at).map_or(0, |(_, function)| {
+            let calls = function.calls.iter().map(|&to| below(functions, to, known));
+            function.stack_bytes + calls.max().unwrap_or(0)
+        });
+        known.insert(at, bytes);
+        bytes
+    }
+    let start = functions.iter().find(|(_, (name, _))| name == entry);
+    let (&start, _) = start.ok_or_else(|| format!("no function {entry}"))?;
+    Ok(below(functions, start, &mut BTreeMap::new()))
 }
 
 fn depth(functions: &Functions, at: u32, path: &mut Vec<u32>, seen: &mut BTreeSet<u32>) -> Result<u32, String> {
@@ -328,6 +350,19 @@ mod tests {
             )
             .is_err()
         );
+    }
+
+    /// The same chain, whatever is on it.
+    #[test]
+    fn val_deepest_chain() {
+        assert_eq!(deepest(&parse(TEXT), "mps2::sample_clock"), Ok(64));
+        let filled = TEXT.replace("  60:\tbx\tlr", "  60:\tbx\tlr\n  62:\tbmi.n\t10 <mps2::sample_clock>");
+        assert_eq!(deepest(&parse(&filled), "helper"), Ok(8));
+        let on_and_back = TEXT
+            .replace("b.w\t60 <last>", "bl\t10 <mps2::sample_clock>")
+            .replace("  1e:\tbx\tlr", "  1e:\tblx\tr3");
+        assert_eq!(deepest(&parse(&on_and_back), "mps2::sample_clock"), Ok(64));
+        assert_eq!(deepest(&parse(TEXT), "other"), Err("no function other".to_owned()));
     }
 
     #[test]

@@ -12,6 +12,7 @@ const ALL: &str = "
 pub fn hellos() -> [crate::wire::Hello; BANKS] {
     [HELLOS]
 }
+#[inline(always)]
 pub fn banks() -> Result<[crate::parameters::Parameters<Law>; BANKS], hysteron_core::error::ParamError> {
     Ok([PARAMETERS])
 }

@@ -69,6 +69,7 @@ pub fn bank() -> Result<hysteron_core::bank::PlayBank<f32, PLAYS>, hysteron_core
 /// The paper's law around the inverse.
 const PAPER: &str = "
 pub type Law = crate::law::Paper<Inverse>;
+#[inline(always)]
 pub fn law() -> Result<Law, hysteron_core::error::ParamError> {
     let feedback = hysteron_core::pi_controller::PiController::new(
         PROPORTIONAL_V_PER_UM, INTEGRAL_V_PER_UM_S, SAMPLE_RATE_HZ)?;
@@ -76,8 +77,9 @@ pub fn law() -> Result<Law, hysteron_core::error::ParamError> {
     Ok(Law::new(inverse()?, feedback, limiter))
 }
 ";
-/// The table as the controller takes it.
+/// The table as the controller takes it. Inlined to where it stays: each call would have all of it on main's stack once more.
 const PARAMETERS: &str = "
+#[inline(always)]
 pub fn parameters() -> Result<crate::parameters::Parameters<Law>, hysteron_core::error::ParamError> {
     use hysteron_core::codes::Converter;
     use hysteron_core::limiter::Limiter;
@@ -117,6 +119,7 @@ pub fn hello() -> crate::wire::Hello {
 /// The complete law, which has an inverse of its own; its numbers follow.
 const COMPLETE: &str = "
 pub type Law = crate::law::Complete;
+#[inline(always)]
 pub fn law() -> Result<Law, hysteron_core::error::ParamError> {
     Ok(Law::new(NUMBERS.law()?, SLOPES_V_PER_UM[0]))
 }

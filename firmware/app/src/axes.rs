@@ -62,6 +62,7 @@ pub mod one {
     ///
     /// # Errors
     /// A table that is refused.
+    #[inline(always)]
     pub fn banks() -> Result<Banks, ParamError> {
         table::banks()
     }
@@ -124,6 +125,7 @@ pub mod two {
     ///
     /// # Errors
     /// A table that is refused.
+    #[inline(always)]
     pub fn banks() -> Result<Banks, ParamError> {
         Ok(Banks {
             x: table::banks()?,
