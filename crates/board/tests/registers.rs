@@ -3,7 +3,7 @@
 
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::ad5683r::{CLOCK_PHASE, CLOCK_POLARITY, MOST_HZ, WORD_BITS, word};
-use hysteron_firmware::chips::{ALL, G474, H743, TIM6_TRIGGER, WATCHDOG_US, smp_place, watchdog};
+use hysteron_firmware::chips::{ALL, G474, H743, TIM6_TRIGGER, WATCHDOG_START_US, WATCHDOG_US, smp_place, watchdog};
 use hysteron_firmware::monitor::WATCHDOG_SAMPLES;
 use hysteron_firmware::{kept, table};
 
@@ -114,6 +114,8 @@ fn val_words_of_the_dac() {
 #[test]
 fn val_watchdog() {
     assert_eq!(watchdog(WATCHDOG_US), (0, 15));
+    // The same prescaler: only the reload is another once it counts.
+    assert_eq!(watchdog(WATCHDOG_START_US), (0, 1599));
     let shortest_s = 4.0 * 16.0 / 34e3;
     let patience_s = f64::from(WATCHDOG_SAMPLES) / f64::from(table::SAMPLE_RATE_HZ);
     assert!(shortest_s > patience_s, "{shortest_s} {patience_s}");

@@ -13,6 +13,9 @@ pub const CLOCK_POLARITY: bool = false;
 /// The second edge takes the data.
 pub const CLOCK_PHASE: bool = true;
 
+/// What it holds once its power has come: zero scale ("Power-On Reset").
+pub const POWER_ON: DacCode = DacCode(0);
+
 /// Command 3: write the input register and the output at once.
 const WRITE_AND_UPDATE: u8 = 0b0011;
 

@@ -42,6 +42,11 @@ pub struct Chip {
     pub spi_divider: u32,
 }
 
+/// M where the PLL runs on the H743's internal oscillator of 64 MHz, for a way down without the ST-LINK's clock: the same frequencies, to
+/// its 1 %.
+pub const H743_PLL_M_INTERNAL: u32 = 16;
+const _: () = assert!(64_000_000 / H743_PLL_M_INTERNAL == H743.pll_input_hz());
+
 /// STM32H743ZI. 400 MHz and not 480, which only revision V reaches (DS12110, general operating conditions).
 pub const H743: Chip = Chip {
     board: "nucleo-h743zi",
@@ -102,6 +107,13 @@ pub const TIM6_TRIGGER: u8 = 13;
 
 /// Reset after this long without a tick: twice what the monitor calls a hung interrupt, and long enough for the fastest LSI.
 pub const WATCHDOG_US: u32 = 2000;
+
+/// The same from a reset to the first tick: clocks, converters' calibration and tables take some 20 ms, and each step on the way to the
+/// safe level feeds it.
+pub const WATCHDOG_START_US: u32 = 200_000;
+
+// The loop's time is set by RL alone, while the watchdog counts.
+const _: () = assert!(watchdog(WATCHDOG_US).0 == watchdog(WATCHDOG_START_US).0);
 
 /// The low-speed oscillator's nominal clock, which the watchdog counts.
 pub const LSI_HZ: u32 = 32_000;

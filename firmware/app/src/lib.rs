@@ -7,6 +7,7 @@
 
 pub mod ad5683r;
 pub mod axes;
+pub mod button;
 pub mod chips;
 pub mod controller;
 pub mod kept;
@@ -14,6 +15,7 @@ pub mod law;
 pub mod monitor;
 pub mod parameters;
 pub mod small_stage;
+pub mod start;
 pub mod table;
 pub mod table_y;
 pub mod telemetry;
@@ -24,6 +26,7 @@ pub mod wire;
 
 use axes::Axes;
 use hysteron_core::codes::DacCode;
+use monitor::Fault;
 use wire::{Frame, Input};
 
 /// What the application needs of a board with the converters of `N` axes.
@@ -32,6 +35,8 @@ pub trait Board<const N: usize> {
     fn read(&mut self) -> [Input; N];
     /// Whether the tick before ended after the edge of this one.
     fn late(&self) -> bool;
+    /// Whether the supply is what the chip and the converters need.
+    fn supplied(&self) -> bool;
     /// Sets the outputs, and hands the tick's frames to the host.
     fn write(&mut self, codes: [DacCode; N], frames: &[Frame; N]);
 }
@@ -40,6 +45,9 @@ pub trait Board<const N: usize> {
 #[inline(always)]
 pub fn tick<const N: usize, B: Board<N>, A: Axes<N>>(board: &mut B, axes: &mut A) {
     let inputs = board.read();
+    if !board.supplied() {
+        axes.trip(Fault::Supply);
+    }
     let frames = axes.step(inputs, board.late());
     board.write(frames.map(|frame| DacCode(frame.dac)), &frames);
 }

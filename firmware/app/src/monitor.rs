@@ -24,11 +24,13 @@ pub enum Fault {
     Watchdog = 9,
     /// The stage, or its sensor, departs further from what the law expects than the table allows: it is not the one of the table.
     Disagreement = 10,
+    /// The chip's supply fell below what it and the converters need.
+    Supply = 11,
 }
 
 impl Fault {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::SensorRange,
         Self::SensorStuck,
         Self::SensorJump,
@@ -39,13 +41,16 @@ impl Fault {
         Self::Following,
         Self::Watchdog,
         Self::Disagreement,
+        Self::Supply,
     ];
 
     /// Whether it is the sensor that is in doubt, not the command, the clock or the stage's answer to it.
     pub fn is_of_the_sensor(self) -> bool {
         match self {
             Self::SensorRange | Self::SensorStuck | Self::SensorJump | Self::Following | Self::Disagreement => true,
-            Self::Saturated | Self::Oscillation | Self::Overrun | Self::Reference | Self::Watchdog => false,
+            Self::Saturated | Self::Oscillation | Self::Overrun | Self::Reference | Self::Watchdog | Self::Supply => {
+                false
+            }
         }
     }
 

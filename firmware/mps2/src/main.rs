@@ -49,6 +49,11 @@ impl Board<AXES> for Emulated {
     }
 
     #[inline(always)]
+    fn supplied(&self) -> bool {
+        true
+    }
+
+    #[inline(always)]
     fn write(&mut self, _: [DacCode; AXES], frames: &[Frame; AXES]) {
         self.written_at = timer::elapsed();
         self.to_host

@@ -5,32 +5,63 @@ use crate::ad5683r::Ad5683r;
 use embassy_stm32::adc::{Adc, AdcChannel, AnyAdcChannel};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::Interrupt;
+use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 use embassy_stm32::spi::{self, Spi};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::Timer;
-use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Config, Peri, pac, peripherals};
 use hysteron_firmware::ad5683r::{CLOCK_PHASE, CLOCK_POLARITY};
-use hysteron_firmware::chips::{Chip, WATCHDOG_US, smp_place};
+use hysteron_firmware::chips::{Chip, WATCHDOG_START_US, WATCHDOG_US, smp_place, watchdog};
+use hysteron_firmware::start::Cause;
 
-/// What main gets.
-pub struct Parts {
+/// What main has of the board first.
+pub struct Outputs {
     pub dac: Dac,
     pub fault: Output<'static>,
-    pub button: Input<'static>,
-    pub timer: Timer<'static, peripherals::TIM6>,
-    pub watchdog: IndependentWatchdog<'static, Watchdog>,
-    /// What the reset came from.
-    pub reset: Reset,
 }
 
-/// What the last reset came from.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub struct Reset {
-    /// Power was off: memory holds nothing, and the DAC began at its own zero.
-    pub power: bool,
-    /// The watchdog.
-    pub watchdog: bool,
+/// What it has once the outputs are safe.
+pub struct Parts {
+    pub button: Input<'static>,
+    pub timer: Timer<'static, peripherals::TIM6>,
+}
+
+/// Looks at the ST-LINK's clock: 2 ms and more at 64 MHz, of a signal that is there from power-on or not at all.
+#[cfg(feature = "h743zi")]
+const CLOCK_LOOKS: u32 = 50_000;
+/// Looks at the watchdog's registers, which take five of its clocks (RM0433 and RM0440, IWDG_SR): 160 us, at 64 MHz 10 000 cycles.
+const WATCHDOG_LOOKS: u32 = 10_000;
+
+/// Starts the watchdog, with the time that a start may take.
+pub fn guard_the_start() {
+    chip::WATCHDOG.kr().write(|w| w.set_key(Key::START));
+    guard(WATCHDOG_START_US);
+}
+
+/// From here on it is the loop that must go on.
+pub fn guard_the_loop() {
+    guard(WATCHDOG_US);
+}
+
+fn guard(timeout_us: u32) {
+    let (prescaler, reload) = watchdog(timeout_us);
+    let registers = chip::WATCHDOG;
+    registers.kr().write(|w| w.set_key(Key::ENABLE));
+    registers.pr().write(|w| w.set_pr(Pr::from_bits(prescaler)));
+    registers.rlr().write(|w| w.set_rl(reload));
+    // Where its clock does not run, nothing of this is taken over, and there is no watchdog: no reason to wait for one.
+    for _ in 0..WATCHDOG_LOOKS {
+        if registers.sr().read().0 == 0 {
+            break;
+        }
+    }
+    feed();
+}
+
+/// Starts the watchdog's count anew.
+#[inline(always)]
+pub fn feed() {
+    chip::WATCHDOG.kr().write(|w| w.set_key(Key::RESET));
 }
 
 /// Mode of the DAC's bus.
@@ -65,11 +96,15 @@ mod chip {
     use super::*;
     use embassy_stm32::pac::adc::vals::Pcsel;
     use embassy_stm32::rcc;
+    use hysteron_firmware::chips::H743_PLL_M_INTERNAL;
 
     pub const INTERRUPT: Interrupt = Interrupt::ADC;
     pub const CHIP: Chip = hysteron_firmware::chips::H743;
     pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG1;
-    pub type Watchdog = peripherals::IWDG1;
+    /// PLS of PWR_CR1: 2.85 V, the highest (RM0433).
+    const SUPPLY: u8 = 0b110;
+    /// BOR_LEV of FLASH_OPTSR_CUR: 2.7 V, the highest (RM0433, "FLASH option status register").
+    const BROWN_OUT: u8 = 0b11;
 
     const fn ahb(divider: u32) -> rcc::AHBPrescaler {
         match divider {
@@ -87,17 +122,30 @@ mod chip {
         }
     }
 
-    /// From the ST-LINK's 8 MHz, which every revision of the chip takes; the ADC from the 64 MHz oscillator.
-    fn config() -> Config {
+    /// Whether the ST-LINK's clock is there; embassy would wait for it.
+    fn is_clocked() -> bool {
+        pac::RCC.cr().modify(|w| w.set_hsebyp(true));
+        pac::RCC.cr().modify(|w| w.set_hseon(true));
+        (0..CLOCK_LOOKS).any(|_| pac::RCC.cr().read().hserdy())
+    }
+
+    /// From the ST-LINK's 8 MHz, which every revision of the chip takes, or without it, for the way down alone, from the internal oscillator;
+    /// the ADC from the 64 MHz oscillator.
+    fn config(clocked: bool) -> Config {
         let mut config = Config::default();
-        config.rcc.hse = Some(rcc::Hse {
+        config.rcc.hse = clocked.then_some(rcc::Hse {
             freq: Hertz(CHIP.oscillator_hz),
             mode: rcc::HseMode::Bypass,
         });
+        let (source, divider) = if clocked {
+            (rcc::PllSource::HSE, CHIP.pll_m)
+        } else {
+            (rcc::PllSource::HSI, H743_PLL_M_INTERNAL)
+        };
         // DIVM1 is M, DIVN1, DIVP1 and DIVQ1 are one less than N, P and Q (RM0433, RCC_PLLCKSELR and RCC_PLL1DIVR).
         config.rcc.pll1 = Some(rcc::Pll {
-            source: rcc::PllSource::HSE,
-            prediv: rcc::PllPreDiv::from_bits(CHIP.pll_m as u8),
+            source,
+            prediv: rcc::PllPreDiv::from_bits(divider as u8),
             mul: rcc::PllMul::from_bits(CHIP.pll_n as u16 - 1),
             fracn: None,
             divp: Some(rcc::PllDiv::from_bits(CHIP.pll_system as u8 - 1)),
@@ -115,26 +163,53 @@ mod chip {
         config
     }
 
-    /// Clocks, pins, converter and bus.
-    ///
-    /// # Errors
-    /// The first register that is not what `chips` says.
-    pub fn start() -> Result<Parts, &'static str> {
+    /// What the last reset came from.
+    pub fn cause() -> Cause {
         let reset = pac::RCC.rsr().read();
-        pac::RCC.rsr().modify(|w| w.set_rmvf(true));
-        let p = embassy_stm32::init(config());
-        // Set up and calibrated by embassy; what it leaves to software conversions is set in `converter`.
-        core::mem::forget(Adc::new(p.ADC1));
-        let _pin: AnyAdcChannel<'_, peripherals::ADC1> = p.PA3.degrade_adc();
-        sample(pac::ADC1, CHIP.adc_channel);
-        #[cfg(feature = "two-axes")]
-        {
-            core::mem::forget(Adc::new(p.ADC2));
-            let _pin: AnyAdcChannel<'_, peripherals::ADC2> = p.PC0.degrade_adc();
-            sample(pac::ADC2, const { CHIP.adc_channel_y.expect("a second channel") });
+        Cause {
+            power: reset.porrstf() || reset.borrstf(),
+            watchdog: reset.iwdg1rstf(),
         }
+    }
+
+    /// Forgets it.
+    pub fn forget_cause() {
+        pac::RCC.rsr().modify(|w| w.set_rmvf(true));
+    }
+
+    /// Whether the supply is above [`SUPPLY`].
+    #[inline(always)]
+    pub fn supplied() -> bool {
+        !pac::PWR.csr1().read().pvdo()
+    }
+
+    /// Whether the chip resets before the converters lose what they hold.
+    pub fn resets_below_its_converters() -> bool {
+        pac::FLASH.optsr_cur().read().bor_lev() == BROWN_OUT
+    }
+
+    /// What is left to start once the outputs are safe.
+    pub struct Rest {
+        clocked: bool,
+        rcc: Peri<'static, peripherals::RCC>,
+        timer: Peri<'static, peripherals::TIM6>,
+        button: Input<'static>,
+        adc: Peri<'static, peripherals::ADC1>,
+        sensor: Peri<'static, peripherals::PA3>,
+        #[cfg(feature = "two-axes")]
+        of_y: (Peri<'static, peripherals::ADC2>, Peri<'static, peripherals::PC0>),
+    }
+
+    /// Clocks, supervision of the supply, and the way to the outputs. What embassy waits for here (oscillator, PLL, flash) the watchdog bounds.
+    pub fn start() -> (Outputs, Rest) {
+        let clocked = is_clocked();
+        let p = embassy_stm32::init(config(clocked));
+        pac::PWR.cr1().modify(|w| {
+            w.set_pls(SUPPLY);
+            w.set_pvde(true);
+        });
         let bus = Spi::new_blocking_txonly(p.SPI1, p.PA5, p.PB5, bus_config());
-        let parts = Parts {
+        let outputs = Outputs {
             dac: Ad5683r::new(
                 bus,
                 [
@@ -144,15 +219,47 @@ mod chip {
                 ],
             ),
             fault: Output::new(p.PB14, Level::Low, Speed::Low),
-            button: Input::new(p.PC13, Pull::Down),
-            timer: Timer::new(p.TIM6),
-            watchdog: IndependentWatchdog::new(p.IWDG1, WATCHDOG_US),
-            reset: Reset {
-                power: reset.porrstf(),
-                watchdog: reset.iwdg1rstf(),
-            },
         };
-        check(&p.RCC, &parts.timer).map(|()| parts)
+        let rest = Rest {
+            clocked,
+            rcc: p.RCC,
+            timer: p.TIM6,
+            button: Input::new(p.PC13, Pull::Down),
+            adc: p.ADC1,
+            sensor: p.PA3,
+            #[cfg(feature = "two-axes")]
+            of_y: (p.ADC2, p.PC0),
+        };
+        (outputs, rest)
+    }
+
+    impl Rest {
+        /// The sensors' converters and the timer.
+        ///
+        /// # Errors
+        /// The first register that is not what `chips` says.
+        pub fn start(self) -> Result<Parts, &'static str> {
+            if !self.clocked {
+                return Err("the ST-LINK's clock");
+            }
+            // Set up and calibrated by embassy; what it leaves to software conversions is set in `converter`.
+            core::mem::forget(Adc::new(self.adc));
+            let _pin: AnyAdcChannel<'_, peripherals::ADC1> = self.sensor.degrade_adc();
+            sample(pac::ADC1, CHIP.adc_channel);
+            #[cfg(feature = "two-axes")]
+            {
+                let (adc, sensor) = self.of_y;
+                core::mem::forget(Adc::new(adc));
+                let _pin: AnyAdcChannel<'_, peripherals::ADC2> = sensor.degrade_adc();
+                sample(pac::ADC2, const { CHIP.adc_channel_y.expect("a second channel") });
+            }
+            let timer = Timer::new(self.timer);
+            check(&self.rcc, &timer)?;
+            Ok(Parts {
+                button: self.button,
+                timer,
+            })
+        }
     }
 
     /// The channel's input and sampling time.
@@ -186,7 +293,10 @@ mod chip {
     pub const INTERRUPT: Interrupt = Interrupt::ADC1_2;
     pub const CHIP: Chip = hysteron_firmware::chips::G474;
     pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG;
-    pub type Watchdog = peripherals::IWDG;
+    /// PLS of PWR_CR2: 2.9 V, the highest (RM0440).
+    const SUPPLY: u8 = 0b110;
+    /// BOR_LEV of FLASH_OPTR, bits 8 to 10: 2.8 V, the highest (RM0440, "Flash option register").
+    const BROWN_OUT: u32 = 0b100;
 
     // What `config` leaves at its reset value.
     const _: () = assert!(CHIP.ahb_divider == 1 && CHIP.apb_divider == 1 && CHIP.pll_system == 2);
@@ -210,36 +320,84 @@ mod chip {
         config
     }
 
-    /// Clocks, pins, converter and bus.
-    ///
-    /// # Errors
-    /// The first register that is not what `chips` says.
-    pub fn start() -> Result<Parts, &'static str> {
+    /// What the last reset came from.
+    pub fn cause() -> Cause {
         let reset = pac::RCC.csr().read();
-        pac::RCC.csr().modify(|w| w.set_rmvf(true));
-        let p = embassy_stm32::init(config());
-        core::mem::forget(Adc::new(p.ADC1, Default::default()));
-        let _pin: AnyAdcChannel<'_, peripherals::ADC1> = p.PA0.degrade_adc();
-        let (register, place) = smp_place(CHIP.adc_channel);
-        let time = pac::adc::vals::SampleTime::from_bits(CHIP.smp);
-        if register == 0 {
-            pac::ADC1.smpr().modify(|w| w.set_smp(place, time));
-        } else {
-            pac::ADC1.smpr2().modify(|w| w.set_smp(place, time));
+        Cause {
+            power: reset.borrstf(),
+            watchdog: reset.iwdgrstf(),
         }
+    }
+
+    /// Forgets it.
+    pub fn forget_cause() {
+        pac::RCC.csr().modify(|w| w.set_rmvf(true));
+    }
+
+    /// Whether the supply is above [`SUPPLY`].
+    #[inline(always)]
+    pub fn supplied() -> bool {
+        !pac::PWR.sr2().read().pvdo()
+    }
+
+    /// Whether the chip resets before the converters lose what they hold.
+    pub fn resets_below_its_converters() -> bool {
+        (pac::FLASH.optr().read().0 >> 8) & 0b111 == BROWN_OUT
+    }
+
+    /// What is left to start once the outputs are safe.
+    pub struct Rest {
+        rcc: Peri<'static, peripherals::RCC>,
+        timer: Peri<'static, peripherals::TIM6>,
+        button: Input<'static>,
+        adc: Peri<'static, peripherals::ADC1>,
+        sensor: Peri<'static, peripherals::PA0>,
+    }
+
+    /// As the other board's; it has no clock from outside.
+    pub fn start() -> (Outputs, Rest) {
+        let p = embassy_stm32::init(config());
+        pac::PWR.cr2().modify(|w| {
+            w.set_pls(SUPPLY);
+            w.set_pvde(true);
+        });
         let bus = Spi::new_blocking_txonly(p.SPI1, p.PA5, p.PA7, bus_config());
-        let parts = Parts {
+        let outputs = Outputs {
             dac: Ad5683r::new(bus, [Output::new(p.PB6, Level::High, Speed::VeryHigh)]),
             fault: Output::new(p.PC7, Level::Low, Speed::Low),
-            button: Input::new(p.PC13, Pull::Down),
-            timer: Timer::new(p.TIM6),
-            watchdog: IndependentWatchdog::new(p.IWDG, WATCHDOG_US),
-            reset: Reset {
-                power: reset.borrstf(),
-                watchdog: reset.iwdgrstf(),
-            },
         };
-        check(&p.RCC, &parts.timer).map(|()| parts)
+        let rest = Rest {
+            rcc: p.RCC,
+            timer: p.TIM6,
+            button: Input::new(p.PC13, Pull::Down),
+            adc: p.ADC1,
+            sensor: p.PA0,
+        };
+        (outputs, rest)
+    }
+
+    impl Rest {
+        /// As the other board's.
+        ///
+        /// # Errors
+        /// The first register that is not what `chips` says.
+        pub fn start(self) -> Result<Parts, &'static str> {
+            core::mem::forget(Adc::new(self.adc, Default::default()));
+            let _pin: AnyAdcChannel<'_, peripherals::ADC1> = self.sensor.degrade_adc();
+            let (register, place) = smp_place(CHIP.adc_channel);
+            let time = pac::adc::vals::SampleTime::from_bits(CHIP.smp);
+            if register == 0 {
+                pac::ADC1.smpr().modify(|w| w.set_smp(place, time));
+            } else {
+                pac::ADC1.smpr2().modify(|w| w.set_smp(place, time));
+            }
+            let timer = Timer::new(self.timer);
+            check(&self.rcc, &timer)?;
+            Ok(Parts {
+                button: self.button,
+                timer,
+            })
+        }
     }
 
     pub fn adc_presc() -> u8 {
@@ -251,4 +409,4 @@ mod chip {
     }
 }
 
-pub use chip::{CHIP, INTERRUPT, WATCHDOG, Watchdog, start};
+pub use chip::{CHIP, INTERRUPT, cause, forget_cause, resets_below_its_converters, start, supplied};

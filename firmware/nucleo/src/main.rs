@@ -15,16 +15,15 @@ mod fast;
 mod samples;
 
 use ad5683r::Ad5683r;
-use board::{CHIP, Parts};
+use board::{CHIP, Outputs};
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
-use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use cortex_m::peripheral::DWT;
 use cortex_m_rt::entry;
 use embassy_stm32::gpio::Output;
 use embassy_stm32::interrupt;
 use embassy_stm32::mode::Blocking;
-use embassy_stm32::pac::iwdg::vals::Key;
 use embassy_stm32::spi::{Spi, mode::Master};
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::axes::Axes;
@@ -32,7 +31,9 @@ use hysteron_firmware::axes::Axes;
 use hysteron_firmware::axes::one as image;
 #[cfg(feature = "two-axes")]
 use hysteron_firmware::axes::two as image;
+use hysteron_firmware::button::{Button, Slot};
 use hysteron_firmware::monitor::Fault;
+use hysteron_firmware::start::{Cause, Hardware, settle};
 use hysteron_firmware::telemetry::{Orders, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample};
 use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::wire::{Frame, Input, Order, Setup};
@@ -49,13 +50,14 @@ const INSET: f32 = 0.02;
 /// Between the interrupt and main.
 static SAMPLES: Samples = Samples::new();
 
-/// The code that each DAC holds, see [`kept`]; a reset leaves it alone.
+/// The code that each DAC holds, see [`kept`]; a reset leaves it alone. After a loss of power its words have no check bits yet, and
+/// reading one is a bus fault: [`settle`] asks for the reset's cause first.
 // SAFETY: cortex-m-rt's section for what it does not set to zero; any value is one.
 #[unsafe(link_section = ".uninit.KEPT")]
 static KEPT: Shared<[AtomicU32; AXES]> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 
 fn kept_words() -> &'static [AtomicU32; AXES] {
-    // SAFETY: every word is an AtomicU32; what power-on leaves in it does not unpack, or main does not ask for it.
+    // SAFETY: every word is an AtomicU32, of which any value is one.
     unsafe { (*KEPT.0.get()).assume_init_ref() }
 }
 
@@ -83,8 +85,7 @@ struct Converters {
 impl Board<AXES> for Converters {
     #[inline(always)]
     fn read(&mut self) -> [Input; AXES] {
-        let [number, value] = ORDER.swap(NOTHING, Ordering::Relaxed).to_be_bytes();
-        let order = Input::from_bytes([0, 0, number, value]).order;
+        let order = ORDERS.take();
         self.adc = converter::codes();
         self.adc.map(|adc| Input { adc, order })
     }
@@ -92,6 +93,11 @@ impl Board<AXES> for Converters {
     #[inline(always)]
     fn late(&self) -> bool {
         self.late
+    }
+
+    #[inline(always)]
+    fn supplied(&self) -> bool {
+        board::supplied()
     }
 
     #[inline(always)]
@@ -131,14 +137,8 @@ static LOOP: Shared<Loop> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 static BANKS: Shared<Banks> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 static RUNNING: AtomicBool = AtomicBool::new(false);
 
-/// What main asks of the controller: the order's number and value, as on the wire. One a tick.
-static ORDER: AtomicU16 = AtomicU16::new(NOTHING);
-const NOTHING: u16 = 0;
-
-fn give(order: Order) {
-    let [_, _, number, value] = Input { adc: 0, order }.to_bytes();
-    ORDER.store(u16::from_be_bytes([number, value]), Ordering::Relaxed);
-}
+/// What main asks of the controller. One a tick.
+static ORDERS: Slot = Slot::new();
 
 /// Ticks at whose end the next conversion was done already.
 static OVERRUNS: AtomicU32 = AtomicU32::new(0);
@@ -146,10 +146,17 @@ static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 static LONGEST: AtomicU32 = AtomicU32::new(0);
 
 /// Size of the telemetry's buffer: 2900 samples, 58 ms of one axis, 29 ms of both.
+#[cfg(feature = "h743zi")]
 const TELEMETRY_BYTES: usize = 65_536;
+/// As the other board's: 2170 samples, 43 ms. More would leave too little to main's stack, on which a complete law is made.
+#[cfg(feature = "g474re")]
+const TELEMETRY_BYTES: usize = 49_152;
 
+/// The cause of the reset, then the watchdog, before anything that could wait; then the outputs, before anything that may be refused.
 #[entry]
 fn main() -> ! {
+    let cause = board::cause();
+    board::guard_the_start();
     let channels = rtt_init! {
         up: {
             0: { size: 1024, mode: ChannelMode::NoBlockTrim, name: "defmt" }
@@ -161,47 +168,40 @@ fn main() -> ! {
         }
     };
     rtt_target::set_defmt_channel(channels.up.0);
-    let mut board = match board::start() {
-        Ok(board) => board,
-        Err(register) => defmt::panic!("{=str} is not what the figures say", register),
-    };
+    let (mut outputs, rest) = board::start();
     let mut core = unsafe {
         // SAFETY: nothing else has taken them: embassy uses none of DCB and DWT without a time driver.
         cortex_m::Peripherals::steal()
     };
     core.DCB.enable_trace();
+    // A Cortex-M7 locks it at a reset (ARM DDI 0489, "DWT"); where that does not help, nothing waits for it.
+    DWT::unlock();
     core.DWT.enable_cycle_counter();
     #[cfg(feature = "h743zi")]
     cache_instructions(&mut core);
-    let Ok(banks) = image::banks() else {
-        defmt::panic!("a table is refused");
-    };
-    // SAFETY: the timer does not run yet, and it is not written again.
-    let banks: &'static Banks = unsafe { (*BANKS.0.get()).write(banks) };
+    let banks = tables();
     let Some(clock) = CHIP.sample_clock(table::SAMPLE_RATE_HZ) else {
         defmt::panic!("TIM6 cannot make {=f32} Hz", table::SAMPLE_RATE_HZ);
     };
-    settle(&mut board, image::ways_to_safe(banks));
-    let mut axes = image::control(banks, &image::RANGES_UM.map(setup));
-    if board.reset.watchdog {
-        Axes::trip(&mut axes, Fault::Watchdog);
-    }
-    let control = Loop {
-        converters: Converters {
-            dac: board.dac,
-            fault: board.fault,
-            adc: [0; AXES],
-            late: false,
-        },
-        axes,
+    let sample_cycles = (CHIP.processor_hz() as f32 / table::SAMPLE_RATE_HZ) as u32;
+    let mut beginning = Beginning {
+        dac: &mut outputs.dac,
+        cause,
     };
-    // SAFETY: the timer does not run yet.
-    unsafe { (*LOOP.0.get()).write(control) };
-    RUNNING.store(true, Ordering::Release);
+    let fault = settle(&mut beginning, image::ways_to_safe(banks), sample_cycles);
+    // From here on the outputs are safe, and whatever fails ends in the watchdog's reset.
+    let board = match rest.start() {
+        Ok(board) => board,
+        Err(register) => defmt::panic!("{=str} is not what the figures say", register),
+    };
+    if !board::resets_below_its_converters() {
+        defmt::warn!("the brown-out level is below what the converters need: set it as docs/boards says");
+    }
+    make_loop(outputs, banks, fault);
     for hello in image::hellos() {
         defmt::info!("bank {=u8}: table {=[u8]:02x}", hello.bank, hello.hash);
     }
-    board.watchdog.unleash();
+    board::guard_the_loop();
     converter::start(&board.timer, clock);
 
     let mut telemetry = Telemetry::new(channels.up.1);
@@ -213,16 +213,50 @@ fn main() -> ! {
             telemetry.send(&tick);
             log.see(&tick[0].frame);
         }
+        // Both boards' user button is high while pressed.
+        if let Some(last) = &log.last {
+            let at = (last.mode(), last.fault());
+            button.look(board.button.is_high(), last.number, at, &ORDERS);
+        }
         // The next one when a tick has taken the one before.
         let mut byte = [0];
-        while ORDER.load(Ordering::Relaxed) == NOTHING && from_host.read(&mut byte) == 1 {
+        while ORDERS.is_empty() && from_host.read(&mut byte) == 1 {
             if let Some(order) = orders.push(byte[0]) {
-                give(order);
+                ORDERS.offer(order);
             }
         }
-        // Both boards' user button is high while pressed.
-        button.look(board.button.is_high(), log.fault);
     }
+}
+
+/// The tables, made and put where they stay. By itself, as [`make_loop`] is, or main would keep what either takes of its stack.
+#[inline(never)]
+fn tables() -> &'static Banks {
+    let Ok(banks) = image::banks() else {
+        defmt::panic!("a table is refused");
+    };
+    // SAFETY: the timer does not run yet, and it is not written again.
+    unsafe { (*BANKS.0.get()).write(banks) }
+}
+
+/// What the interrupt owns, at the safe levels, with a fault that is to be latched.
+#[inline(never)]
+fn make_loop(outputs: Outputs, banks: &'static Banks, fault: Option<Fault>) {
+    let mut axes = image::control(banks, &image::RANGES_UM.map(setup));
+    if let Some(fault) = fault {
+        Axes::trip(&mut axes, fault);
+    }
+    let control = Loop {
+        converters: Converters {
+            dac: outputs.dac,
+            fault: outputs.fault,
+            adc: [0; AXES],
+            late: false,
+        },
+        axes,
+    };
+    // SAFETY: the timer does not run yet.
+    unsafe { (*LOOP.0.get()).write(control) };
+    RUNNING.store(true, Ordering::Release);
 }
 
 /// Instruction cache, for main; the interrupt's code lies where there is no need for one. As cortex-m does it, without masking.
@@ -254,24 +288,39 @@ fn setup([min_um, max_um]: [f32; 2]) -> Setup {
     }
 }
 
-/// Brings the outputs to their safe levels from where a reset has left them, as slowly as the tables' ramps; at once after power was off.
-fn settle(board: &mut Parts, ways: [(DacCode, u16); AXES]) {
-    let (safe, mut codes) = (ways.map(|(safe, _)| safe), ways.map(|(safe, _)| safe));
-    for (code, word) in codes.iter_mut().zip(kept_words()) {
-        let found = kept::unpack(word.load(Ordering::Relaxed)).filter(|_| !board.reset.power);
-        code.0 = found.unwrap_or(code.0);
+/// What the way to the safe levels needs of this board.
+struct Beginning<'a> {
+    dac: &'a mut Dac,
+    cause: Cause,
+}
+
+impl Hardware<AXES> for Beginning<'_> {
+    fn cause(&self) -> Cause {
+        self.cause
     }
-    let sample_cycles = (CHIP.processor_hz() as f32 / table::SAMPLE_RATE_HZ) as u32;
-    loop {
-        let begun = DWT::cycle_count();
-        set(&mut board.dac, codes);
-        if codes == safe {
-            return;
-        }
-        for (code, (safe, most)) in codes.iter_mut().zip(ways) {
-            code.0 = kept::toward(code.0, safe.0, most);
-        }
-        while DWT::cycle_count().wrapping_sub(begun) < sample_cycles {}
+
+    fn forget_cause(&mut self) {
+        board::forget_cause();
+    }
+
+    fn supplied(&self) -> bool {
+        board::supplied()
+    }
+
+    fn kept(&self) -> [u32; AXES] {
+        kept_words().each_ref().map(|word| word.load(Ordering::Relaxed))
+    }
+
+    fn set(&mut self, codes: [DacCode; AXES]) {
+        set(self.dac, codes);
+    }
+
+    fn cycles(&self) -> u32 {
+        DWT::cycle_count()
+    }
+
+    fn feed(&mut self) {
+        board::feed();
     }
 }
 
@@ -320,6 +369,7 @@ impl Telemetry {
 #[derive(Default)]
 struct Log {
     seen: u32,
+    last: Option<Frame>,
     fault: Option<Fault>,
     bank: u8,
 }
@@ -327,6 +377,7 @@ struct Log {
 impl Log {
     fn see(&mut self, frame: &Frame) {
         self.seen = self.seen.wrapping_add(1);
+        self.last = Some(*frame);
         if frame.fault() != self.fault {
             self.fault = frame.fault();
             defmt::warn!(
@@ -353,31 +404,9 @@ impl Log {
     }
 }
 
-/// Starts and stops, and clears a fault.
-#[derive(Default)]
-struct Button {
-    pressed: bool,
-    running: bool,
-}
-
-impl Button {
-    fn look(&mut self, pressed: bool, fault: Option<Fault>) {
-        if pressed && !self.pressed {
-            self.running = !self.running && fault.is_none();
-            let order = match (fault, self.running) {
-                (Some(_), _) => Order::Clear,
-                (None, true) => Order::Start,
-                (None, false) => Order::Stop,
-            };
-            give(order);
-        }
-        self.pressed = pressed;
-    }
-}
-
 /// The end of a conversion.
 ///
-/// Deadline: the next one, 20 us. It is the only interrupt. Shared: [`LOOP`], see there; [`ORDER`] from main, frames and counters to
+/// Deadline: the next one, 20 us. It is the only interrupt. Shared: [`LOOP`], see there; [`ORDERS`] from main, frames and counters to
 /// it. On overrun it counts, and the controller trips after three in a row; the output holds meanwhile. Where it does not come for
 /// [`hysteron_firmware::chips::WATCHDOG_US`], the watchdog resets the chip, and main begins with the way down.
 #[cfg_attr(feature = "h743zi", interrupt)]
@@ -409,14 +438,15 @@ fn sample() {
     }
     LONGEST.fetch_max(DWT::cycle_count().wrapping_sub(entered), Ordering::Relaxed);
     // Fed here and nowhere else: it is the loop that must go on, not main.
-    board::WATCHDOG.kr().write(|w| w.set_key(Key::RESET));
+    board::feed();
 }
 
-/// Outside of the interrupt: the loop goes on above this and ramps the output down; before it runs, the DAC holds.
+/// Outside of the interrupt: the loop goes on above this and ramps the output down; before it runs, the watchdog resets the chip, and the
+/// next start begins where this one has left the outputs.
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
     loop {
-        give(Order::Stop);
+        ORDERS.insist(Order::Stop);
     }
 }
 
@@ -424,6 +454,6 @@ fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
 #[defmt::panic_handler]
 fn defmt_panic() -> ! {
     loop {
-        give(Order::Stop);
+        ORDERS.insist(Order::Stop);
     }
 }
