@@ -89,7 +89,7 @@ pub const G474: Chip = Chip {
     adc_fixed_divider: 1,
     // PA0, on the connector A0, is ADC12_IN1 (DS12288, pin table).
     adc_channel: 1,
-    // A tick of both axes takes up to 2440 instructions (`mps2-an386`), at two cycles each 4880 of the 3400 that a period has.
+    // A tick of both axes takes up to 2720 instructions (`mps2-an386`), at two cycles each 5440 of the 3400 that a period has.
     adc_channel_y: None,
     sampling_half_cycles: 25,
     // 12 bits (DS12288, ADC characteristics).

@@ -282,7 +282,7 @@ mod chip {
 
 #[cfg(all(feature = "g474re", feature = "two-axes"))]
 compile_error!(
-    "two-axes is for h743zi: a tick of both axes takes up to 2440 instructions, at two cycles each 4880 of the 3400 that g474re has"
+    "two-axes is for h743zi: a tick of both axes takes up to 2720 instructions, at two cycles each 5440 of the 3400 that g474re has"
 );
 
 #[cfg(feature = "g474re")]
