@@ -1,7 +1,7 @@
 //! The exit codes, all in one place.
 //!
 //! - 0: an answer was given, whatever it says
-//! - 1: a limit that was asked for is exceeded (`--fail-above`)
+//! - 1: a limit that was asked for is exceeded (`--fail-above`), or a loop that was run is unstable (`track`)
 //! - 2: bad input; standard error says what, which value, what is allowed, what to do
 
 use crate::error::CliError;
@@ -16,13 +16,15 @@ pub(crate) enum Done {
     Answered,
     /// A limit that was asked for is exceeded.
     LimitExceeded,
+    /// A loop that was run does not come to rest.
+    Unstable,
 }
 
 /// The exit code of a command; errors are printed.
 pub(crate) fn code(result: Result<Done, CliError>) -> ExitCode {
     match result {
         Ok(Done::Answered) => ExitCode::SUCCESS,
-        Ok(Done::LimitExceeded) => ExitCode::from(1),
+        Ok(Done::LimitExceeded | Done::Unstable) => ExitCode::from(1),
         // The reader of our output has gone (`hysteron .. | head`): it has what it wanted.
         Err(CliError::Output(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {

@@ -317,6 +317,40 @@ fn val_design_from_a_model_names_every_effect() {
     );
 }
 
+/// A model that no record of small signals stands behind gets no loop, but a word which would allow one; with the user's word for a stage that
+/// has no mode it gets one, and where the word was wrong `track` says so.
+#[test]
+fn val_a_loop_goes_as_far_as_the_stage_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, out] = ["model.toml", "controller.toml"].map(|name| folder.path().join(name).display().to_string());
+    std::fs::write(&path, model(RISING, "", &[])).unwrap();
+    let said = hysteron(&["design", &path, "-o", &out]);
+    assert!(
+        said.contains("none: no record of small signals tells")
+            && said.contains("multisine:low_hz=20,high_hz=6250")
+            && said.contains("--rigid HZ"),
+        "{said}"
+    );
+    for wrong in ["5", "26000", "nan"] {
+        refused(
+            &["design", &path, "-o", &out, "--rigid", wrong],
+            &["--rigid", "10 Hz to half the controller's rate, 25000 Hz"],
+        );
+    }
+    let said = hysteron(&["design", &path, "-o", &out, "--rigid", "20000"]);
+    assert!(said.contains("above 20000 Hz, by --rigid, your word"), "{said}");
+    let output = Command::new(env!("CARGO_BIN_EXE_hysteron"))
+        .args(["track", &out, "--stage", "739", "--alone", "--range", "3,8"])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("UNSTABLE: it swings by itself") && said.contains("--open"),
+        "{said}"
+    );
+}
+
 /// Three plays know little of the stage, and are off by as much on the chip as here: 16-bit codes and f32 are a tenth of a percent of
 /// that.
 #[test]

@@ -83,6 +83,12 @@ pub struct Known {
     /// Highest voltage the amplifier gives, volts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voltage_max_v: Option<f64>,
+    /// Volts at the actuator of the DAC's lowest code and of full scale, one step above its highest.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dac_v: Option<[f64; 2]>,
+    /// Micrometres of the ADC's lowest code and of full scale, one step above its highest.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub adc_um: Option<[f64; 2]>,
 }
 
 /// Something the reader did that the user should know: a unit converted, a column ignored.

@@ -196,6 +196,7 @@ fn step(
         new.history.push(before.clone());
     }
     new.history.push(after.clone());
+    new.cover(dataset);
     Added {
         model: new,
         before,

@@ -1,6 +1,7 @@
 //! All parameters of a model in one call.
 
 use crate::columns::{Design, Run};
+use crate::covered::Covered;
 use crate::error::IdentifyError;
 use crate::family::{Direction, FREE_PLAYS, Family, MAX_PLAYS, peak_to_peak, range};
 use crate::history::record_errors;
@@ -130,7 +131,8 @@ pub fn fit(
         .iter()
         .map(|run| run.weight * solved.design.squared_error(&solved.coefficients, run))
         .sum();
-    let model = assemble(dataset, options, &runs, &solved);
+    let mut model = assemble(dataset, options, &runs, &solved);
+    model.cover(dataset);
     progress(1.0);
     Ok(FitReport { model, objective })
 }
@@ -148,7 +150,8 @@ fn free_shape(
     progress(0.1);
     let search = Search::new(dataset, &skeleton, &Shape::Own, QUIET * stroke_um)?;
     progress(0.9);
-    let model = search.model();
+    let mut model = search.model();
+    model.cover(dataset);
     let objective = runs
         .iter()
         .zip(
@@ -189,6 +192,7 @@ fn skeleton(dataset: &Dataset, options: &FitOptions, thresholds: Vec<f64>) -> Mo
             noise: None,
             records: Vec::new(),
         },
+        covered: Covered::default(),
         notices: Vec::new(),
     }
 }
@@ -265,6 +269,7 @@ fn assemble(dataset: &Dataset, options: &FitOptions, runs: &[Run<'_>], solved: &
             noise: None,
             records,
         },
+        covered: Covered::default(),
         notices: Vec::new(),
     };
     model.notices = notices(&model, runs, &errors.undetermined);

@@ -1,5 +1,6 @@
 //! A fitted model as data: parameters with standard errors, what it was fitted on, how it came about.
 
+use crate::covered::Covered;
 use crate::effects::{Effect, EffectFile, EffectName, Family, UserEffect};
 use crate::family::Direction;
 use crate::objective::Weighting;
@@ -48,6 +49,8 @@ pub struct Model {
     pub history: Vec<Step>,
     /// What it was fitted on, and how.
     pub fitted_on: FittedOn,
+    /// What its records cover.
+    pub covered: Covered,
     /// What the user should know of the fit.
     pub notices: Vec<String>,
 }

@@ -1,5 +1,6 @@
 //! `model.toml`: readable, complete, and back bit for bit.
 
+use crate::covered::Covered;
 use crate::effects::{self, EffectId, UserEffect};
 use crate::error::IdentifyError;
 use crate::family::{Direction, Family};
@@ -24,8 +25,14 @@ struct File {
     #[serde(rename = "effect", default, skip_serializing_if = "Vec::is_empty")]
     effects: Vec<FittedEffect>,
     fitted_on: FittedOn,
+    #[serde(default, skip_serializing_if = "nothing_covered")]
+    covered: Covered,
     #[serde(rename = "step", default, skip_serializing_if = "Vec::is_empty")]
     history: Vec<Step>,
+}
+
+fn nothing_covered(covered: &Covered) -> bool {
+    *covered == Covered::default()
 }
 
 #[derive(Serialize, Deserialize)]
@@ -77,6 +84,7 @@ impl Model {
             },
             effects: self.effects.clone(),
             fitted_on: self.fitted_on.clone(),
+            covered: self.covered.clone(),
             history: self.history.clone(),
         };
         // Strings, numbers and lists of tables: nothing that TOML cannot hold.
@@ -130,6 +138,7 @@ impl Model {
             effects: file.effects,
             history: file.history,
             fitted_on: file.fitted_on,
+            covered: file.covered,
             notices: file.notices,
         };
         model.take_parameters(&h.parameters).map_err(refuse)?;

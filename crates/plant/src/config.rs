@@ -69,6 +69,18 @@ pub struct StageConfig {
 }
 
 impl StageConfig {
+    /// Volts at the stack of the DAC's lowest code and of full scale; none for an exact command.
+    pub fn dac_v(&self) -> Option<[f64; 2]> {
+        let ends = |dac: Converter| [dac.min_v, dac.max_v].map(|v| v * self.amplifier.gain);
+        self.dac.map(ends)
+    }
+
+    /// Micrometres of the ADC's lowest code and of full scale; none where the reading is not rounded.
+    pub fn adc_um(&self) -> Option<[f64; 2]> {
+        let ends = |adc: Converter| [adc.min_v, adc.max_v].map(|v| v * self.sensor.um_per_v);
+        self.sensor.adc.map(ends)
+    }
+
     /// A stage with this hysteresis and nothing else: ideal amplifier and converter, rigid, no noise, straight lines between samples.
     pub fn bare(hysteresis: Hysteresis) -> Self {
         Self {

@@ -58,6 +58,13 @@ const STEP_HOLD_S: f64 = 0.2;
 /// A step has settled when the error stays below this share of it.
 const STEP_BAND: f64 = 0.01;
 
+/// Rms at rest above which a loop counts as unstable, as a share of the references' peak to peak: a loop that oscillates
+/// swings by percents; the noise of a stable one is below 1e-4.
+const OSCILLATES: f64 = 1e-3;
+/// Rms of the error, percent of peak to peak, from which on a loop swings by itself: one that does not move at all has 35 % on a sine, one
+/// that moves against the reference 71 %.
+const SWINGS_PERCENT: f64 = 100.0;
+
 /// What one controller did.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct ControllerFigures {
@@ -82,6 +89,8 @@ pub struct ControllerFigures {
     pub step_settling_ms: Option<f64>,
     /// How far the position goes beyond the new set-point, percent of the step, the larger one.
     pub step_overshoot_percent: f64,
+    /// Whether it came to rest, and swings no further than it is asked to on any reference.
+    pub stable: bool,
     /// References on which the command met the amplifier's limits for more than 1 % of the time, and steps on which it met them at all.
     #[serde(skip)]
     pub limited_on: Vec<String>,
@@ -306,6 +315,8 @@ impl Bench<'_> {
         if limited {
             limited_on.push("steps".to_owned());
         }
+        let noise_nm = self.noise_at_rest_nm(contender)?;
+        let lost = rms_percent.values().any(|percent| !(*percent < SWINGS_PERCENT));
         let has_inverse = !matches!(contender, Contender::Paper(controller) if controller.inverse.is_none());
         Ok(ControllerFigures {
             name: name.to_owned(),
@@ -313,7 +324,8 @@ impl Bench<'_> {
             rms_percent,
             lag30_hz: found.lag_30_deg().map(|crossing| crossing.frequency_hz),
             minus3db_hz: found.minus_3_db().map(|crossing| crossing.frequency_hz),
-            noise_nm: self.noise_at_rest_nm(contender)?,
+            noise_nm,
+            stable: self.rests(noise_nm) && !lost,
             creep_peak_percent: has_inverse.then(|| self.creep_peak_percent(contender)).transpose()?,
             step_settling_ms: steps.settling_s.map(|settling_s| 1e3 * settling_s),
             step_overshoot_percent: 100.0 * steps.overshoot,
@@ -321,6 +333,11 @@ impl Bench<'_> {
             history: history.unwrap_or_default(),
             response: found,
         })
+    }
+
+    /// Whether what is left at rest, nanometres rms, is noise: a loop that oscillates swings until the amplifier or the hysteresis limits it.
+    pub(crate) fn rests(&self, rest_nm: f64) -> bool {
+        rest_nm < 1e3 * OSCILLATES * (self.range_um[1] - self.range_um[0])
     }
 
     /// A small multisine in the middle of the range, settled.

@@ -53,6 +53,8 @@ pub fn campaign(
             delay_s: Some(stage.known_delay_s()),
             voltage_min_v: Some(stage.amplifier.min_v),
             voltage_max_v: Some(stage.amplifier.max_v),
+            dac_v: stage.dac_v(),
+            adc_um: stage.adc_um(),
             ..Known::default()
         },
         ..Dataset::default()

@@ -15,6 +15,7 @@ pub mod experiment;
 pub mod figures;
 pub mod formulas;
 pub mod learning;
+pub mod on_model;
 pub mod paper;
 pub mod reference;
 pub mod rehearsal;

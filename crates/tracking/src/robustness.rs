@@ -9,10 +9,6 @@ use hysteron_plant::hysteresis::{BoucWen, Family, Mixed};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Rms at rest above which a loop counts as unstable, as a share of the references' peak to peak: a loop that oscillates
-/// swings until the amplifier or the hysteresis limits it, by percents; the noise of a stable one is below 1e-4.
-const OSCILLATES: f64 = 1e-3;
-
 /// One controller on one changed stage.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct RobustnessRow {
@@ -114,7 +110,7 @@ pub fn robustness(bench: &Bench<'_>, controller: &Controller) -> Result<Vec<Robu
                 loop_kind,
                 rms_percent,
                 rest_nm,
-                stable: rest_nm < 1e3 * OSCILLATES * (bench.range_um[1] - bench.range_um[0]),
+                stable: bench.rests(rest_nm),
             })
         })
         .collect()

@@ -8,6 +8,7 @@ use hysteron_plant::{StageConfig, preset};
 use hysteron_tracking::bench::{Bench as Places, compare};
 use hysteron_tracking::campaign::{Campaign, campaign};
 use hysteron_tracking::complete;
+use hysteron_tracking::design::feedback::Effort;
 use hysteron_tracking::design::{CompleteLaw, Controller, ReferenceKind};
 use hysteron_tracking::figures::judge;
 use hysteron_tracking::learning::{LEARNED, learn_references};
@@ -28,7 +29,8 @@ fn bench(name: &str) -> Bench {
     let campaign = campaign(name, &stage, 1, &|_| ()).unwrap();
     let controller = Controller::design(&campaign.model, ReferenceKind::Previewed)
         .unwrap()
-        .with_feedback();
+        .with_feedback()
+        .unwrap();
     Bench {
         stage,
         campaign,
@@ -395,7 +397,11 @@ fn refuse_to_learn_live_references() {
 fn val_a_margin_is_kept() {
     let model = &FAST.campaign.model;
     let designed = Controller::design(model, ReferenceKind::Previewed).unwrap();
-    let tight = designed.with_feedback_within(1.4).feedback.unwrap();
+    let tight = designed
+        .with_feedback_within(1.4, Effort::Whole)
+        .unwrap()
+        .feedback
+        .unwrap();
     let usual = FAST.controller.feedback.as_ref().unwrap();
     assert!(tight.peak_sensitivity < 1.43, "{}", tight.peak_sensitivity);
     assert!(

@@ -50,7 +50,7 @@ fn nothing_known(known: &Known) -> bool {
 }
 
 const KEYS: &str = "dataset.toml has `format = 1`, `name`, `description`, `[known]` (`delay_s`, `sensor_noise_um`, \
-                    `voltage_min_v`, `voltage_max_v`) and `[[record]]` (`file`, `role`, `excitation`)";
+                    `voltage_min_v`, `voltage_max_v`, `dac_v`, `adc_um`) and `[[record]]` (`file`, `role`, `excitation`)";
 
 /// Only the version, so that a later format is named as such and not by its first unknown key.
 #[derive(serde::Deserialize)]
@@ -158,6 +158,14 @@ pub(crate) fn check_known(known: &Known, file: &str) -> Result<(), DataError> {
             format!("voltage_min_v = {min}, voltage_max_v = {max}"),
             "the minimum is below the maximum",
         );
+    }
+    for (name, ends) in [("dac_v", known.dac_v), ("adc_um", known.adc_um)] {
+        if let Some([low, full]) = ends.filter(|[low, full]| !(low.is_finite() && full.is_finite() && low < full)) {
+            return refuse(
+                format!("{name} = [{low}, {full}]"),
+                "both are finite: the lowest code's, and full scale above it",
+            );
+        }
     }
     Ok(())
 }

@@ -3,12 +3,13 @@
 use super::inverse::{self, Pairs};
 use super::linear_part::{LinearPart, ModeOfStage};
 use super::model::{AroundPart, CREEP_FAST, CREEP_SLOW, ControlModel, CreepPart, HumPart};
-use crate::effects::{Compensation, Compensator, CreepElement, EffectName};
+use crate::effects::{Compensation, Compensator, CreepElement, EffectName, StageMode};
 use crate::error::IdentifyError;
 use crate::family::{Direction, Family};
 use crate::model::{FittedEffect, Model};
 use crate::start_state::InitialState;
 use hysteron_core::envelope::Envelope;
+use realfft::num_complex::Complex64;
 
 /// A part of a model that a controller should undo.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -95,6 +96,7 @@ pub fn chain_of(
             cubic: Vec::new(),
         },
         around: AroundPart::default(),
+        covered: model.covered.clone(),
     };
     let mut held_beside = false;
     let mut undone = Vec::with_capacity(model.effects.len());
@@ -174,12 +176,7 @@ fn take_over(by: Compensator, chain: &mut ControlModel) {
             chain.around.sensor_lag_s = sensor_s;
         }
         Compensator::Modes(modes) => {
-            let modes = modes.into_iter().map(|mode| ModeOfStage {
-                frequency_hz: mode.frequency_hz,
-                damping: mode.damping,
-                share: mode.share,
-            });
-            chain.linear.modes = modes.collect();
+            chain.linear.modes = modes.into_iter().map(mode_of_stage).collect();
         }
         Compensator::Creep(elements) => creep(&elements, &mut chain.creep),
         Compensator::Coupling {
@@ -225,6 +222,52 @@ fn creep(elements: &[CreepElement], part: &mut CreepPart) {
             CREEP_FAST + i - fast
         };
         (part.tau_s[place], part.shares[place]) = (element.tau_s, element.share);
+    }
+}
+
+/// What a model says of small signals: delay, lags and modes, without gain and hysteresis.
+pub(crate) struct Linear {
+    pub part: LinearPart,
+    delay_s: f64,
+    sensor_lag_s: f64,
+}
+
+impl Linear {
+    /// Of the effects that have such compensators.
+    pub(crate) fn of(model: &Model) -> Self {
+        let mut linear = Self {
+            part: LinearPart {
+                lag_s: 0.0,
+                modes: Vec::new(),
+            },
+            delay_s: 0.0,
+            sensor_lag_s: 0.0,
+        };
+        for compensation in model.effects.iter().filter_map(|fitted| compensation(fitted).ok()) {
+            match compensation.by {
+                Compensator::Delay { delay_s } => linear.delay_s = delay_s,
+                Compensator::Lead { amplifier_s, sensor_s } => {
+                    (linear.part.lag_s, linear.sensor_lag_s) = (amplifier_s, sensor_s);
+                }
+                Compensator::Modes(modes) => linear.part.modes = modes.into_iter().map(mode_of_stage).collect(),
+                _ => {}
+            }
+        }
+        linear
+    }
+
+    /// The response; 1 at rest.
+    pub(crate) fn response(&self, omega: f64) -> Complex64 {
+        let sensor = Complex64::new(1.0, omega * self.sensor_lag_s);
+        Complex64::from_polar(1.0, -omega * self.delay_s) * self.part.response(omega) / sensor
+    }
+}
+
+fn mode_of_stage(mode: StageMode) -> ModeOfStage {
+    ModeOfStage {
+        frequency_hz: mode.frequency_hz,
+        damping: mode.damping,
+        share: mode.share,
     }
 }
 

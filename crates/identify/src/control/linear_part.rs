@@ -1,5 +1,6 @@
 //! The linear part of a stage: amplifier's lag and the structure's modes, from a small multisine about a bias.
 
+use crate::covered::{Line, highest_run};
 use crate::error::IdentifyError;
 use crate::period;
 use hysteron_data::Record;
@@ -100,6 +101,8 @@ pub struct SmallSignal {
     pub misfit: f64,
     /// Share of lines with a scatter below a tenth of the response.
     pub clear_lines: f64,
+    /// Up to where the lines are what was fitted, hertz; none where they are nowhere over an octave.
+    pub told_to_hz: Option<f64>,
 }
 
 /// The response at the odd lines that the command has, periods averaged.
@@ -310,13 +313,31 @@ pub fn fit_small_signal(data: &FrequencyResponse, delay_s: f64, period_s: f64) -
         }
     }
     let p = &best.0;
+    let linear = shape(modes).linear(p);
     Ok(SmallSignal {
-        linear: shape(modes).linear(p),
+        told_to_hz: told_to_hz(data, &linear, |omega| shape(modes).at(&linear, p, omega)),
+        linear,
         gain_um_per_v: p[0].exp(),
         phase_rad: (p[1] + PI).rem_euclid(TAU) - PI,
         misfit: MODEL_ERROR * (best.1 / (2 * data.omega.len()) as f64).sqrt(),
         clear_lines,
     })
+}
+
+/// Up to where the response is what a fit says, hertz.
+fn told_to_hz(data: &FrequencyResponse, linear: &LinearPart, fitted: impl Fn(f64) -> Complex64) -> Option<f64> {
+    let each = data.omega.iter().zip(&data.gain).zip(&data.deviation);
+    let lines: Vec<Line> = each
+        .map(|((&omega, &gain), &deviation)| Line {
+            hz: omega / TAU,
+            measured: gain,
+            modelled: fitted(omega),
+            explained: gain.norm_sqr(),
+            all: gain.norm_sqr() + deviation * deviation,
+        })
+        .collect();
+    let modes_hz: Vec<f64> = linear.modes.iter().map(|mode| mode.frequency_hz).collect();
+    highest_run(&lines, &modes_hz)
 }
 
 /// A second mode above the first, from the best of a grid of starts.

@@ -11,11 +11,13 @@ pub mod linear_part;
 pub mod model;
 mod refine;
 
+pub(crate) use from_model::Linear;
 pub use from_model::{Part, RecordedHold, Undone, chain_of};
 pub use linear_part::{FrequencyResponse, LinearPart, ModeOfStage, SmallSignal, fit_small_signal, frequency_response};
 pub use model::{AroundPart, ControlModel, CreepPart, HumPart, InversePart};
 pub use refine::refine;
 
+use crate::covered::{Covered, SmallSignalBand};
 use crate::error::IdentifyError;
 use hysteron_data::{Dataset, Record, Role};
 
@@ -94,5 +96,12 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
         creep,
         inverse,
         around: model::AroundPart::default(),
+        covered: Covered {
+            small_signal: small_signal.told_to_hz.map(|up_to_hz| SmallSignalBand {
+                up_to_hz,
+                record: frf.file.clone(),
+            }),
+            ..Covered::by(dataset)
+        },
     })
 }

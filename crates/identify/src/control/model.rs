@@ -1,6 +1,7 @@
 //! The identified chain as a controller needs it.
 
 use super::linear_part::LinearPart;
+use crate::covered::Covered;
 use hysteron_core::corner_polynomial::CornerPolynomial;
 use hysteron_core::effects::creep::CreepInverse;
 use hysteron_core::error::ParamError;
@@ -67,6 +68,9 @@ pub struct ControlModel {
     /// What acts on the position beside the command.
     #[serde(default)]
     pub around: AroundPart,
+    /// What the records cover.
+    #[serde(default)]
+    pub covered: Covered,
 }
 
 /// What acts on the position beside the command, as far as it was identified.

@@ -4,7 +4,7 @@ use super::evolution;
 use super::preview::section;
 use hysteron_core::biquad::Biquad;
 use hysteron_core::law_numbers::FeedbackNumbers;
-use hysteron_identify::control::{ControlModel, LinearPart};
+use hysteron_identify::control::{ControlModel, LinearPart, ModeOfStage};
 use hysteron_identify::simplex::{self, Vertex};
 use rayon::prelude::*;
 use realfft::num_complex::Complex64;
@@ -15,9 +15,9 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 /// critical point.
 pub const LARGEST_SENSITIVITY: f64 = 2.0;
 /// By how much the modes may be off: a tenth either way is a fifth of the mass.
-const MODE_FACTORS: [f64; 3] = [0.9, 1.0, 1.1];
+pub(super) const MODE_FACTORS: [f64; 3] = [0.9, 1.0, 1.1];
 /// By how much the loop gain differs from its mean: slope after a turn against slope in mid-branch.
-const GAIN_FACTORS: [f64; 3] = [0.6, 1.0, 1.3];
+pub(super) const GAIN_FACTORS: [f64; 3] = [0.6, 1.0, 1.3];
 /// Rms that a nanometre of white sensor noise may leave in the position, nanometres: with the converters' share below 0.4.
 const LARGEST_NOISE: f64 = 0.3;
 /// Rms that a nanometre of white sensor noise may make of the command, nanometres at the stage's mean gain: more would
@@ -47,8 +47,10 @@ pub struct FeedbackDesign {
     pub peak_sensitivity: f64,
     /// Disturbances are halved in power (sensitivity below -3 dB) up to here, hertz; nominal.
     pub rejection_hz: f64,
-    /// Sensitivity first exceeds 1 here, hertz; nominal: above, feedback adds to the error.
+    /// Sensitivity first exceeds 1 here, hertz, nominal: above, feedback adds to the error. Not beyond where the stage is told.
     pub helps_to_hz: f64,
+    /// Up to where the stage is told, hertz: above, a mode may be anywhere, and the loop gain is so low that none can make it swing.
+    pub told_to_hz: f64,
     /// Rms of the position for a nanometre of white sensor noise, nanometres; nominal.
     pub noise_nm: f64,
 }
@@ -219,8 +221,33 @@ impl Blocks {
 const UNSTABLE: f64 = 1e6;
 /// Searches for each structure, if it has as many parameters.
 const MOST_SEARCHES: u64 = 6;
-/// Generations of a search.
-const GENERATIONS: usize = 200;
+
+/// How long the best feedback is searched for. What a loop must hold is the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Effort {
+    /// Some ten seconds.
+    Whole,
+    /// A second or less: a loop that holds, and rejects somewhat less.
+    Quick,
+}
+
+impl Effort {
+    fn searches(self) -> u64 {
+        match self {
+            Self::Whole => MOST_SEARCHES,
+            Self::Quick => 1,
+        }
+    }
+
+    /// Generations of a search.
+    fn generations(self) -> usize {
+        match self {
+            Self::Whole => 200,
+            Self::Quick => 12,
+        }
+    }
+}
+
 /// What a rejection farther by a factor of e is worth, as a share of the disturbances: between loops that leave about the same, the
 /// one that rejects farther.
 const WORTH_OF_REJECTION: f64 = 0.05;
@@ -240,6 +267,51 @@ fn crossing(from: Complex64, to: Complex64) -> i32 {
     }
 }
 
+/// Least damping ratio that a mode nobody has seen is reckoned with: the lightest of what piezo stages are built with (0.01 to 0.03).
+pub(super) const UNSEEN_DAMPING: f64 = 0.01;
+/// Share of the displacement that a mode above those of the model has at most: of equal masses `(f1 / f)^2`, and not above this.
+const HIGHER_SHARE: f64 = 0.05;
+
+/// What may be where nothing is told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Unseen {
+    /// From here on a mode may be anywhere, hertz.
+    pub from_hz: f64,
+    /// The first mode, where the model has it and it is told.
+    pub first_hz: Option<f64>,
+}
+
+impl Unseen {
+    /// None where nothing is told at all.
+    pub(super) fn of(model: &ControlModel) -> Option<Self> {
+        let from_hz = model.covered.told_to_hz()?;
+        let first_hz = model.linear.modes.first().map(|mode| mode.frequency_hz);
+        Some(Self {
+            from_hz,
+            first_hz: first_hz.filter(|hz| *hz <= from_hz),
+        })
+    }
+
+    /// Share of the displacement that a mode at `hz` may have: all of it where it would be the first.
+    pub(super) fn share(&self, hz: f64) -> f64 {
+        self.first_hz
+            .map_or(1.0, |first| (first / hz).powi(2).min(HIGHER_SHARE))
+    }
+
+    /// The linear part with such a mode.
+    pub(super) fn linear(&self, linear: &LinearPart, hz: f64) -> LinearPart {
+        let share = self.share(hz);
+        let mut with = linear.clone();
+        with.modes.iter_mut().for_each(|mode| mode.share *= 1.0 - share);
+        with.modes.push(ModeOfStage {
+            frequency_hz: hz,
+            damping: UNSEEN_DAMPING,
+            share,
+        });
+        with
+    }
+}
+
 /// The plants that a loop has to hold with, on one grid of frequencies.
 struct Plants {
     omega: Vec<f64>,
@@ -249,23 +321,33 @@ struct Plants {
     disturbance: Vec<f64>,
     /// Weight of each frequency in the mean over the band of the sensor's noise.
     noise: Vec<f64>,
-    /// Plant without gain, for each factor on the modes, the nominal one second.
+    /// Plant without gain, for each factor on the modes, the nominal one second; then with a mode where nothing is told.
     responses: Vec<Vec<Complex64>>,
-    /// First mode; a tenth of the sample rate where the stage is rigid.
+    /// Most that a mode nobody has seen adds to the plant, at each frequency.
+    unseen: Vec<f64>,
+    /// First mode, or where the first may be; a tenth of the sample rate at most.
     mode_hz: f64,
+    told_to_hz: f64,
     period_s: f64,
 }
 
 impl Plants {
-    fn new(model: &ControlModel) -> Self {
+    fn new(model: &ControlModel, unseen: Unseen) -> Self {
         let period_s = model.sample_period_s;
         let half_rate_hz = 0.5 / period_s;
         let mut hz: Vec<f64> = (0..=400)
             .map(|n| (0.9999 * half_rate_hz).powf(f64::from(n) / 400.0))
             .collect();
         // A mode of 2 % damping is 4 % wide: twenty points over each width, wherever it may lie.
-        for mode in &model.linear.modes {
-            hz.extend((-80..=80).map(|n| mode.frequency_hz * (1.0 + 0.002 * f64::from(n))));
+        let first_unseen = unseen.first_hz.is_none().then_some(unseen.from_hz);
+        for mode_hz in model
+            .linear
+            .modes
+            .iter()
+            .map(|mode| mode.frequency_hz)
+            .chain(first_unseen)
+        {
+            hz.extend((-80..=80).map(|n| mode_hz * (1.0 + 0.002 * f64::from(n))));
         }
         hz.retain(|f| *f >= 1.0 && *f < half_rate_hz);
         hz.sort_by(f64::total_cmp);
@@ -282,22 +364,30 @@ impl Plants {
             })
             .collect();
         let noise = (0..hz.len()).map(|n| width(n).0 / half_rate_hz).collect();
-        let responses = MODE_FACTORS
-            .iter()
-            .map(|&factor| {
-                let mut linear: LinearPart = model.linear.clone();
-                linear.modes.iter_mut().for_each(|mode| mode.frequency_hz *= factor);
-                omega
-                    .iter()
-                    .map(|&w| {
-                        let half = 0.5 * w * period_s;
-                        Complex64::from_polar(half.sin() / half, -w * model.latency_s)
-                            * linear.response(w)
-                            * sensor(model, w)
-                    })
-                    .collect()
-            })
-            .collect();
+        let through = |linear: &LinearPart| -> Vec<Complex64> {
+            let at = |&w: &f64| {
+                let half = 0.5 * w * period_s;
+                Complex64::from_polar(half.sin() / half, -w * model.latency_s) * linear.response(w) * sensor(model, w)
+            };
+            omega.iter().map(at).collect()
+        };
+        let factors = MODE_FACTORS.iter().map(|&factor| {
+            let mut linear = model.linear.clone();
+            linear.modes.iter_mut().for_each(|mode| mode.frequency_hz *= factor);
+            linear
+        });
+        let with_unseen = first_unseen.map(|hz| unseen.linear(&model.linear, hz));
+        let responses = factors.chain(with_unseen).map(|linear| through(&linear)).collect();
+        let rigid = LinearPart {
+            modes: Vec::new(),
+            ..model.linear
+        };
+        let unseen_at = |(w, response): (&f64, Complex64)| match w / TAU {
+            hz if hz < unseen.from_hz => 0.0,
+            hz => response.norm() * unseen.share(hz) / (2.0 * UNSEEN_DAMPING),
+        };
+        let unseen_gain = omega.iter().zip(through(&rigid)).map(unseen_at).collect();
+        let known_hz = unseen.first_hz.unwrap_or(unseen.from_hz);
         Self {
             delay: omega
                 .iter()
@@ -307,11 +397,9 @@ impl Plants {
             disturbance,
             noise,
             responses,
-            mode_hz: model
-                .linear
-                .modes
-                .first()
-                .map_or(0.1 / period_s, |mode| mode.frequency_hz),
+            unseen: unseen_gain,
+            mode_hz: known_hz.min(0.1 / period_s),
+            told_to_hz: unseen.from_hz.min(half_rate_hz),
             period_s,
         }
     }
@@ -334,11 +422,18 @@ impl Plants {
         for response in &self.responses {
             for gain in GAIN_FACTORS {
                 let (mut turns, mut nearest) = (0, f64::INFINITY);
-                let ends = controller.iter().zip(response).map(|(c, p)| 1.0 + gain * c * p);
+                let plants = response.iter().zip(&self.unseen);
                 let mut before: Option<Complex64> = None;
                 let mut first = Complex64::default();
-                for distance in ends {
-                    nearest = nearest.min(distance.norm_sqr());
+                for (c, (p, unseen)) in controller.iter().zip(plants) {
+                    let distance = 1.0 + gain * c * p;
+                    // A mode that was not seen may turn what it adds against the rest.
+                    let left = if *unseen > 0.0 {
+                        (distance.norm() - gain * c.norm() * unseen).max(0.0)
+                    } else {
+                        distance.norm()
+                    };
+                    nearest = nearest.min(left * left);
                     if let Some(before) = before {
                         turns += crossing(before, distance);
                     } else {
@@ -427,21 +522,24 @@ impl Plants {
 
 /// Designs the feedback: of four structures, the one that leaves least of the disturbances within the robustness asked for.
 ///
-/// `None` where no structure is: the sensitivity, over modes +-10 % and loop gain 0.6 to 1.3, must stay below `largest_sensitivity`.
+/// `None` where no structure is: the sensitivity, over modes +-10 %, loop gain 0.6 to 1.3 and a mode wherever nothing is told, must stay
+/// below `largest_sensitivity`; and where nothing is told at all.
 ///
 /// # Cost
 /// About 150 000 loops of some 600 frequencies and nine plants, on all cores, some ten seconds.
-pub fn design(model: &ControlModel, largest_sensitivity: f64) -> Option<FeedbackDesign> {
+pub fn design(model: &ControlModel, largest_sensitivity: f64, effort: Effort) -> Option<FeedbackDesign> {
     let rate_hz = 1.0 / model.sample_period_s;
-    let plants = Plants::new(model);
+    let plants = Plants::new(model, Unseen::of(model)?);
     let mode_hz = plants.mode_hz;
     let searches: Vec<(Structure, u64)> = Structure::ALL
         .into_iter()
-        .flat_map(|structure| (1..=structure.searches(mode_hz, rate_hz)).map(move |seed| (structure, seed)))
+        .flat_map(|structure| {
+            (1..=structure.searches(mode_hz, rate_hz).min(effort.searches())).map(move |seed| (structure, seed))
+        })
         .collect();
     let search = |(structure, seed): (Structure, u64)| {
         let cost = |p: &[f64]| plants.cost(structure.candidate(p, rate_hz), largest_sensitivity);
-        let (found, _) = evolution::minimum(&structure.bounds(mode_hz, rate_hz), GENERATIONS, seed, cost);
+        let (found, _) = evolution::minimum(&structure.bounds(mode_hz, rate_hz), effort.generations(), seed, cost);
         let polish = |start: &[f64]| simplex::minimum(start, 0.1, 150, |_| false, cost);
         // Once more from where it stopped: the simplex may have collapsed on the walls.
         (structure, polish(&polish(&found).0))
@@ -464,8 +562,9 @@ pub fn design(model: &ControlModel, largest_sensitivity: f64) -> Option<Feedback
         series: candidate.series,
         damping: [b0 * per_gain, b1 * per_gain, b2 * per_gain, a1, a2],
         peak_sensitivity,
-        rejection_hz: plants.rejection_hz(&sensitivity),
-        helps_to_hz: plants.stays_below(1.0, &sensitivity),
+        rejection_hz: plants.rejection_hz(&sensitivity).min(plants.told_to_hz),
+        helps_to_hz: plants.stays_below(1.0, &sensitivity).min(plants.told_to_hz),
+        told_to_hz: plants.told_to_hz,
         noise_nm: plants.noise(&sensitivity),
     })
 }
@@ -493,7 +592,7 @@ pub(crate) fn sensitivity(model: &ControlModel, design: Option<&FeedbackDesign>,
 }
 
 /// Displacement over voltage over the whole identified range, micrometres per volt.
-fn mean_gain_um_per_v(model: &ControlModel) -> f64 {
+pub(super) fn mean_gain_um_per_v(model: &ControlModel) -> f64 {
     let inverse = &model.inverse;
     let x = inverse.input_max_um;
     let of_input = inverse.input_function.iter().rev().fold(0.0, |sum, c| (sum + c) * x);

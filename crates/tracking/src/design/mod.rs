@@ -2,12 +2,14 @@
 
 mod evolution;
 pub mod feedback;
+pub(crate) mod linear_stage;
 pub mod prediction;
 pub mod preview;
 pub mod refusal;
+pub mod stands;
 
 use crate::error::TrackingError;
-use feedback::FeedbackDesign;
+use feedback::{Effort, FeedbackDesign};
 use hysteron_core::biquad::Biquad;
 use hysteron_core::law_numbers::{HumNumbers, LawNumbers};
 use hysteron_core::real::Real;
@@ -31,6 +33,20 @@ pub enum ReferenceKind {
 /// Highest frequency that a live reference is extrapolated for, hertz: smooth references; what lies above is amplified.
 const LIVE_BAND_HZ: f64 = 1500.0;
 
+/// Why a controller has no feedback.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OpenLoop {
+    /// None was asked for.
+    NotAsked,
+    /// No record of small signals tells where the stage has modes, and nobody vouches for it.
+    NotTold,
+    /// No loop keeps the sensitivity that was asked for.
+    NoneRobust,
+    /// Every loop that the design found swings on a stage that the records allow.
+    Swings,
+}
+
 /// A controller: the identified chain and what was designed on it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -43,14 +59,22 @@ pub struct Controller {
     pub samples_ahead: usize,
     /// Coefficients of the preview filter, the newest sample's first.
     pub preview: Vec<f64>,
-    /// Feedback; none where no loop is robust, or none was asked for.
+    /// Feedback; none where `open_loop` says why.
     pub feedback: Option<FeedbackDesign>,
+    /// Why there is no feedback.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub open_loop: Option<OpenLoop>,
     /// The identified chain.
     pub model: ControlModel,
 }
 
 /// The form written.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
+
+/// Loops that are designed before there is none.
+const DESIGNS: usize = 3;
+/// What a tighter one may have of the sensitivity's peak above 1.
+const TIGHTER: f64 = 0.7;
 
 impl Controller {
     /// Designs a controller on an identified chain.
@@ -70,21 +94,57 @@ impl Controller {
             samples_ahead,
             preview: taps.to_vec(),
             feedback: None,
+            open_loop: Some(OpenLoop::NotAsked),
             model: model.clone(),
         })
     }
 
     /// The same controller with feedback, where there is a robust one.
-    #[must_use]
-    pub fn with_feedback(self) -> Self {
-        self.with_feedback_within(feedback::LARGEST_SENSITIVITY)
+    ///
+    /// # Errors
+    /// As [`Self::with_feedback_within`].
+    pub fn with_feedback(self) -> Result<Self, TrackingError> {
+        self.with_feedback_within(feedback::LARGEST_SENSITIVITY, Effort::Whole)
     }
 
     /// As [`Self::with_feedback`], with another largest peak of the sensitivity.
-    #[must_use]
-    pub fn with_feedback_within(self, largest_sensitivity: f64) -> Self {
+    ///
+    /// A loop is designed on responses over frequency, and then run in time on each stage that the records allow, see [`stands::swings`].
+    /// Where it swings on one of them, a tighter one is designed, twice at most.
+    ///
+    /// # Errors
+    /// A law that the core refuses.
+    pub fn with_feedback_within(self, largest_sensitivity: f64, effort: Effort) -> Result<Self, TrackingError> {
+        if self.model.covered.told_to_hz().is_none() {
+            return Ok(self.open(OpenLoop::NotTold));
+        }
+        let mut peak = largest_sensitivity;
+        for _ in 0..DESIGNS {
+            let Some(feedback) = feedback::design(&self.model, peak, effort) else {
+                let why = if peak < largest_sensitivity {
+                    OpenLoop::Swings
+                } else {
+                    OpenLoop::NoneRobust
+                };
+                return Ok(self.open(why));
+            };
+            let closed = Self {
+                feedback: Some(feedback),
+                open_loop: None,
+                ..self.clone()
+            };
+            if stands::swings(&closed)?.is_none() {
+                return Ok(closed);
+            }
+            peak = 1.0 + TIGHTER * (peak - 1.0);
+        }
+        Ok(self.open(OpenLoop::Swings))
+    }
+
+    fn open(self, why: OpenLoop) -> Self {
         Self {
-            feedback: feedback::design(&self.model, largest_sensitivity),
+            feedback: None,
+            open_loop: Some(why),
             ..self
         }
     }
@@ -92,10 +152,7 @@ impl Controller {
     /// The same controller in open loop; hum is still learned from the sensor where the chain has any.
     #[must_use]
     pub fn without_feedback(&self) -> Self {
-        Self {
-            feedback: None,
-            ..self.clone()
-        }
+        self.clone().open(self.open_loop.unwrap_or(OpenLoop::NotAsked))
     }
 
     /// What the preview filter reaches on the identified linear part.

@@ -41,6 +41,8 @@ impl Rehearsal {
             known: Known {
                 voltage_min_v: Some(stage.amplifier.min_v),
                 voltage_max_v: Some(stage.amplifier.max_v),
+                dac_v: stage.dac_v(),
+                adc_um: stage.adc_um(),
                 ..Known::default()
             },
             records: records?,

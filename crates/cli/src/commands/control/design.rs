@@ -5,11 +5,12 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
 use clap::{Args, ValueEnum};
-use hysteron_identify::Model;
 use hysteron_identify::control::{ControlModel, RecordedHold, Undone, chain_of, identify, refine};
-use hysteron_tracking::design::feedback::LARGEST_SENSITIVITY;
+use hysteron_identify::{Covered, Model};
+use hysteron_plant::preset;
+use hysteron_tracking::design::feedback::{Effort, LARGEST_SENSITIVITY};
 use hysteron_tracking::design::prediction::{cost, predict};
-use hysteron_tracking::design::{Controller, ReferenceKind};
+use hysteron_tracking::design::{Controller, OpenLoop, ReferenceKind};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -42,6 +43,9 @@ pub(crate) struct DesignArgs {
     /// Largest peak of the sensitivity over modes +-10 % and loop gain 0.6 to 1.3, 1.2 to 4: less is more robust and rejects less
     #[arg(long, value_name = "PEAK", default_value_t = LARGEST_SENSITIVITY, conflicts_with = "open")]
     pub margin: f64,
+    /// Your word that the stage has no mode below this but those of the model: feedback may go by it where no record of small signals tells
+    #[arg(long, value_name = "HZ", conflicts_with = "open")]
+    pub rigid: Option<f64>,
     /// Without feedback
     #[arg(long)]
     pub open: bool,
@@ -76,6 +80,17 @@ struct Source {
     undone: Vec<Undone>,
     /// The model's error on records, percent of peak to peak.
     model_percent: Option<f64>,
+    tracked_on: TrackedOn,
+}
+
+/// What a controller is run on next.
+enum TrackedOn {
+    /// The model that it is designed from.
+    Model(PathBuf),
+    /// The simulated stage that its records come from.
+    Preset(String),
+    /// The stage itself.
+    Board,
 }
 
 pub(crate) fn run(args: &DesignArgs) -> Result<Done, CliError> {
@@ -86,16 +101,17 @@ pub(crate) fn run(args: &DesignArgs) -> Result<Done, CliError> {
             args.margin
         )));
     }
-    let source = if args.source.extension().is_some_and(|ending| ending == "toml") {
+    let mut source = if args.source.extension().is_some_and(|ending| ending == "toml") {
         from_model(args)?
     } else {
         from_records(args)?
     };
+    source.chain.covered.rigid_to_hz = rigid_hz(args, &source.chain)?;
     let controller = Controller::design(&source.chain, args.reference.into())?;
     let controller = if args.open {
         controller
     } else {
-        controller.with_feedback_within(args.margin)
+        controller.with_feedback_within(args.margin, Effort::Whole)?
     };
     output::write_file(&args.output, &controller.to_toml()?)?;
     if args.json {
@@ -105,6 +121,21 @@ pub(crate) fn run(args: &DesignArgs) -> Result<Done, CliError> {
     }
     Ok(Done::Answered)
 }
+
+/// What the user vouches for.
+fn rigid_hz(args: &DesignArgs, chain: &ControlModel) -> Result<Option<f64>, CliError> {
+    let half_rate_hz = 0.5 / chain.sample_period_s;
+    match args.rigid {
+        Some(hz) if !(hz >= LOWEST_RIGID_HZ && hz <= half_rate_hz) => Err(CliError::Option(format!(
+            "--rigid {hz}: {LOWEST_RIGID_HZ} Hz to half the controller's rate, {half_rate_hz:.0} Hz; give the frequency below which \
+             the stage surely has no mode but those of the model"
+        ))),
+        given => Ok(given),
+    }
+}
+
+/// Where a first mode may be at the lowest, a loop against it would help with nothing.
+const LOWEST_RIGID_HZ: f64 = 10.0;
 
 fn volts(args: &DesignArgs) -> Result<Option<[f64; 2]>, CliError> {
     match args.volts.as_deref() {
@@ -122,7 +153,8 @@ fn from_records(args: &DesignArgs) -> Result<Source, CliError> {
             "--along: a campaign has its own records along references; leave the option out, or design from a model.toml".to_owned(),
         ));
     }
-    let mut chain = identify(&load::dataset(&args.source)?)?;
+    let dataset = load::dataset(&args.source)?;
+    let mut chain = identify(&dataset)?;
     if args.rate_hz.is_some() {
         return Err(CliError::Option(
             "--rate-hz: a campaign is recorded at the controller's own rate; leave the option out".to_owned(),
@@ -135,6 +167,10 @@ fn from_records(args: &DesignArgs) -> Result<Source, CliError> {
         chain,
         undone: Vec::new(),
         model_percent: None,
+        tracked_on: match preset::named(&dataset.name) {
+            Some(_) => TrackedOn::Preset(dataset.name),
+            None => TrackedOn::Board,
+        },
     })
 }
 
@@ -169,6 +205,7 @@ fn from_model(args: &DesignArgs) -> Result<Source, CliError> {
         chain,
         undone,
         model_percent: last.and_then(|step| step.validate_percent.or(step.identify_percent)),
+        tracked_on: TrackedOn::Model(args.source.clone()),
     })
 }
 
@@ -188,6 +225,8 @@ fn json(args: &DesignArgs, source: &Source, controller: &Controller) -> Result<s
         "bandwidth_hz": quality.bandwidth_hz,
         "predicted": predict(controller, source.model_percent)?,
         "feedback": controller.feedback,
+        "open_loop": controller.open_loop,
+        "covered": controller.model.covered,
         "cost": cost(controller),
     }))
 }
@@ -259,24 +298,76 @@ fn text(args: &DesignArgs, source: &Source, controller: &Controller) -> Result<S
         Some(feedback) => {
             let _ = writeln!(
                 text,
-                "  integral and {}, {:.0} V/um/s; peak sensitivity {:.2} over modes +-10 % and loop gain 0.6 to 1.3\n  \
+                "  integral and {}, {:.0} V/um/s; peak sensitivity {:.2} over modes +-10 %, loop gain 0.6 to 1.3 and a mode wherever\n  \
+                 nothing is told: above {:.0} Hz, by {}; run in time on each of these, it comes to rest\n  \
                  disturbances below -3 dB to {:.0} Hz, helps to {:.0} Hz; {:.2} nm at rest for 1 nm of white sensor noise",
                 feedback.structure,
                 feedback.integral_v_per_um_s,
                 feedback.peak_sensitivity,
+                feedback.told_to_hz,
+                told_by(&model.covered),
                 feedback.rejection_hz,
                 feedback.helps_to_hz,
                 feedback.noise_nm
             );
         }
-        None => text.push_str(
-            "  none: no loop keeps its peak sensitivity below 2 over modes +-10 % and loop gain 0.6 to 1.3\n",
-        ),
+        None => text.push_str(&without_feedback(args, controller)),
     }
     expected(&mut text, source, controller)?;
     let path = args.output.display();
-    let _ = writeln!(text, "written to {path}\nnext: hysteron track {path} --stage PRESET");
+    let on = match &source.tracked_on {
+        TrackedOn::Model(model) => format!("--model {}", model.display()),
+        TrackedOn::Preset(name) => format!("--stage {name}"),
+        TrackedOn::Board => "--board HOST:PORT".to_owned(),
+    };
+    let _ = writeln!(text, "written to {path}\nnext: hysteron track {path} {on}");
     Ok(text)
+}
+
+/// Who tells the stage up to the highest frequency.
+fn told_by(covered: &Covered) -> String {
+    match (&covered.small_signal, covered.rigid_to_hz) {
+        (Some(band), rigid_hz) if rigid_hz.is_none_or(|hz| hz <= band.up_to_hz) => {
+            format!("the record {}", band.record)
+        }
+        _ => "--rigid, your word".to_owned(),
+    }
+}
+
+/// Why there is no feedback, and what would allow it.
+fn without_feedback(args: &DesignArgs, controller: &Controller) -> String {
+    let margin = args.margin;
+    match controller.open_loop {
+        Some(OpenLoop::NotAsked) | None => "  none: not asked for\n".to_owned(),
+        Some(OpenLoop::NotTold) => format!(
+            "  none: no record of small signals tells up to where the stage does what the model says; a mode may be anywhere, and a\n  \
+             loop makes it swing. Record one beside the others and fit again, such as\n    {}\n  \
+             or give your word that there is no mode below HZ but those of the model: --rigid HZ\n",
+            small_multisine(&controller.model)
+        ),
+        Some(OpenLoop::NoneRobust) => format!(
+            "  none: no loop keeps its peak sensitivity below {margin} over modes +-10 %, loop gain 0.6 to 1.3 and a mode above\n  \
+             {:.0} Hz, where nothing is told; a larger --margin, or a record of small signals to higher frequencies, may allow one\n",
+            controller.model.covered.told_to_hz().unwrap_or(f64::NAN)
+        ),
+        Some(OpenLoop::Swings) => "  none: every loop that was designed swings when it is run in time on the model with modes +-10 % and loop gain \
+             0.6 to 1.3;\n  a smaller --margin may give one that holds\n"
+            .to_owned(),
+    }
+}
+
+/// The record that would allow a loop, as an excitation: 3 % of the range about its middle, to an eighth of the controller's rate.
+fn small_multisine(model: &ControlModel) -> String {
+    let [low_v, high_v] = model
+        .covered
+        .voltage_v
+        .unwrap_or([model.voltage_min_v, model.voltage_max_v]);
+    format!(
+        "multisine:low_hz=20,high_hz={:.0},period_s=0.1,periods=8,bias_v={:.4},peak_v={:.3}",
+        0.125 / model.sample_period_s,
+        0.5 * (low_v + high_v),
+        0.03 * (high_v - low_v)
+    )
 }
 
 /// Each effect of the model with its compensator, or why it has none.

@@ -5,6 +5,7 @@ mod chip;
 pub(crate) mod design;
 mod learning;
 mod on_board;
+mod on_model;
 mod page;
 mod programme;
 pub(crate) mod record;

@@ -3,7 +3,7 @@
 use crate::commands::board::EmulatorName;
 use crate::commands::control::chip::{Chip, Follow};
 use crate::commands::control::learning::{self, Plan};
-use crate::commands::control::{on_board, page, range_um, scans, stage};
+use crate::commands::control::{on_board, on_model, page, range_um, scans, stage};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
@@ -24,6 +24,7 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hysteron track controller.toml --stage 8k --json\n  \
     hysteron track controller.toml --stage 8k --alone --emulator mps2-an386    # and on the chip\n  \
+    hysteron track controller.toml --model model.toml                          # on your own identified model\n  \
     hysteron track controller.toml --board localhost:9090 --range 3,13         # on a board that has its table\n\n\
     Errors are rms of reference minus true position over whole periods after settling, percent of the reference's\n\
     peak to peak, the mean included. Position k is compared with reference k: nothing is shifted.")]
@@ -31,8 +32,15 @@ pub(crate) struct TrackArgs {
     /// Controller file of `hysteron design`
     pub controller: PathBuf,
     /// The simulated stage: paper-rate, paper-delay, 8k, 2.5k or 739
-    #[arg(long, value_name = "PRESET", required_unless_present = "board")]
+    #[arg(long, value_name = "PRESET", required_unless_present_any = ["board", "model"])]
     pub stage: Option<String>,
+    /// Your own identified model instead, model.toml: what the design expects beside what comes out on it
+    #[arg(
+        long,
+        value_name = "MODEL",
+        conflicts_with_all = ["stage", "board", "output", "robustness", "alone", "iterations", "emulator"]
+    )]
+    pub model: Option<PathBuf>,
     /// A real board with the controller's table instead: HOST:PORT of a server of its RTT channel 1; measured position; scans as well
     /// where it has both axes
     #[arg(
@@ -127,10 +135,13 @@ struct Answer<'a> {
 pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
     let controller = Controller::read(&args.controller)?;
     let given_um = range_um(args.range.as_deref())?;
-    match (&args.stage, &args.board) {
-        (_, Some(from)) => on_board::track(args, from, given_um, &controller),
-        (Some(name), None) => on_stage(args, name, given_um, &controller),
-        (None, None) => Err(CliError::Option("give --stage PRESET or --board HOST:PORT".to_owned())),
+    match (&args.stage, &args.board, &args.model) {
+        (_, Some(from), _) => on_board::track(args, from, given_um, &controller),
+        (_, None, Some(path)) => on_model::track(args, path, given_um, &controller),
+        (Some(name), None, None) => on_stage(args, name, given_um, &controller),
+        (None, None, None) => Err(CliError::Option(
+            "give --model MODEL, --stage PRESET or --board HOST:PORT".to_owned(),
+        )),
     }
 }
 
@@ -181,7 +192,21 @@ fn on_stage(
     } else {
         output::print(&(text(&report) + &board.as_ref().map_or_else(String::new, board_text)))?;
     }
-    Ok(Done::Answered)
+    Ok(ended(&report))
+}
+
+/// How a run ends: the paper's own controllers are for comparison.
+fn ended(report: &TrackReport) -> Done {
+    let own = report.controllers.iter().filter(|controller| is_own(controller));
+    if own.map(|controller| controller.stable).all(|stable| stable) {
+        Done::Answered
+    } else {
+        Done::Unstable
+    }
+}
+
+fn is_own(controller: &ControllerFigures) -> bool {
+    !controller.name.starts_with("paper's")
 }
 
 /// The references of [`SHAPES`] by the firmware, settled and judged for as long as here.
@@ -415,6 +440,18 @@ fn line(controller: &ControllerFigures, widest: usize) -> String {
         hertz(controller.minus3db_hz),
         controller.noise_nm
     );
+    if !controller.stable {
+        let advice = if is_own(controller) {
+            "; do not run it: design it with a smaller --margin, or --open"
+        } else {
+            ""
+        };
+        let _ = writeln!(
+            text,
+            "{:<widest$}        UNSTABLE: it swings by itself, {:.1} nm rms at rest{advice}",
+            "", controller.noise_nm
+        );
+    }
     if !controller.limited_on.is_empty() {
         let _ = writeln!(
             text,

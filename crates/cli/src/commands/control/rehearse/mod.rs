@@ -159,7 +159,7 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<Done, CliError> {
         progress::advance(&bar, share);
     })?;
     bar.finish_and_clear();
-    let (rehearsed, trained) = rehearsed(&ground, &rehearsal, &learned)?;
+    let (rehearsed, trained) = rehearsed(&ground, &rehearsal, &records, &learned)?;
     if let Some(folder) = &args.output {
         write_dataset(&records, &folder.join("records"), Overwrite::Allow)?;
         learned.model.write(&folder.join("model.toml"))?;
@@ -197,6 +197,7 @@ fn design(chain: &ControlModel) -> Result<Controller, CliError> {
 fn rehearsed(
     ground: &Ground,
     rehearsal: &Rehearsal,
+    records: &Dataset,
     learned: &Learned,
 ) -> Result<(Rehearsed, Option<Trained>), CliError> {
     let hidden = rehearsal.hidden.effect();
@@ -245,10 +246,10 @@ fn rehearsed(
         return Ok((rehearsed, None));
     };
     let last = design(&trained)?;
-    let records = ground.training(rehearsal, &last)?;
-    refine(&mut trained, model, &records)?;
+    let slow = ground.training(rehearsal, &last)?;
+    refine(&mut trained, model, &slow)?;
     let open = design(&trained)?;
-    let closed = open.clone().with_feedback();
+    let closed = open.clone().with_feedback()?;
     for (controller, name) in [(&open, "trained-open"), (&closed, "trained-closed")] {
         rehearsed.climb(
             ground,
@@ -269,19 +270,21 @@ fn rehearsed(
     // The same hysteresis and the same other effects, this one not undone.
     let mut without = model.clone();
     without.effects.retain(|effect| effect.name != hidden);
+    // Its loop may go as far as its own records tell, not as those of the whole model.
+    without.cover(records);
     if let Ok(mut without) = chain(&rehearsal.stage, &without) {
         without.inverse = trained.inverse;
         let controller = design(&without)?;
         rehearsed.without_compensator_percent = Some(ground.errors(rehearsal, &controller, "without")?.percent);
         if rehearsed.emulator.is_none() {
-            let closed = controller.with_feedback();
+            let closed = controller.with_feedback()?;
             rehearsed.without_compensator_closed_percent = Some(rehearsal.errors(&rehearsal.stage, &closed)?);
         }
     }
     bar.finish_and_clear();
     let trained = Trained {
         controller: closed,
-        records,
+        records: slow,
     };
     Ok((rehearsed, Some(trained)))
 }

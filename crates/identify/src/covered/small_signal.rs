@@ -1,0 +1,258 @@
+//! Up to where small signals tell that a stage does what its model says: a mode below would have shown.
+
+use crate::control::Linear;
+use crate::family::{peak_to_peak, range};
+use crate::model::Model;
+use hysteron_data::{Dataset, Record, Role};
+use realfft::RealFftPlanner;
+use realfft::num_complex::Complex64;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// The band that small signals tell.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SmallSignalBand {
+    /// Up to here the measured response is the model's, hertz.
+    pub up_to_hz: f64,
+    /// The record that says so.
+    pub record: String,
+}
+
+/// A drive is small where 70 % of it stays within this share of the range: its loops are slender, and its response is that of the
+/// structure.
+const SMALL: f64 = 0.2;
+/// A stretch of it that is looked at stays within this share, peak to peak.
+const SMALL_STRETCH: f64 = 1.0 / 3.0;
+/// Length of a stretch, seconds: lines 10 Hz apart.
+const STRETCH_S: f64 = 0.1;
+/// Stretches that a response is averaged over at least.
+const STRETCHES: usize = 3;
+/// Power of the drive at a line, as a share of its strongest line, from which on the line counts.
+const EXCITED: f64 = 1e-3;
+/// Width of a group of lines, ratio of its ends.
+const GROUP: f64 = 1.1;
+/// Least coherence of a group: half of the position's power comes from the drive.
+const COHERENT: f64 = 0.5;
+/// By how much the measured response may differ from the model's. A mode that the model lacks makes `1 / (1 - (f / f1)^2)` of a response:
+/// it shows from half its frequency on.
+const DIFFERS: f64 = 0.3;
+/// Gap between two groups in which no mode hides: halfway into a gap of a quarter it makes four of one.
+const GAP: f64 = 1.25;
+/// Groups of a band at least: an octave.
+const GROUPS: usize = 8;
+/// Least and most of the mean gain that a stage has for small signals. The most is what loops are designed for; a piezo's slope after a turn
+/// is half of the mean one and more.
+const GAINS: [f64; 2] = [0.4, 1.3];
+/// Most that small loops are late by, radians: the arc sine of an opening of 40 %.
+const LATEST_RAD: f64 = 0.4;
+/// About a mode of the model the two may differ: a design holds with modes a tenth off.
+const ABOUT_A_MODE: f64 = 0.15;
+
+/// A line, or a group of lines.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Line {
+    pub hz: f64,
+    /// Measured and modelled response to the drive, in one unit.
+    pub measured: Complex64,
+    pub modelled: Complex64,
+    /// Power of the position that the drive explains, and all of it.
+    pub explained: f64,
+    pub all: f64,
+}
+
+/// Highest frequency of the highest run of groups of lines in which the model does what the stage does; lines ascend.
+///
+/// Below the run there is no mode either: above a mode that the model lacks, a stage moves the other way or hardly at all.
+pub(crate) fn highest_run(lines: &[Line], modes_hz: &[f64]) -> Option<f64> {
+    let gain = gain(lines)?;
+    let group_of = |hz: f64| (hz.ln() / GROUP.ln()).floor();
+    let (mut best, mut groups, mut highest_hz) = (None, 0, 0.0);
+    for group in lines.chunk_by(|a, b| group_of(a.hz) == group_of(b.hz)) {
+        let (Some(first), Some(last)) = (group.first(), group.last()) else {
+            continue;
+        };
+        let goes_on = groups > 0 && first.hz <= GAP * highest_hz;
+        groups = match (agrees(group, gain, modes_hz), goes_on) {
+            (false, _) => 0,
+            (true, false) => 1,
+            (true, true) => groups + 1,
+        };
+        highest_hz = last.hz;
+        if groups >= GROUPS {
+            best = Some(highest_hz);
+        }
+    }
+    best
+}
+
+/// What the stage's gain for small signals is of the mean one, from the lower half of the octaves; none where it is out of all proportion.
+///
+/// Small loops are flatter than the range is, and late by their opening: a loop holds with gains up to 1.3 of the mean, with less it is
+/// slower, and it has half a radian to spare.
+fn gain(lines: &[Line]) -> Option<Complex64> {
+    let (first, last) = (lines.first()?, lines.last()?);
+    let up_to_hz = (first.hz * last.hz).sqrt();
+    let low = lines.iter().filter(|line| line.hz <= up_to_hz);
+    let (along, own) = low.fold((Complex64::default(), 0.0), |(along, own), line| {
+        (
+            along + line.measured * line.modelled.conj(),
+            own + line.modelled.norm_sqr(),
+        )
+    });
+    let gain = along / own;
+    ((GAINS[0]..=GAINS[1]).contains(&gain.norm()) && gain.arg().abs() <= LATEST_RAD).then_some(gain)
+}
+
+/// Whether the model does in a group of lines what the stage does, but for a gain.
+fn agrees(group: &[Line], gain: Complex64, modes_hz: &[f64]) -> bool {
+    let missed: f64 = group
+        .iter()
+        .map(|line| (line.measured - gain * line.modelled).norm_sqr())
+        .sum();
+    let sum = |of: fn(&Line) -> f64| group.iter().map(of).sum::<f64>();
+    let coherent = sum(|line| line.explained) >= COHERENT * sum(|line| line.all);
+    let about_a_mode = modes_hz
+        .iter()
+        .any(|mode| group.iter().any(|line| (line.hz / mode - 1.0).abs() < ABOUT_A_MODE));
+    let same = missed <= DIFFERS * DIFFERS * sum(|line| line.measured.norm_sqr());
+    coherent && (same || about_a_mode)
+}
+
+/// The widest band that one of the records tells; none where no record of small signals does.
+pub(super) fn told(model: &Model, dataset: &Dataset) -> Option<SmallSignalBand> {
+    let drives = dataset
+        .with_role(Role::Identify)
+        .flat_map(|record| record.voltage_v.iter().copied());
+    let (low, high) = range(drives);
+    let span_v = high - low;
+    let linear = Linear::of(model);
+    let modes_hz: Vec<f64> = linear.part.modes.iter().map(|mode| mode.frequency_hz).collect();
+    let positions = dataset
+        .with_role(Role::Identify)
+        .flat_map(|record| record.position_um.iter().copied());
+    let (lowest, highest) = range(positions);
+    let mean_um_per_v = (highest - lowest) / span_v;
+    let modelled = |hz: f64| mean_um_per_v * linear.response(2.0 * PI * hz);
+    let bands = dataset
+        .records
+        .iter()
+        .filter(|record| small(&record.voltage_v, span_v))
+        .filter_map(|record| {
+            let up_to_hz = highest_run(&lines(record, modelled, span_v)?, &modes_hz)?;
+            Some(SmallSignalBand {
+                up_to_hz,
+                record: record.file.clone(),
+            })
+        });
+    bands.max_by(|a, b| a.up_to_hz.total_cmp(&b.up_to_hz))
+}
+
+/// Whether a drive is small, but for a rise to where it is.
+fn small(voltage_v: &[f64], span_v: f64) -> bool {
+    let mut sorted = voltage_v.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        sorted
+            .get((share * sorted.len() as f64) as usize)
+            .copied()
+            .unwrap_or(f64::NAN)
+    };
+    let most = at(0.85) - at(0.15);
+    most > 0.0 && most <= SMALL * span_v
+}
+
+/// The measured response at the lines that the drive has, averaged over stretches of the record (Welch), beside the modelled one.
+fn lines(record: &Record, modelled: impl Fn(f64) -> Complex64, span_v: f64) -> Option<Vec<Line>> {
+    let length = ((STRETCH_S / record.period_s).round() as usize).min(record.len() / (STRETCHES + 1)) & !1;
+    if length < 64 {
+        return None;
+    }
+    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(length);
+    let spectrum = |values: &[f64]| {
+        let mean = values.iter().sum::<f64>() / length as f64;
+        let window = |k: usize| 0.5 * (1.0 - (2.0 * PI * k as f64 / length as f64).cos());
+        let mut time: Vec<f64> = values.iter().enumerate().map(|(k, v)| (v - mean) * window(k)).collect();
+        let mut lines = fft.make_output_vec();
+        // Lengths are the plan's own.
+        let _ = fft.process(&mut time, &mut lines);
+        lines
+    };
+    let count = length / 2;
+    let (mut drive, mut position) = (vec![0.0; count], vec![0.0; count]);
+    let mut measured = vec![Complex64::default(); count];
+    let mut stretches = 0;
+    for from in (0..=record.len() - length).step_by(length / 2) {
+        let voltage_v = &record.voltage_v[from..from + length];
+        let swing_v = peak_to_peak(voltage_v);
+        if swing_v <= 0.0 || swing_v > SMALL_STRETCH * span_v {
+            continue;
+        }
+        stretches += 1;
+        let (v, y) = (spectrum(voltage_v), spectrum(&record.position_um[from..from + length]));
+        for k in 0..count {
+            drive[k] += v[k].norm_sqr();
+            position[k] += y[k].norm_sqr();
+            measured[k] += y[k] * v[k].conj();
+        }
+    }
+    if stretches < STRETCHES {
+        return None;
+    }
+    let strongest = drive.iter().skip(2).copied().fold(0.0, f64::max);
+    let hz = |k: usize| k as f64 / (length as f64 * record.period_s);
+    let excited = (2..count).filter(|&k| drive[k] > EXCITED * strongest);
+    let lines = excited.map(|k| Line {
+        hz: hz(k),
+        measured: measured[k],
+        modelled: drive[k] * modelled(hz(k)),
+        explained: measured[k].norm_sqr() / drive[k],
+        all: position[k],
+    });
+    Some(lines.collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lines of a stage with a mode at `mode_hz`, of which a rigid model knows nothing.
+    fn seen(mode_hz: f64, to_hz: f64) -> Vec<Line> {
+        let hz = (2..).map(|k| 10.0 * f64::from(k)).take_while(|hz| *hz <= to_hz);
+        hz.map(|hz| {
+            let gain = 1.0 / (1.0 - (hz / mode_hz).powi(2));
+            Line {
+                hz,
+                measured: Complex64::new(0.8 * gain, 0.0),
+                modelled: Complex64::new(1.0, 0.0),
+                explained: 0.64 * gain * gain,
+                all: 0.64 * gain * gain,
+            }
+        })
+        .collect()
+    }
+
+    /// `1 / (1 - x^2)` differs from 1 by 0.3 of itself at x = sqrt(0.3) = 0.55; a group is a tenth wide.
+    #[test]
+    fn val_a_mode_shows_from_half_its_frequency_on() {
+        let told = highest_run(&seen(700.0, 2000.0), &[]).unwrap();
+        assert!((0.5 * 700.0..0.6 * 700.0).contains(&told), "{told}");
+        // Far below the mode everything is told.
+        assert_eq!(highest_run(&seen(7000.0, 2000.0), &[]), Some(2000.0));
+        // A model that has the mode is not told by lines beside it.
+        assert_eq!(highest_run(&seen(700.0, 2000.0), &[700.0]), Some(told));
+    }
+
+    /// A sine and its harmonics leave gaps that a mode hides in.
+    #[test]
+    fn refuse_a_band_with_gaps() {
+        let sparse: Vec<Line> = seen(7000.0, 2000.0).into_iter().step_by(30).collect();
+        assert_eq!(highest_run(&sparse, &[]), None);
+        // Nor do lines of which noise is the most.
+        let noisy = seen(7000.0, 2000.0).into_iter().map(|line| Line {
+            all: 3.0 * line.all,
+            ..line
+        });
+        assert_eq!(highest_run(&noisy.collect::<Vec<_>>(), &[]), None);
+    }
+}
