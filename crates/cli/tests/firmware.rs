@@ -148,7 +148,7 @@ fn refuse_bad_exports() {
     for (said, wanted) in [
         (
             refused(&["export", &forward, "-o", &table]),
-            "runs forward; the board needs a direct inverse",
+            "runs forward; design a controller from it and export that",
         ),
         (
             narrowed(&["--amplifier", "200,0"]),

@@ -39,6 +39,9 @@ impl Table {
     /// # Errors
     /// As [`Table::check`].
     pub fn sweep(&self) -> Result<Sweep, TableError> {
+        if let Some(covered) = &self.covered {
+            covered.check()?;
+        }
         if self.format != FORMAT {
             return Err(refuse("format", &self.format, format!("this version reads `{FORMAT}`")));
         }
@@ -104,6 +107,7 @@ impl Table {
             input_min_um: self.input_min_um - part.rest_um,
             input_max_um: self.input_max_um - part.rest_um,
             controller: None,
+            covered: None,
             ..self.clone()
         };
         from_rest.check_plays()
@@ -190,7 +194,8 @@ impl Table {
                 return Err(refuse(
                     self.input_terms(),
                     format!("flat or turning at {input} um"),
-                    "the inverse must rise and fall with its input over the whole range; narrow the range or fit anew",
+                    "the inverse must rise and fall with its input over the whole range; narrow the range with --input-min and \
+                     --input-max, or fit anew",
                 ));
             }
             let slope = f64::from(output - last).abs() / spacing_um;
@@ -265,8 +270,9 @@ impl Table {
         if output >= self.output_min_v as f32 && output <= self.output_max_v as f32 {
             return Ok(());
         }
-        let reason =
-            format!("asks for {output} V at {input} um, outside output_min_v to output_max_v; narrow the input range");
+        let reason = format!(
+            "asks for {output} V at {input} um, outside output_min_v to output_max_v; narrow the range with --input-min and --input-max"
+        );
         Err(refuse(
             "input_min_um, input_max_um",
             format!("{}, {}", self.input_min_um, self.input_max_um),

@@ -292,7 +292,7 @@ impl Table {
             if !(part.inverse_min_um..=part.inverse_max_um).contains(&value) {
                 let reason = format!(
                     "lies {value} um above the rest, outside controller.inverse_min_um to controller.inverse_max_um, {} to {} um; \
-                     narrow the range",
+                     narrow the range with --input-min and --input-max",
                     part.inverse_min_um, part.inverse_max_um
                 );
                 return Err(refuse(field, value + part.rest_um, reason));

@@ -8,6 +8,7 @@ mod c;
 mod check;
 mod constants;
 mod controller;
+mod covered;
 pub mod gains;
 mod inverse;
 mod supervision;
@@ -16,6 +17,7 @@ pub use banks::{MOST_BANKS, constants_of_banks};
 pub use c::CCode;
 pub use check::Sweep;
 pub use controller::{Controller, Feedback, Hum, Trust};
+pub use covered::Covered;
 pub use inverse::Inverse;
 pub use supervision::LEAST_TRUST;
 
@@ -112,6 +114,9 @@ pub struct Table {
     /// The complete law around the inverse; without it the table is an inverse with PI.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub controller: Option<Controller>,
+    /// What the records behind it cover.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covered: Option<Covered>,
 }
 
 /// The families of the core, by their names in files.

@@ -10,7 +10,7 @@ use crate::figures::judge;
 use crate::reference::Reference;
 use crate::run::Tracked;
 use hysteron_core::surroundings::LoopInput;
-use hysteron_identify::{EffectName, IdentifyError, InitialState, Model};
+use hysteron_identify::{EffectId, EffectName, IdentifyError, InitialState, Model};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -113,6 +113,48 @@ fn determined(model: &Model) -> Result<(Model, Vec<EffectName>), TrackingError> 
     }
 }
 
+/// When a command arrives that is held for a sample, where the model has no delay that says so.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Held {
+    /// A delay was learned, and the hold with it.
+    InTheModel,
+    /// A lag or a mode averages over the sample: half of it.
+    Half,
+    /// Nothing averages, and the position at a sample is that of the command before.
+    Whole,
+}
+
+impl Held {
+    fn of(model: &Model, controller: &Controller) -> Self {
+        let linear = &controller.model.linear;
+        if model
+            .effects
+            .iter()
+            .any(|fitted| fitted.name.id() == Some(EffectId::Delay))
+        {
+            Self::InTheModel
+        } else if linear.modes.is_empty() && linear.lag_s == 0.0 {
+            Self::Whole
+        } else {
+            Self::Half
+        }
+    }
+
+    fn arrived(self, command_v: &[f64]) -> Vec<f64> {
+        let before = std::iter::once(0.0).chain(command_v.iter().copied());
+        let share = match self {
+            Self::InTheModel => 0.0,
+            Self::Half => 0.5,
+            Self::Whole => 1.0,
+        };
+        command_v
+            .iter()
+            .zip(before)
+            .map(|(now, before)| now + share * (before - now))
+            .collect()
+    }
+}
+
 /// One run from rest at 0 V.
 ///
 /// A model answers whole commands. A closed loop is run on the answer to its last commands, with a linear stage for what it commands
@@ -124,7 +166,8 @@ fn track(
     reference: &Reference,
 ) -> Result<Tracked, TrackingError> {
     let period_s = controller.model.sample_period_s;
-    let answer = |command_v: &[f64]| model.simulate_input(command_v, period_s, InitialState::REST);
+    let held = Held::of(model, controller);
+    let answer = |command_v: &[f64]| model.simulate_input(&held.arrived(command_v), period_s, InitialState::REST);
     let open = controller.without_feedback().law::<f64>()?;
     let ahead = open.ahead();
     let mut command_v = commands(&open, reference);

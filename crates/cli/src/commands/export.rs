@@ -2,6 +2,7 @@
 
 mod c_code;
 mod controller;
+mod ends;
 
 use crate::commands::simulate::StageName;
 use crate::error::CliError;
@@ -9,8 +10,10 @@ use crate::exit::Done;
 use crate::output;
 use clap::{Args, Parser, ValueEnum};
 pub(crate) use controller::SLEW_RANGES_PER_S as SLEW_OF_A_LAW;
+use ends::Ends;
+pub(crate) use ends::{full_scales, top};
 use hysteron_identify::{Direction, Model};
-use hysteron_plant::{Amplifier, Converter, Sensor, StageConfig};
+use hysteron_plant::StageConfig;
 use hysteron_table::gains::{Design, LoopData, design};
 use hysteron_table::{FORMAT, Family, Table, TableError};
 use hysteron_tracking::design::Controller;
@@ -20,13 +23,14 @@ use std::path::{Path, PathBuf};
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hysteron fit stage --model mrpi --direction inverse -o inverse.toml\n  \
-    hysteron export inverse.toml -o firmware/tables/mine.toml --mode 8000 --damping 0.02 --latency-us 30\n  \
+    hysteron export inverse.toml -o firmware/tables/mine.toml --dac 0,200 --adc=-25,25 --mode 8000 --damping 0.02 --latency-us 30\n  \
     hysteron export inverse.toml -o firmware/tables/paper-rate-mrpi.toml --stage paper-rate\n  \
     hysteron export controller.toml -o firmware/tables/tracking-8k.toml --stage 8k\n  \
     hysteron export controller.toml --stage 8k --format c -o law.c      # and law.h; a table does as well\n\n\
     A controller of `hysteron design` becomes a table with its complete law: preview, creep, lead, modes, mains, sensor, feedback.\n\
     Of a model the integral gain is designed for a phase margin of 60 degrees at the latency and a gain margin of 2 at the first mode,\n\
-    and is 0 where neither is given. Converters and amplifier are by default those of the paper's bench."
+    and is 0 where neither is given. Converters and amplifier are those of --stage, of the options, or of the dataset's [known];\n\
+    where none of these has them, they are asked for. Each is printed with where it comes from."
 )]
 pub(crate) struct ExportArgs {
     /// A direct inverse (`hysteron fit --direction inverse`) without effects, or a controller (`hysteron design`); a table with `--format c`
@@ -35,22 +39,22 @@ pub(crate) struct ExportArgs {
     /// A built-in stage: converters, amplifier, latency and first mode are its own
     #[arg(long, value_enum, conflicts_with_all = ["mode", "damping", "latency_us", "amplifier", "dac", "adc", "rate"])]
     pub stage: Option<StageName>,
-    /// Rate of the control loop, hertz; a controller has its own
-    #[arg(long, value_name = "HZ", default_value_t = 50e3)]
-    pub rate: f64,
+    /// Rate of the control loop, hertz; by default the highest of the records, and a controller has its own
+    #[arg(long, value_name = "HZ")]
+    pub rate: Option<f64>,
     /// Lowest reference, micrometres; by default the lowest position the model was fitted on
     #[arg(long, value_name = "UM", allow_negative_numbers = true)]
     pub input_min: Option<f64>,
     /// Highest reference, micrometres; by default the highest position the model was fitted on
     #[arg(long, value_name = "UM", allow_negative_numbers = true)]
     pub input_max: Option<f64>,
-    /// Lowest and highest volts that the stack may be given
+    /// Lowest and highest volts that the stack may be given; by default what `[known]` of the dataset says, and of a controller its own
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     pub amplifier: Option<[f64; 2]>,
-    /// Volts at the stack of the DAC's lowest code and of full scale (one step above its highest)
+    /// Volts at the stack of the DAC's lowest code and of full scale (one step above its highest); by default `dac_v` of `[known]`
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     pub dac: Option<[f64; 2]>,
-    /// Micrometres of the ADC's lowest code and of full scale (one step above its highest)
+    /// Micrometres of the ADC's lowest code and of full scale (one step above its highest); by default `adc_um` of `[known]`
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     pub adc: Option<[f64; 2]>,
     /// First mode of the stage, hertz
@@ -80,6 +84,9 @@ pub(crate) struct ExportArgs {
     /// axis' sensor
     #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
     pub cross: Option<f64>,
+    /// Leave what the records cover; the table remembers it
+    #[arg(long)]
+    pub beyond_records: bool,
     /// What is written
     #[arg(long, value_enum, default_value_t = Format::Table)]
     pub format: Format,
@@ -116,12 +123,12 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Done, CliError> {
     }
     let (table, said) = if Controller::is_one(&args.model) {
         let designed = Controller::read(&args.model)?;
-        let table = controller::table(&designed, args)?;
-        let said = controller::said(&table, &designed);
+        let (table, ends) = controller::table(&designed, args)?;
+        let said = controller::said(&table, &designed) + &ends.said();
         (table, said)
     } else {
-        let (table, designed) = table(&Model::read(&args.model)?, args, &refused)?;
-        let said = said(&table, designed.as_ref(), args);
+        let (table, designed, ends) = table(&Model::read(&args.model)?, args, &refused)?;
+        let said = said(&table, designed.as_ref(), args) + &ends.said();
         (table, said)
     };
     let text = table.to_toml().map_err(refused)?;
@@ -163,9 +170,9 @@ pub(crate) fn text(model: &Model, options: &[String]) -> Result<(String, String)
         path: args.model.clone(),
         source,
     };
-    let (table, designed) = table(model, &args, &refused)?;
+    let (table, designed, ends) = table(model, &args, &refused)?;
     let text = table.to_toml().map_err(refused)?;
-    Ok((text, said(&table, designed.as_ref(), &args)))
+    Ok((text, said(&table, designed.as_ref(), &args) + &ends.said()))
 }
 
 /// The table of a controller as the command writes it with these options.
@@ -173,7 +180,7 @@ pub(crate) fn law_table(designed: &Controller, options: &[String]) -> Result<Tab
     let fixed = ["export", "the controller", "--output", "table.toml"].map(str::to_owned);
     let Words { args } = Words::try_parse_from(fixed.iter().chain(options))
         .map_err(|error| CliError::Option(error.render().to_string()))?;
-    controller::table(designed, &args)
+    controller::table(designed, &args).map(|(table, _)| table)
 }
 
 fn said(table: &Table, designed: Option<&Design>, args: &ExportArgs) -> String {
@@ -198,42 +205,6 @@ fn said(table: &Table, designed: Option<&Design>, args: &ExportArgs) -> String {
         None => Ok(()),
     };
     text
-}
-
-/// Converters and amplifier, in volts at the stack and micrometres.
-struct Ends {
-    amplifier_v: [f64; 2],
-    dac_v: [f64; 2],
-    adc_um: [f64; 2],
-}
-
-impl Ends {
-    fn of(stage: Option<&StageConfig>, args: &ExportArgs) -> Self {
-        let (amplifier, sensor) = stage.map_or_else(
-            || (Amplifier::default(), Sensor::default()),
-            |stage| (stage.amplifier.clone(), stage.sensor.clone()),
-        );
-        let (dac_v, adc_um) = full_scales(stage.and_then(|stage| stage.dac), &amplifier, &sensor);
-        Self {
-            amplifier_v: args.amplifier.unwrap_or([amplifier.min_v, amplifier.max_v]),
-            dac_v: args.dac.unwrap_or(dac_v),
-            adc_um: args.adc.unwrap_or(adc_um),
-        }
-    }
-}
-
-/// Ends of both converters: volts at the stack, micrometres.
-pub(crate) fn full_scales(dac: Option<Converter>, amplifier: &Amplifier, sensor: &Sensor) -> ([f64; 2], [f64; 2]) {
-    let scaled = |converter: Option<Converter>, factor: f64| {
-        let converter = converter.unwrap_or(Converter::BIPOLAR_16_BIT);
-        [converter.min_v * factor, converter.max_v * factor]
-    };
-    (scaled(dac, amplifier.gain), scaled(sensor.adc, sensor.um_per_v))
-}
-
-/// Position of the highest of 65536 codes.
-pub(crate) fn top([low, full_scale]: [f64; 2]) -> f64 {
-    full_scale - (full_scale - low) / 65_536.0
 }
 
 /// The latency beside the half sample of hold, seconds, and the first mode's frequency, hertz, and damping, where it is known.
@@ -285,10 +256,13 @@ fn table(
     model: &Model,
     args: &ExportArgs,
     refused: &dyn Fn(TableError) -> CliError,
-) -> Result<(Table, Option<Design>), CliError> {
+) -> Result<(Table, Option<Design>, Ends), CliError> {
     let refuse = |what: &str| Err(CliError::Option(format!("{}: {what}", args.model.display())));
     if model.direction != Direction::Inverse {
-        return refuse("runs forward; the board needs a direct inverse: fit with --direction inverse");
+        return refuse(
+            "runs forward; design a controller from it and export that: hysteron design MODEL -o controller.toml; an inverse alone, \
+             without effects and without a loop, is what fit --direction inverse makes",
+        );
     }
     if args.cross.is_some() {
         return refuse(
@@ -297,20 +271,28 @@ fn table(
     }
     if !model.effects.is_empty() {
         return refuse(
-            "has effects, which a table of an inverse alone cannot hold; design a controller from a forward model and export that",
+            "has effects, which a table of an inverse alone cannot hold; design a controller from a forward model and export that: \
+             hysteron design MODEL -o controller.toml",
         );
     }
     let stage = args.stage.map(StageName::config);
-    let ends = Ends::of(stage.as_ref(), args);
+    let mut ends = Ends::of(stage.as_ref(), &model.covered, None, args)?;
     let (dac_top_v, adc_top_um) = (top(ends.dac_v), top(ends.adc_um));
     let output_min_v = ends.amplifier_v[0].max(ends.dac_v[0]);
     let output_max_v = ends.amplifier_v[1].min(dac_top_v);
-    let rate_hz = stage.as_ref().map_or(args.rate, |stage| 1.0 / stage.sample_period_s);
+    let rate_hz = ends.rate_hz(stage.as_ref(), &model.covered, args)?;
+    let input_min_um = args.input_min.unwrap_or(model.input_min);
+    let input_max_um = args.input_max.unwrap_or(model.input_max);
+    let covered = ends.covered(
+        &model.covered,
+        ([output_min_v, output_max_v], [input_min_um, input_max_um], rate_hz),
+        args,
+    )?;
     let mut table = Table {
         format: FORMAT.to_owned(),
         sample_rate_hz: rate_hz,
-        input_min_um: args.input_min.unwrap_or(model.input_min),
-        input_max_um: args.input_max.unwrap_or(model.input_max),
+        input_min_um,
+        input_max_um,
         output_min_v,
         output_max_v,
         safe_v: 0.0_f64.clamp(output_min_v, output_max_v.max(output_min_v)),
@@ -323,6 +305,7 @@ fn table(
         dac_top_v,
         adc_min_um: ends.adc_um[0],
         adc_top_um,
+        covered,
         ..inverse(model)
     };
     // Before its slopes are used; K_i is no part of them.
@@ -339,7 +322,7 @@ fn table(
     if let Some(design) = &designed {
         table.integral_v_per_um_s = design.integral_v_per_um_s;
     }
-    Ok((table, designed))
+    Ok((table, designed, ends))
 }
 
 /// A table that has the model's inverse and nothing else.
@@ -414,5 +397,6 @@ pub(crate) fn empty(family: Family) -> Table {
         weights_quadratic_v_per_um2: Vec::new(),
         weights_cubic_v_per_um3: Vec::new(),
         controller: None,
+        covered: None,
     }
 }

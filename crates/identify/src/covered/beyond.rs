@@ -61,12 +61,16 @@ pub struct Beyond {
 
 impl fmt::Display for Beyond {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Four decimals are a tenth of a nanometre.
+        let short = |value: f64| (value * 1e4).round() / 1e4;
         let (unit, [low, high]) = (self.field.unit(), self.covered);
         write!(
             f,
-            "{} {:.6} {unit}; the records cover {low:.6} to {high:.6} {unit}",
+            "{} {} {unit}; the records cover {} to {} {unit}",
             self.field.words(),
-            self.value
+            short(self.value),
+            short(low),
+            short(high)
         )
     }
 }

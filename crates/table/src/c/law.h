@@ -1,6 +1,6 @@
 /* @name@: a control law made by `hysteron export --format c`. C99, no allocation, no library.
  *
- * Table: @family@, @plays@ plays, SHA-256 @hash@.
+ * Table: @family@, @plays@ plays, SHA-256 @hash@.@covered@
 //{ complete
  * The law: the reference ahead, modes, creep, hysteresis, lead; feedback where the table has it.
 //} complete

@@ -180,6 +180,8 @@ impl Table {
             Some(_) => "; the complete law has it whole or not at all",
             None => "",
         };
+        let lines = self.covered_lines();
+        let covered = lines.iter().map(|line| format!("\n * Records: {line}.")).collect();
         vec![
             ("name", name.to_owned()),
             ("NAME", name.to_ascii_uppercase()),
@@ -199,6 +201,7 @@ impl Table {
             ("harmonics", HARMONICS.to_string()),
             ("at_temperature", temperature.to_owned()),
             ("share", share.to_owned()),
+            ("covered", covered),
         ]
     }
 }

@@ -221,6 +221,8 @@ fn dataset(args: &RunArgs, ran: Ran, beside: Option<Ran>) -> Dataset {
             sensor_noise_um: None,
             voltage_min_v: Some(config.amplifier.min_v),
             voltage_max_v: Some(config.amplifier.max_v),
+            dac_v: config.dac_v(),
+            adc_um: config.adc_um(),
         },
         records: vec![Record {
             voltage2_v: beside.map(|beside| beside.recording.voltage_v),

@@ -1,5 +1,6 @@
 //! `hysteron design`.
 
+use crate::commands::control::beyond::{self, Asked};
 use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
@@ -46,6 +47,9 @@ pub(crate) struct DesignArgs {
     /// Your word that the stage has no mode below this but those of the model: feedback may go by it where no record of small signals tells
     #[arg(long, value_name = "HZ", conflicts_with = "open")]
     pub rigid: Option<f64>,
+    /// Leave what the records cover; the controller remembers it
+    #[arg(long)]
+    pub beyond_records: bool,
     /// Without feedback
     #[arg(long)]
     pub open: bool,
@@ -106,6 +110,12 @@ pub(crate) fn run(args: &DesignArgs) -> Result<Done, CliError> {
     } else {
         from_records(args)?
     };
+    let chain = &source.chain;
+    let asked = [
+        Asked::voltage(&[chain.voltage_min_v, chain.voltage_max_v], "--volts LOW,HIGH"),
+        Asked::rate(1.0 / chain.sample_period_s, "--rate-hz HZ"),
+    ];
+    beyond::granted(&mut source.chain.covered, &asked, args.beyond_records)?;
     source.chain.covered.rigid_to_hz = rigid_hz(args, &source.chain)?;
     let controller = Controller::design(&source.chain, args.reference.into())?;
     let controller = if args.open {
@@ -314,6 +324,7 @@ fn text(args: &DesignArgs, source: &Source, controller: &Controller) -> Result<S
         None => text.push_str(&without_feedback(args, controller)),
     }
     expected(&mut text, source, controller)?;
+    covered(&mut text, &model.covered);
     let path = args.output.display();
     let on = match &source.tracked_on {
         TrackedOn::Model(model) => format!("--model {}", model.display()),
@@ -368,6 +379,32 @@ fn small_multisine(model: &ControlModel) -> String {
         0.5 * (low_v + high_v),
         0.03 * (high_v - low_v)
     )
+}
+
+/// What the records cover, and what leaves them.
+fn covered(text: &mut String, covered: &Covered) {
+    let pair = |ends: Option<[f64; 2]>, unit: &str| {
+        ends.map_or_else(
+            || "not known".to_owned(),
+            |[low, high]| format!("{low:.4} to {high:.4} {unit}"),
+        )
+    };
+    let one = |value: Option<f64>, unit: &str| {
+        value.map_or_else(|| "not known".to_owned(), |value| format!("{value:.0} {unit}"))
+    };
+    // Writing to a String does not fail.
+    let _ = writeln!(
+        text,
+        "COVERED by the records: {}, {}; slew to {}, rate {}, small signals to {}",
+        pair(covered.voltage_v, "V"),
+        pair(covered.position_um, "um"),
+        one(covered.slew_v_per_s, "V/s"),
+        one(covered.sample_rate_hz, "Hz"),
+        one(covered.small_signal.as_ref().map(|band| band.up_to_hz), "Hz")
+    );
+    for beyond in &covered.beyond {
+        let _ = writeln!(text, "  BEYOND THE RECORDS: {beyond}");
+    }
 }
 
 /// Each effect of the model with its compensator, or why it has none.

@@ -1,5 +1,6 @@
 //! From records to a controller that tracks: `campaign`, `design`, `track`; `rehearse` all of it.
 
+pub(crate) mod beyond;
 mod campaign_on_board;
 mod chip;
 pub(crate) mod design;

@@ -1,6 +1,6 @@
 //! `hysteron track --model`: a controller on the user's own identified model.
 
-use crate::commands::control::track::TrackArgs;
+use crate::commands::control::track::{TrackArgs, within_records};
 use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
@@ -19,11 +19,9 @@ pub(super) fn track(
     controller: &Controller,
 ) -> Result<Done, CliError> {
     let model = load::model(path)?;
-    let report = on_model(
-        &model,
-        controller,
-        given_um.unwrap_or_else(|| half_the_stroke(controller)),
-    )?;
+    let range_um = given_um.unwrap_or_else(|| half_the_stroke(controller));
+    within_records(args, range_um, controller)?;
+    let report = on_model(&model, controller, range_um)?;
     if args.json {
         output::print_json(&report)?;
     } else {

@@ -1,6 +1,7 @@
 //! `hysteron track`.
 
 use crate::commands::board::EmulatorName;
+use crate::commands::control::beyond::{self, Asked};
 use crate::commands::control::chip::{Chip, Follow};
 use crate::commands::control::learning::{self, Plan};
 use crate::commands::control::{on_board, on_model, page, range_um, scans, stage};
@@ -56,6 +57,9 @@ pub(crate) struct TrackArgs {
     /// less 2 % at either end
     #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 1)]
     pub range: Option<Vec<f64>>,
+    /// References beyond the positions that the records cover
+    #[arg(long)]
+    pub beyond_records: bool,
     /// Write a page with pictures
     #[arg(short, long, value_name = "PAGE.html")]
     pub output: Option<PathBuf>,
@@ -154,6 +158,7 @@ fn on_stage(
     let stage = stage(name)?;
     let stroke_um = stage.hysteresis.stroke_um;
     let range_um = given_um.unwrap_or([0.15 * stroke_um, 0.65 * stroke_um]);
+    within_records(args, range_um, controller)?;
     // Records and runs must not share their noise.
     let bench = Bench {
         stage: &stage,
@@ -203,6 +208,16 @@ fn ended(report: &TrackReport) -> Done {
     } else {
         Done::Unstable
     }
+}
+
+/// Refuses references that the records do not cover.
+pub(super) fn within_records(args: &TrackArgs, range_um: [f64; 2], controller: &Controller) -> Result<(), CliError> {
+    let mut covered = controller.model.covered.clone();
+    beyond::granted(
+        &mut covered,
+        &[Asked::position(&range_um, "--range LOW,HIGH")],
+        args.beyond_records,
+    )
 }
 
 fn is_own(controller: &ControllerFigures) -> bool {

@@ -15,16 +15,17 @@ use std::fmt::Write;
 pub(crate) const SLEW_RANGES_PER_S: f64 = 1e4;
 
 /// The table, its references by default as far as the inverse stays within the amplifier.
-pub(super) fn table(controller: &Controller, args: &ExportArgs) -> Result<Table, CliError> {
+pub(super) fn table(controller: &Controller, args: &ExportArgs) -> Result<(Table, Ends), CliError> {
     for (option, given) in [
         ("--mode and --damping", args.mode.is_some()),
         ("--latency-us", args.latency_us.is_some()),
+        ("--rate", args.rate.is_some()),
         ("--integral", args.integral.is_some()),
         ("--proportional", args.proportional != 0.0),
     ] {
         if given {
             return Err(CliError::Option(format!(
-                "{option}: the controller has its own latency, modes and feedback; leave the option out, or design again"
+                "{option}: the controller has its own rate, latency, modes and feedback; leave the option out, or design again"
             )));
         }
     }
@@ -33,20 +34,27 @@ pub(super) fn table(controller: &Controller, args: &ExportArgs) -> Result<Table,
         ..controller.numbers()?
     };
     let stage = args.stage.map(StageName::config);
-    let ends = Ends::of(stage.as_ref(), args);
-    let (dac_top_v, adc_top_um) = (top(ends.dac_v), top(ends.adc_um));
+    let covered = &controller.model.covered;
     // Without a word about the amplifier its limits are those that the controller was designed with.
-    let amplifier_v = match (&stage, args.amplifier) {
-        (None, None) => [f64::NEG_INFINITY, f64::INFINITY],
-        _ => ends.amplifier_v,
-    };
+    let own_v = [numbers.command_min_v, numbers.command_max_v];
+    let mut ends = Ends::of(stage.as_ref(), covered, Some(own_v), args)?;
+    let (dac_top_v, adc_top_um) = (top(ends.dac_v), top(ends.adc_um));
+    let amplifier_v = ends.amplifier_v;
     let output_min_v = numbers.command_min_v.max(amplifier_v[0]).max(ends.dac_v[0]);
     let output_max_v = numbers.command_max_v.min(amplifier_v[1]).min(dac_top_v);
     let [lowest_um, highest_um] = reach_um(&numbers, [output_min_v, output_max_v])?;
+    let input_min_um = args.input_min.unwrap_or(lowest_um);
+    let input_max_um = args.input_max.unwrap_or(highest_um);
+    let limits = (
+        [output_min_v, output_max_v],
+        [input_min_um, input_max_um],
+        numbers.sample_rate_hz,
+    );
     let bare = Table {
         format: FORMAT.to_owned(),
-        input_min_um: args.input_min.unwrap_or(lowest_um),
-        input_max_um: args.input_max.unwrap_or(highest_um),
+        input_min_um,
+        input_max_um,
+        covered: ends.covered(covered, limits, args)?,
         output_min_v,
         output_max_v,
         safe_v: 0.0,
@@ -76,7 +84,7 @@ pub(super) fn table(controller: &Controller, args: &ExportArgs) -> Result<Table,
     if let (Format::C, Some(part)) = (args.format, &mut table.controller) {
         part.heat = numbers.heat;
     }
-    Ok(table)
+    Ok((table, ends))
 }
 
 /// Rms of an error to what a feedback needs for it: the peak of a sine is 1.4 of it, that of a history's errors three.
