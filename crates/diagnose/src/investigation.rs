@@ -50,13 +50,8 @@ impl<'a> Investigation<'a> {
         noise_um: f64,
         reasons: &[Reason],
     ) -> Result<Self, IdentifyError> {
-        let mut search = Search::new(dataset, model, &Shape::Free, noise_um)?;
-        // What the best-known record leaves is no less than noise: a floor above it counts something else as noise.
+        let mut search = searched(dataset, model, &Shape::Free, noise_um)?;
         let strokes = search.strokes_um();
-        let least_um = least_left_um(search.standing(), &strokes);
-        if least_um < noise_um {
-            search = Search::new(dataset, model, &Shape::Free, least_um)?;
-        }
         let mut shape_determined = true;
         let moving = strokes
             .iter()
@@ -72,6 +67,22 @@ impl<'a> Investigation<'a> {
                 (search, shape_determined) = (straight, false);
             }
         }
+        Ok(Self::of(search, model, own, shape_determined, reasons))
+    }
+
+    /// As [`Self::new`], around the model's own plays, where they are no worse than the free shape.
+    pub(crate) fn around_own(
+        dataset: &'a Dataset,
+        model: &Model,
+        own: &[UserEffect],
+        noise_um: f64,
+        reasons: &[Reason],
+    ) -> Result<Self, IdentifyError> {
+        let search = searched(dataset, model, &Shape::Own, noise_um)?;
+        Ok(Self::of(search, model, own, true, reasons))
+    }
+
+    fn of(search: Search<'a>, model: &Model, own: &[UserEffect], shape_determined: bool, reasons: &[Reason]) -> Self {
         let scale = Scale::of(&search);
         let base = errors(&search, search.standing());
         let base_excess = scale.excess(search.standing());
@@ -80,22 +91,22 @@ impl<'a> Investigation<'a> {
             .filter(|effect| !effect.of_the_shape())
             .collect();
         effects.extend(own.iter().map(|own| own.effect()));
-        let traces = Traces::new(dataset, &search.states(), search.noise_um());
-        Ok(Self {
+        let traces = Traces::new(search.dataset(), &search.states(), search.noise_um());
+        Self {
             scale,
-            thresholds,
+            thresholds: Thresholds::DEFAULT,
             rounds: Vec::new(),
             shape_determined,
             base,
             base_excess,
             first_trials: Vec::new(),
-            dataset,
+            dataset: search.dataset(),
             family: model.family,
             effects,
             one_sine: reasons.contains(&Reason::OneSine),
             traces,
             search,
-        })
+        }
     }
 
     /// Whether one sine is all that was played.
@@ -256,6 +267,21 @@ impl<'a> Investigation<'a> {
         };
         zero.is_some_and(|um_per_k| !traces::moves_the_zero(&self.traces, um_per_k))
     }
+}
+
+/// A search whose noise is no more than what the best-known record leaves: a floor above it counts something else as noise.
+fn searched<'a>(
+    dataset: &'a Dataset,
+    model: &Model,
+    shape: &Shape,
+    noise_um: f64,
+) -> Result<Search<'a>, IdentifyError> {
+    let search = Search::new(dataset, model, shape, noise_um)?;
+    let least_um = least_left_um(search.standing(), &search.strokes_um());
+    if least_um < noise_um {
+        return Search::new(dataset, model, shape, least_um);
+    }
+    Ok(search)
 }
 
 /// The least error of a record that moves, micrometres rms.

@@ -59,6 +59,16 @@ impl Trial {
     }
 }
 
+impl super::fitted::Fitted {
+    /// Whether a parameter of a link stands on a bound that speaks against its effect.
+    pub(super) fn refuted(&self, link: usize) -> bool {
+        let at = &self.chain.links[link];
+        let described = at.effect.description().parameters.iter();
+        let mut values = described.zip(&at.values).zip(&self.bounds[link]);
+        values.any(|((named, &value), b)| b.fitted && stands_on(value, b) && at.effect.refuted_on_bound(named.name))
+    }
+}
+
 /// Zero is where most effects do nothing: that is no bound a user could have wanted to pass.
 fn stands_on(value: f64, b: &crate::effects::Bounds) -> bool {
     (value <= b.min || value >= b.max) && value != b.neutral && value != 0.0

@@ -158,13 +158,7 @@ impl Search<'_> {
             .map(|effect| {
                 let before = done.load(std::sync::atomic::Ordering::Relaxed);
                 progress(before as f64 / effects.len() as f64, effect.description().name);
-                // What the user suspects is looked for for its own sake.
-                let effort = if effect.file().is_some() {
-                    Effort::Thorough
-                } else {
-                    Effort::Quick
-                };
-                let trial = self.candidate_on(effect, &basis, line_hz, effort);
+                let trial = self.candidate_on(effect, &basis, line_hz, Effort::Quick);
                 done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
                 trial
             })
@@ -186,6 +180,12 @@ impl Search<'_> {
         } else {
             effort
         };
+        // The valleys of a user's equation are not known beforehand.
+        let look = if effect.file().is_some() {
+            Effort::Thorough
+        } else {
+            effort
+        };
         if let Some(line_hz) = line_hz.filter(|_| effect.adds_line_spectrum()) {
             starts.truncate(1);
             starts
@@ -193,32 +193,16 @@ impl Search<'_> {
                 .filter_map(|start| start.first_mut())
                 .for_each(|f| *f = line_hz);
         }
-        if !effect.has_own_numbers() && starts.len() > effort.followed() {
-            starts = self.quick_look(&point, link, starts, basis, effort);
+        if !effect.has_own_numbers() && starts.len() > look.followed() {
+            starts = self.quick_look(&point, link, starts, basis, look);
         }
         let nowhere = || Refused::Cannot("there is nowhere to begin".to_owned());
         let mut best = self
-            .followed(&self.records, &point, link, &starts, effort)
+            .followed(&self.records, &point, link, &starts, look)
             .ok_or_else(nowhere)?;
-        let mut other_states: Option<Vec<Prepared<'_>>> = None;
-        if effect.outlasts_records()
-            && let Some(from_rest) = self.begun_at_rest()
-            && let Some(other) = self.followed(&from_rest, &point, link, &starts, effort)
-            && other.error < best.error
-        {
-            (best, other_states) = (other, Some(from_rest));
-        }
-        if effect.outlasts_records()
-            && self.leaves_much(best.error)
-            && let Some((values, states)) = self.beside_straight_plays(effect)
-        {
-            let mut records = self.records.clone();
-            start_in(&mut records, &states);
-            if let Some(other) = self.followed(&records, &point, link, &[values], effort)
-                && other.error < best.error
-            {
-                (best, other_states) = (other, Some(records));
-            }
+        let mut other_states = None;
+        if effect.outlasts_records() {
+            (best, other_states) = self.in_other_states(effect, (&point, link, &starts), best, effort);
         }
         if among_many && best.error > basis.error - LEAST_FALL {
             return Ok(self.standing.taking_nothing(best.fitted));
@@ -245,6 +229,35 @@ impl Search<'_> {
         let mut trial = judge(records, point, &self.standing.weights, self.noise_um, false);
         trial.states = states;
         Ok(trial)
+    }
+
+    /// What outlasts records, from rest and from where straight plays see it: the best, and its states where they are others.
+    fn in_other_states(
+        &self,
+        effect: &Arc<dyn Effect>,
+        (point, link, starts): (&Fitted, usize, &[Vec<f64>]),
+        mut best: Standing,
+        effort: Effort,
+    ) -> (Standing, Option<Vec<Prepared<'_>>>) {
+        let mut states = None;
+        if let Some(from_rest) = self.begun_at_rest()
+            && let Some(other) = self.followed(&from_rest, point, link, starts, effort)
+            && other.error < best.error
+        {
+            (best, states) = (other, Some(from_rest));
+        }
+        if self.leaves_much(best.error)
+            && let Some((values, of_straight)) = self.beside_straight_plays(effect)
+        {
+            let mut records = self.records.clone();
+            start_in(&mut records, &of_straight);
+            if let Some(other) = self.followed(&records, point, link, &[values], effort)
+                && other.error < best.error
+            {
+                (best, states) = (other, Some(records));
+            }
+        }
+        (best, states)
     }
 
     /// Whether a sum of logarithms is that of records which are left, in the mean, with many times their noise.
@@ -292,7 +305,12 @@ impl Search<'_> {
             }
             descent.descend(descent.project(at), effort.steps().0)
         });
-        each.min_by(|a, b| a.error.total_cmp(&b.error))
+        // One that imitates another effect on a bound comes after all that are what they are called.
+        let order = |at: &Standing| (at.fitted.refuted(link), at.error);
+        each.min_by(|a, b| {
+            let ((a_refuted, a), (b_refuted, b)) = (order(a), order(b));
+            a_refuted.cmp(&b_refuted).then(a.total_cmp(&b))
+        })
     }
 
     fn to_the_end(&self, records: &[Prepared<'_>], best: Standing, effort: Effort) -> Standing {
@@ -422,11 +440,13 @@ impl Search<'_> {
             }
         }
         let mut chosen = vec![nearest];
-        // The others come from other valleys than the first one's neighbours.
-        let apart = order[1..]
-            .iter()
-            .filter(|&&k| k.abs_diff(best) > 1 || starts.len() <= 4);
-        chosen.extend(apart.take(effort.followed() - 1).map(|&k| starts[k].clone()));
+        // The others come from valleys of their own, not from the slopes of one.
+        let bottom = |&&k: &&usize| {
+            let beside = [k.checked_sub(1), Some(k + 1)].into_iter().flatten();
+            k != best && beside.filter_map(|j| scored.get(j)).all(|other| *other >= scored[k])
+        };
+        let others = order.iter().filter(bottom);
+        chosen.extend(others.take(effort.followed() - 1).map(|&k| starts[k].clone()));
         chosen
     }
 }
