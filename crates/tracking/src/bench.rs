@@ -316,7 +316,9 @@ impl Bench<'_> {
             limited_on.push("steps".to_owned());
         }
         let noise_nm = self.noise_at_rest_nm(contender)?;
-        let lost = rms_percent.values().any(|percent| !(*percent < SWINGS_PERCENT));
+        let lost = rms_percent
+            .values()
+            .any(|percent| percent.is_nan() || *percent >= SWINGS_PERCENT);
         let has_inverse = !matches!(contender, Contender::Paper(controller) if controller.inverse.is_none());
         Ok(ControllerFigures {
             name: name.to_owned(),

@@ -2,7 +2,6 @@
 //! with the stage's modes a tenth off. None ends in a loop that swings.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot build its subject fails")]
-#![expect(clippy::print_stdout, reason = "what became of each set, where it is asked for")]
 
 use hysteron_data::{Dataset, Known, Record, Role};
 use hysteron_identify::control::{RecordedHold, chain_of};
@@ -165,7 +164,7 @@ fn recorded(stage: &StageConfig, lacks: Lacks) -> Dataset {
 enum Outcome {
     Refused(String),
     Open(OpenLoop),
-    Closed(Controller),
+    Closed(Box<Controller>),
 }
 
 fn words(outcome: &Outcome) -> String {
@@ -196,7 +195,7 @@ fn controller(dataset: &Dataset, model: &Model) -> Outcome {
             open_loop,
             ..
         }) => Outcome::Open(open_loop.unwrap()),
-        Ok(closed) => Outcome::Closed(closed),
+        Ok(closed) => Outcome::Closed(Box::new(closed)),
         Err(refused) => Outcome::Refused(format!("{}: {refused}", dataset.name)),
     }
 }

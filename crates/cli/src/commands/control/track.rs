@@ -202,8 +202,8 @@ fn on_stage(
 
 /// How a run ends: the paper's own controllers are for comparison.
 fn ended(report: &TrackReport) -> Done {
-    let own = report.controllers.iter().filter(|controller| is_own(controller));
-    if own.map(|controller| controller.stable).all(|stable| stable) {
+    let mut own = report.controllers.iter().filter(|controller| is_own(controller));
+    if own.all(|controller| controller.stable) {
         Done::Answered
     } else {
         Done::Unstable
