@@ -42,7 +42,10 @@ pub(super) fn table(controller: &Controller, args: &ExportArgs) -> Result<(Table
     let amplifier_v = ends.amplifier_v;
     let output_min_v = numbers.command_min_v.max(amplifier_v[0]).max(ends.dac_v[0]);
     let output_max_v = numbers.command_max_v.min(amplifier_v[1]).min(dac_top_v);
-    let [lowest_um, highest_um] = reach_um(&numbers, [output_min_v, output_max_v])?;
+    let [lowest_um, highest_um] = within(
+        reach_um(&numbers, [output_min_v, output_max_v])?,
+        covered.position_um.filter(|_| !args.beyond_records),
+    );
     let input_min_um = args.input_min.unwrap_or(lowest_um);
     let input_max_um = args.input_max.unwrap_or(highest_um);
     let limits = (
@@ -99,6 +102,12 @@ fn needed_um(controller: &Controller, range_um: f64) -> Result<f64, CliError> {
 
 /// Steps of the sweep: the table's own check takes as many.
 const STEPS: u32 = 1000;
+
+/// What the voltages reach, as far as the records cover it: a range that nobody asked for leaves nothing.
+fn within([lowest_um, highest_um]: [f64; 2], covered_um: Option<[f64; 2]>) -> [f64; 2] {
+    let [low_um, high_um] = covered_um.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+    [lowest_um.max(low_um), highest_um.min(high_um)]
+}
 
 /// References whose voltage at rest is within limits both on the way up and on the way down again, a thousandth of them left free at
 /// either end, micrometres.
