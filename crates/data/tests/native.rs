@@ -469,7 +469,7 @@ fn refuse_a_dataset_that_could_not_be_read_back() {
 #[test]
 fn refuse_broken_manifests_with_place() {
     const KEYS: &str = "dataset.toml has `format = 1`, `name`, `description`, `[known]` (`delay_s`, `sensor_noise_um`, \
-                        `voltage_min_v`, `voltage_max_v`) and `[[record]]` (`file`, `role`, `excitation`)";
+                        `voltage_min_v`, `voltage_max_v`, `dac_v`, `adc_um`) and `[[record]]` (`file`, `role`, `excitation`)";
     const NAMES: &str = "a record's file is a path relative to the dataset's folder, inside it, with `/`";
     let record = "[[record]]\nfile = \"a.csv\"\nrole = \"identify\"\n";
     for (text, expect) in [
