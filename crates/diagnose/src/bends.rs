@@ -26,16 +26,13 @@ pub(crate) fn bends(model: &Model, investigation: &Investigation<'_>) -> Bends {
         fine_plays.family = Family::Mpi;
     }
     let of = |plays: &Model| Search::new(search.dataset(), plays, &Shape::Own, search.noise_um()).ok();
-    let (own, (fine, congruent)) = rayon::join(
-        || of(&with_found),
-        || rayon::join(|| of(&fine_plays), || not_congruent(search)),
-    );
+    let (own, fine) = rayon::join(|| of(&with_found), || of(&fine_plays));
     evidence.lacks_percent = own.map(|own| above(own.pooled_percent(own.standing())));
     if let Some(fine) = fine {
         evidence.fine_lacks_percent = above(fine.pooled_percent(fine.standing()));
         if evidence.fine_lacks_percent > LEAST_LOOKED_INTO_PERCENT {
-            beside(&mut evidence, fine, free);
-            evidence.not_congruent = congruent;
+            let (_, not_congruent) = rayon::join(|| beside(&mut evidence, fine, free), || not_congruent(search));
+            evidence.not_congruent = not_congruent;
         }
     }
     evidence

@@ -12,6 +12,7 @@ mod chain_trace;
 mod columns;
 pub mod control;
 pub mod core_model;
+mod cover;
 pub mod covered;
 pub mod error;
 pub mod family;

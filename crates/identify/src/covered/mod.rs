@@ -7,8 +7,7 @@ pub use beyond::{Beyond, Envelope, Field};
 pub use small_signal::SmallSignalBand;
 pub(crate) use small_signal::{Line, highest_run};
 
-use crate::family::{Direction, range};
-use crate::model::Model;
+use crate::family::range;
 use hysteron_data::{Dataset, Record, Role};
 use serde::{Deserialize, Serialize};
 
@@ -89,22 +88,24 @@ impl Covered {
         let recorded = self.small_signal.as_ref().map(|band| band.up_to_hz);
         recorded.into_iter().chain(self.rigid_to_hz).max_by(f64::total_cmp)
     }
+
+    /// Who tells the stage up to there: the record's file, else the user by `--rigid`.
+    pub fn told_by(&self) -> Option<ToldBy<'_>> {
+        match (&self.small_signal, self.rigid_to_hz) {
+            (Some(band), rigid_hz) if rigid_hz.is_none_or(|hz| hz <= band.up_to_hz) => {
+                Some(ToldBy::Record(&band.record))
+            }
+            (_, Some(_)) => Some(ToldBy::User),
+            _ => None,
+        }
+    }
 }
 
-impl Model {
-    /// Writes into the model what records cover: those that it was fitted to, and for small signals those it is judged by as well.
-    ///
-    /// # Cost
-    /// A Fourier transform of each record of small signals.
-    pub fn cover(&mut self, dataset: &Dataset) {
-        let small_signal = match self.direction {
-            Direction::Forward => small_signal::told(self, dataset),
-            // Positions in, voltages out: no loop is closed around it without the stage's own data.
-            Direction::Inverse => None,
-        };
-        self.covered = Covered {
-            small_signal,
-            ..Covered::by(dataset)
-        };
-    }
+/// Who tells a stage up to a frequency.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ToldBy<'a> {
+    /// A record of small signals.
+    Record(&'a str),
+    /// The user's word.
+    User,
 }

@@ -1,13 +1,7 @@
-//! Up to where small signals tell that a stage does what its model says: a mode below would have shown.
+//! Up to where lines of a response tell that a stage does what its model says: a mode below would have shown.
 
-use crate::control::Linear;
-use crate::family::{peak_to_peak, range};
-use crate::model::Model;
-use hysteron_data::{Dataset, Record, Role};
-use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 use serde::{Deserialize, Serialize};
-use std::f64::consts::PI;
 
 /// The band that small signals tell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -19,17 +13,6 @@ pub struct SmallSignalBand {
     pub record: String,
 }
 
-/// A drive is small where 70 % of it stays within this share of the range: its loops are slender, and its response is that of the
-/// structure.
-const SMALL: f64 = 0.2;
-/// A stretch of it that is looked at stays within this share, peak to peak.
-const SMALL_STRETCH: f64 = 1.0 / 3.0;
-/// Length of a stretch, seconds: lines 10 Hz apart.
-const STRETCH_S: f64 = 0.1;
-/// Stretches that a response is averaged over at least.
-const STRETCHES: usize = 3;
-/// Power of the drive at a line, as a share of its strongest line, from which on the line counts.
-const EXCITED: f64 = 1e-3;
 /// Width of a group of lines, ratio of its ends.
 const GROUP: f64 = 1.1;
 /// Least coherence of a group: half of the position's power comes from the drive.
@@ -117,99 +100,6 @@ fn agrees(group: &[Line], gain: Complex64, modes_hz: &[f64]) -> bool {
         .any(|mode| group.iter().any(|line| (line.hz / mode - 1.0).abs() < ABOUT_A_MODE));
     let same = missed <= DIFFERS * DIFFERS * sum(|line| line.measured.norm_sqr());
     coherent && (same || about_a_mode)
-}
-
-/// The widest band that one of the records tells; none where no record of small signals does.
-pub(super) fn told(model: &Model, dataset: &Dataset) -> Option<SmallSignalBand> {
-    let drives = dataset
-        .with_role(Role::Identify)
-        .flat_map(|record| record.voltage_v.iter().copied());
-    let (low, high) = range(drives);
-    let span_v = high - low;
-    let linear = Linear::of(model);
-    let modes_hz: Vec<f64> = linear.part.modes.iter().map(|mode| mode.frequency_hz).collect();
-    let positions = dataset
-        .with_role(Role::Identify)
-        .flat_map(|record| record.position_um.iter().copied());
-    let (lowest, highest) = range(positions);
-    let mean_um_per_v = (highest - lowest) / span_v;
-    let modelled = |hz: f64| mean_um_per_v * linear.response(2.0 * PI * hz);
-    let bands = dataset
-        .records
-        .iter()
-        .filter(|record| small(&record.voltage_v, span_v))
-        .filter_map(|record| {
-            let up_to_hz = highest_run(&lines(record, modelled, span_v)?, &modes_hz)?;
-            Some(SmallSignalBand {
-                up_to_hz,
-                record: record.file.clone(),
-            })
-        });
-    bands.max_by(|a, b| a.up_to_hz.total_cmp(&b.up_to_hz))
-}
-
-/// Whether a drive is small, but for a rise to where it is.
-fn small(voltage_v: &[f64], span_v: f64) -> bool {
-    let mut sorted = voltage_v.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        sorted
-            .get((share * sorted.len() as f64) as usize)
-            .copied()
-            .unwrap_or(f64::NAN)
-    };
-    let most = at(0.85) - at(0.15);
-    most > 0.0 && most <= SMALL * span_v
-}
-
-/// The measured response at the lines that the drive has, averaged over stretches of the record (Welch), beside the modelled one.
-fn lines(record: &Record, modelled: impl Fn(f64) -> Complex64, span_v: f64) -> Option<Vec<Line>> {
-    let length = ((STRETCH_S / record.period_s).round() as usize).min(record.len() / (STRETCHES + 1)) & !1;
-    if length < 64 {
-        return None;
-    }
-    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(length);
-    let spectrum = |values: &[f64]| {
-        let mean = values.iter().sum::<f64>() / length as f64;
-        let window = |k: usize| 0.5 * (1.0 - (2.0 * PI * k as f64 / length as f64).cos());
-        let mut time: Vec<f64> = values.iter().enumerate().map(|(k, v)| (v - mean) * window(k)).collect();
-        let mut lines = fft.make_output_vec();
-        // Lengths are the plan's own.
-        let _ = fft.process(&mut time, &mut lines);
-        lines
-    };
-    let count = length / 2;
-    let (mut drive, mut position) = (vec![0.0; count], vec![0.0; count]);
-    let mut measured = vec![Complex64::default(); count];
-    let mut stretches = 0;
-    for from in (0..=record.len() - length).step_by(length / 2) {
-        let voltage_v = &record.voltage_v[from..from + length];
-        let swing_v = peak_to_peak(voltage_v);
-        if swing_v <= 0.0 || swing_v > SMALL_STRETCH * span_v {
-            continue;
-        }
-        stretches += 1;
-        let (v, y) = (spectrum(voltage_v), spectrum(&record.position_um[from..from + length]));
-        for k in 0..count {
-            drive[k] += v[k].norm_sqr();
-            position[k] += y[k].norm_sqr();
-            measured[k] += y[k] * v[k].conj();
-        }
-    }
-    if stretches < STRETCHES {
-        return None;
-    }
-    let strongest = drive.iter().skip(2).copied().fold(0.0, f64::max);
-    let hz = |k: usize| k as f64 / (length as f64 * record.period_s);
-    let excited = (2..count).filter(|&k| drive[k] > EXCITED * strongest);
-    let lines = excited.map(|k| Line {
-        hz: hz(k),
-        measured: measured[k],
-        modelled: drive[k] * modelled(hz(k)),
-        explained: measured[k].norm_sqr() / drive[k],
-        all: position[k],
-    });
-    Some(lines.collect())
 }
 
 #[cfg(test)]

@@ -26,16 +26,9 @@ pub(super) fn links(model: &Model, of_family: bool) -> Vec<Link> {
 impl Trial {
     /// Names of an effect's parameters that stand on a physical bound that a user could have wanted to pass.
     pub fn on_bound(&self, effect: &EffectName) -> Vec<&'static str> {
-        let links = self.fitted.chain.links.iter().zip(&self.fitted.bounds);
-        links
-            .filter(|(link, _)| link.is(effect))
-            .flat_map(|(link, bounds)| {
-                let described = link.effect.description().parameters.iter();
-                described.zip(&link.values).zip(bounds)
-            })
-            .filter(|((_, value), b)| b.fitted && stands_on(**value, b))
-            .map(|((named, _), _)| named.name)
-            .collect()
+        let links = &self.fitted.chain.links;
+        let places = (0..links.len()).filter(|&at| links[at].is(effect));
+        places.flat_map(|at| self.fitted.on_bound(at)).collect()
     }
 
     /// A candidate that takes nothing of what this leaves; its parameters are those at which it was left.
@@ -60,12 +53,20 @@ impl Trial {
 }
 
 impl super::fitted::Fitted {
-    /// Whether a parameter of a link stands on a bound that speaks against its effect.
-    pub(super) fn refuted(&self, link: usize) -> bool {
+    /// Names of a link's parameters that stand on a bound.
+    fn on_bound(&self, link: usize) -> impl Iterator<Item = &'static str> {
         let at = &self.chain.links[link];
         let described = at.effect.description().parameters.iter();
-        let mut values = described.zip(&at.values).zip(&self.bounds[link]);
-        values.any(|((named, &value), b)| b.fitted && stands_on(value, b) && at.effect.refuted_on_bound(named.name))
+        let values = described.zip(&at.values).zip(&self.bounds[link]);
+        values
+            .filter(|((_, value), b)| b.fitted && stands_on(**value, b))
+            .map(|((named, _), _)| named.name)
+    }
+
+    /// Whether a parameter of a link stands on a bound that speaks against its effect.
+    pub(super) fn refuted(&self, link: usize) -> bool {
+        let effect = &self.chain.links[link].effect;
+        self.on_bound(link).any(|parameter| effect.refuted_on_bound(parameter))
     }
 }
 

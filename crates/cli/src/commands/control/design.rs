@@ -7,6 +7,7 @@ use crate::exit::Done;
 use crate::output;
 use clap::{Args, ValueEnum};
 use hysteron_identify::control::{ControlModel, RecordedHold, Undone, chain_of, identify, refine};
+use hysteron_identify::covered::ToldBy;
 use hysteron_identify::{Covered, Model};
 use hysteron_plant::preset;
 use hysteron_tracking::design::feedback::{Effort, LARGEST_SENSITIVITY};
@@ -337,11 +338,9 @@ fn text(args: &DesignArgs, source: &Source, controller: &Controller) -> Result<S
 
 /// Who tells the stage up to the highest frequency.
 fn told_by(covered: &Covered) -> String {
-    match (&covered.small_signal, covered.rigid_to_hz) {
-        (Some(band), rigid_hz) if rigid_hz.is_none_or(|hz| hz <= band.up_to_hz) => {
-            format!("the record {}", band.record)
-        }
-        _ => "--rigid, your word".to_owned(),
+    match covered.told_by() {
+        Some(ToldBy::Record(file)) => format!("the record {file}"),
+        Some(ToldBy::User) | None => "--rigid, your word".to_owned(),
     }
 }
 

@@ -4,6 +4,7 @@ use super::ExportArgs;
 use crate::commands::control::beyond::{self, Asked};
 use crate::error::CliError;
 use hysteron_identify::Covered;
+use hysteron_identify::covered::ToldBy;
 use hysteron_plant::{Amplifier, Converter, Sensor, StageConfig};
 use std::fmt::Write;
 
@@ -140,11 +141,10 @@ impl Ends {
             ],
             args.beyond_records,
         )?;
-        let told_by = match (&kept.small_signal, kept.rigid_to_hz) {
-            (Some(band), rigid_hz) if rigid_hz.is_none_or(|hz| hz <= band.up_to_hz) => Some(band.record.clone()),
-            (_, Some(_)) => Some("--rigid, the user's word".to_owned()),
-            _ => None,
-        };
+        let told_by = kept.told_by().map(|by| match by {
+            ToldBy::Record(file) => file.to_owned(),
+            ToldBy::User => "--rigid, the user's word".to_owned(),
+        });
         let table = hysteron_table::Covered {
             voltage_v: kept.voltage_v,
             position_um: kept.position_um,
