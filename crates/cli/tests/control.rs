@@ -487,7 +487,7 @@ fn val_a_controller_tracks_on_the_chip_as_it_does_here() {
         "8k",
         "--alone",
         "--range",
-        "1,4",
+        "1,6",
         "--iterations",
         "1",
     ];
