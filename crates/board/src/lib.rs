@@ -14,6 +14,7 @@ pub mod two_axes;
 pub mod upload;
 
 pub use hysteron_firmware::law::Law;
+pub use hysteron_firmware::monitor::Fault;
 pub use hysteron_firmware::parameters::Parameters;
 pub use hysteron_firmware::trajectory::{Shape, TABLE_POINTS};
 pub use hysteron_firmware::tuning::Change;

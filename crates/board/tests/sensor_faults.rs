@@ -338,6 +338,68 @@ fn of_loop(feedback: bool) -> Vec<[Result<Found, String>; 3]> {
     Kind::ALL.into_iter().map(|kind| HZ.map(|hz| of(kind, hz))).collect()
 }
 
+/// The table of the first stage without feedback, its model known to miss so much of its records.
+fn open_loop(model_error_um: Option<f64>) -> Table {
+    let mut table = Table::parse(TABLE_8K).unwrap();
+    let part = table.controller.as_mut().unwrap();
+    (part.feedback, part.model_error_um) = (None, model_error_um);
+    table
+}
+
+/// The first fault of a run of 0.3 s at a stage whose sensor is wrong from the start, or from a tick on, and the largest error until then.
+fn fault_in_open_loop(table: &Table, config: &StageConfig, (kind, at): (Kind, u32), hz: f64) -> (Option<Fault>, f64) {
+    let mut controller = Controller::new(complete(table).unwrap(), &setup(table, hz, false));
+    let mut broken = Broken::new(kind, config, at);
+    drive_here(&mut controller, 15_000, &mut broken);
+    let frames = broken.frames.iter().zip(&broken.true_um);
+    let before = frames.take_while(|(frame, _)| frame.fault().is_none());
+    let off = before.map(|(frame, um)| (f64::from(frame.reference_um) - um).abs());
+    let found = broken.frames.iter().find_map(Frame::fault);
+    (found, off.fold(0.0, f64::max))
+}
+
+/// What the model is known to miss is no fault, what is beyond it is one; and however much it is known to miss, half the gain, a sensor
+/// that stands still, one that is reversed and one that drifts are.
+#[test]
+fn bva_a_model_that_misses_knows_another_stage() {
+    let healthy = (Kind::Noise(0.0), 0);
+    let mut weak = preset::tracking_8k();
+    // At 11 um it is 1.2 um off: more than 0.56, less than 4 times 0.4.
+    weak.hysteresis.stroke_um *= 0.89;
+    for hz in HZ {
+        for (model_error_um, fault) in [
+            (None, Some(Fault::Disagreement)),
+            (Some(0.2), Some(Fault::Disagreement)),
+            (Some(0.4), None),
+        ] {
+            let (found, off_um) = fault_in_open_loop(&open_loop(model_error_um), &weak, healthy, hz);
+            assert_eq!(found, fault, "{model_error_um:?} {hz} Hz, {off_um} um off");
+        }
+    }
+    let whole = preset::tracking_8k();
+    let mut half = preset::tracking_8k();
+    half.hysteresis.stroke_um *= 0.5;
+    for hz in HZ {
+        for (config, wrong, faults) in [
+            (&half, healthy, &[Fault::Disagreement][..]),
+            (&whole, (Kind::Halved, 0), &[Fault::Disagreement]),
+            (&whole, (Kind::Reversed, 0), &[Fault::Disagreement]),
+            (&whole, (Kind::ReversedInPlace, 1500), &[Fault::Disagreement, Fault::SensorJump]),
+            (&whole, (Kind::Frozen, 1500), &[Fault::Disagreement, Fault::SensorStuck]),
+            (&whole, (Kind::Drift(20.0), 1500), &[Fault::Disagreement]),
+        ] {
+            let table = open_loop(Some(1e3));
+            let (found, off_um) = fault_in_open_loop(&table, config, wrong, hz);
+            assert!(
+                found.is_some_and(|fault| faults.contains(&fault)),
+                "{wrong:?}, {hz} Hz: {found:?}"
+            );
+            let most_um = table.open_loop_departure_um().unwrap();
+            assert!(off_um < 1.2 * most_um, "{wrong:?}, {hz} Hz: {off_um} um off");
+        }
+    }
+}
+
 /// The image says the same, frame by frame, on the codes of every kind: even ones on the Cortex-M4F, odd ones on the M7.
 #[test]
 fn prop_no_sensor_takes_the_image_away() {

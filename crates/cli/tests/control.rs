@@ -458,8 +458,7 @@ fn val_a_controller_tracks_on_the_chip_as_it_does_here() {
     }
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
-    let (rough, controller, page) = (path("model.toml"), path("controller.toml"), path("page.html"));
-    std::fs::write(&rough, model(RISING, "delay", &[("delay", 60e-6, "s")])).unwrap();
+    let (controller, page) = (path("controller.toml"), path("page.html"));
     let answered = |args: &[&str]| {
         let output = Command::new(env!("CARGO_BIN_EXE_hysteron"))
             .args(args)
@@ -469,7 +468,27 @@ fn val_a_controller_tracks_on_the_chip_as_it_does_here() {
         assert_eq!(output.status.code(), Some(0), "{args:?}: {said}");
         output.stdout
     };
-    answered(&["design", &rough, "-o", &controller, "--open"]);
+    // A model that takes a delay for a slew limit, which no controller undoes, and says how far it is off without either.
+    let (stage, first, rough) = (path("stage"), path("first.toml"), path("rough.toml"));
+    let simulate = ["simulate", "--stage", "8k", "-o", &stage];
+    let excitations = [
+        "sine:hz=11,high_v=100,periods=3",
+        "sine:hz=97,high_v=100,periods=10",
+        "sine:hz=503,high_v=100,periods=50",
+        "triangle:hz=31,low_v=20,high_v=70,periods=4",
+    ];
+    let excited = excitations.iter().flat_map(|spec| ["--excitation", spec]);
+    answered(&simulate.into_iter().chain(excited).collect::<Vec<_>>());
+    answered(&["fit", &stage, "--model", "pi", "--plays", "3", "-o", &first]);
+    answered(&["add", "slew-limit", &stage, &first, "-o", &rough]);
+    let said = answered(&["design", &rough, "-o", &controller, "--open"]);
+    let said = String::from_utf8(said).unwrap();
+    assert!(said.contains("the model misses its records by up to 0.8"), "{said}");
+    // The host begins where the stage rests, the chip where the model has it: 2 nm away, which would count beside a small error.
+    let text = std::fs::read_to_string(&controller).unwrap();
+    let rest = text.lines().find(|line| line.starts_with("rest_um = ")).unwrap();
+    assert!(rest["rest_um = ".len()..].parse::<f64>().unwrap().abs() < 0.01, "{rest}");
+    std::fs::write(&controller, text.replace(rest, "rest_um = 0.0")).unwrap();
     let firmware = concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware");
     let on_chip = [
         "--emulator",
@@ -546,6 +565,33 @@ fn val_a_controller_tracks_on_the_chip_as_it_does_here() {
         );
     }
     assert!(std::fs::read_to_string(page).unwrap().contains("The same as firmware"));
+}
+
+/// Three plays of some other stage, which say nothing of an error: the position is not where they have it, and the board stops.
+#[test]
+fn val_a_model_of_another_stage_is_stopped_by_the_chip() {
+    if emulator::image("mps2-an386").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (foreign, controller, page) = (path("model.toml"), path("controller.toml"), path("page.html"));
+    std::fs::write(&foreign, model(RISING, "delay", &[("delay", 60e-6, "s")])).unwrap();
+    let designed = Command::new(env!("CARGO_BIN_EXE_hysteron"))
+        .args(["design", &foreign, "-o", &controller, "--open"])
+        .output()
+        .unwrap();
+    assert!(designed.status.success());
+    let firmware = concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware");
+    let on_chip = ["--emulator", "mps2-an386", "--firmware", firmware, "-o", &page];
+    let track = ["track", &controller, "--stage", "8k", "--alone", "--range", "1,6"];
+    refused(
+        &[&track[..], &on_chip].concat(),
+        &[
+            "with fault Disagreement: the position is further from where the model has it than the model's own error explains",
+            "record this stage and design from that",
+        ],
+    );
 }
 
 /// A bench of one's own, played here by a simulated stage: the files are commands, what came back is checked, and at the end stands a

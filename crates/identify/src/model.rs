@@ -285,6 +285,16 @@ impl Model {
         names
     }
 
+    /// Largest rms error on a record by its history, output unit, with some of its effects left out: of the last step and of those before
+    /// these were added; none without a history.
+    pub fn largest_error_without(&self, left_out: &[&EffectName]) -> Option<f64> {
+        let adds = |step: &Step| step.change == Change::Added && step.what.effect().is_some_and(|e| left_out.contains(&e));
+        let before = self.history.windows(2).filter(|steps| adds(&steps[1]));
+        let steps = before.map(|steps| &steps[0]).chain(self.history.last());
+        let records = steps.flat_map(|step| &step.records);
+        records.map(|record| record.rms).max_by(f64::total_cmp)
+    }
+
     /// All parameters but the thresholds, with names and units: offset, input function, plays, alpha and beta.
     pub fn parameters(&self) -> Vec<Parameter> {
         let mut parameters: Vec<Parameter> = self

@@ -54,6 +54,10 @@ pub struct Controller {
     /// Heat: reference (degC), time constant (s), shift (um/K), gain (1/K); only for code in C, since boards have no thermometer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heat: Option<[f64; 4]>,
+    /// Largest rms error of the model on a record of its own; in open loop the board allows four times that, see
+    /// [`Table::open_loop_departure_um`]. Without it nothing is known of the model's error.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model_error_um: Option<f64>,
     /// Feedback; none in open loop.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub feedback: Option<Feedback>,
@@ -168,6 +172,7 @@ impl Table {
                 cross_um_per_um: law.cross_um_per_um,
                 sensor: law.sensor,
                 heat: None,
+                model_error_um: None,
                 feedback: law.feedback.map(|feedback| Feedback {
                     integral_v_per_um_s: feedback.integral_v_per_um_s,
                     series: feedback.series,
@@ -355,6 +360,9 @@ impl Controller {
             let reason = format!("must lie in -{LARGEST_CROSS} to {LARGEST_CROSS}");
             return Err(refuse("controller.cross_um_per_um", share, reason));
         }
+        if let Some(rms_um) = self.model_error_um.filter(|rms_um| *rms_um < 0.0) {
+            return Err(refuse("controller.model_error_um", rms_um, "must not be negative: an rms error"));
+        }
         let whole = numbers.law::<f32>();
         let left = if self.hum.is_some() {
             "controller.hum, controller.feedback"
@@ -373,6 +381,7 @@ impl Controller {
             ("sensor_lag_s".to_owned(), self.sensor_lag_s),
         ];
         all.extend(self.cross_um_per_um.map(|share| ("cross_um_per_um".to_owned(), share)));
+        all.extend(self.model_error_um.map(|rms_um| ("model_error_um".to_owned(), rms_um)));
         let mut list = |name: &str, values: &[f64]| {
             all.extend(
                 values

@@ -255,6 +255,14 @@ fn refuse_chains_whose_inverse_would_explode() {
         "no controller: mode 1 at 8003 Hz has a damping ratio of 0; its inverse needs 0.0001 to 1; record a longer",
     );
     check(
+        &|model| model.model_error_um = Some(-0.1),
+        "no controller: the model's error on its records is said to be -0.1 um rms",
+    );
+    check(
+        &|model| model.model_error_um = Some(f64::NAN),
+        "no controller: the model's error on its records is said to be NaN um rms",
+    );
+    check(
         &|model| model.linear.modes[0].damping = f64::NAN,
         "no controller: mode 1 at 8003 Hz has a damping ratio of NaN",
     );

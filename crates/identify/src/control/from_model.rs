@@ -80,6 +80,7 @@ pub fn chain_of(
         voltage_max_v,
         small_signal_um_per_v: 0.0,
         misfit_percent: 0.0,
+        model_error_um: None,
         linear: LinearPart {
             lag_s: 0.0,
             modes: Vec::new(),
@@ -112,6 +113,11 @@ pub fn chain_of(
         }
         take_over(by, &mut chain);
     }
+    let left_out: Vec<&EffectName> = (model.effects.iter().zip(&undone))
+        .filter(|(_, undone)| undone.by.is_none())
+        .map(|(fitted, _)| &fitted.name)
+        .collect();
+    chain.model_error_um = model.largest_error_without(&left_out);
     if held_beside {
         chain.latency_s += 0.5 * sample_period_s;
     }

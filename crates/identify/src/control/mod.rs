@@ -92,6 +92,7 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
         voltage_max_v: dataset.known.voltage_max_v.unwrap_or(f64::MAX),
         small_signal_um_per_v: small_signal.gain_um_per_v,
         misfit_percent: 100.0 * left_v / swing_v,
+        model_error_um: None,
         linear,
         creep,
         inverse,

@@ -59,6 +59,10 @@ pub struct ControlModel {
     pub small_signal_um_per_v: f64,
     /// Rms of the inverse's error on the last records, percent of their peak to peak.
     pub misfit_percent: f64,
+    /// Largest rms error on a record, those held out included, micrometres, by the model's history, without the effects that are left out;
+    /// none where that was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model_error_um: Option<f64>,
     /// Lag and modes.
     pub linear: LinearPart,
     /// Creep.

@@ -13,13 +13,26 @@ const LONGEST_LAG_SAMPLES: f64 = 1000.0;
 /// - a mode without damping, or above half the sample rate;
 /// - a lag that is negative or of more than 1000 samples;
 /// - a table that does not rise everywhere, so that it has no inverse;
-/// - limits of the command that are not known.
+/// - limits of the command that are not known;
+/// - an error of the model that is no rms error.
 pub fn refuse(model: &ControlModel, samples_ahead: usize) -> Result<(), TrackingError> {
     latency(model, samples_ahead)?;
     modes(model)?;
     lag(model)?;
     table(model)?;
-    limits(model)
+    limits(model)?;
+    error(model)
+}
+
+fn error(model: &ControlModel) -> Result<(), TrackingError> {
+    match model.model_error_um {
+        // A NaN fails the comparison.
+        Some(rms_um) if !(rms_um >= 0.0 && rms_um.is_finite()) => Err(TrackingError::Design {
+            what: format!("the model's error on its records is said to be {rms_um} um rms; it must be 0 or more and finite"),
+            advice: "fit the model again: its history has the error on each record",
+        }),
+        _ => Ok(()),
+    }
 }
 
 fn latency(model: &ControlModel, samples_ahead: usize) -> Result<(), TrackingError> {

@@ -142,6 +142,7 @@ mod tests {
             voltage_max_v: 200.0,
             small_signal_um_per_v: 0.1,
             misfit_percent: 0.0,
+            model_error_um: None,
             linear: LinearPart {
                 lag_s: 0.0,
                 modes: Vec::new(),

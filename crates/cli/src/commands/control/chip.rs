@@ -7,7 +7,7 @@ use hysteron_board::host::{complete, hello, parameters};
 use hysteron_board::two_axes::TwoAxisSession;
 use hysteron_board::upload::Upload;
 use hysteron_board::{
-    BoardError, FALL_TICKS, Hello, Law, Machine, Mode, Parameters, Player, Request, Session, Setup, Shape, Summary,
+    BoardError, FALL_TICKS, Fault, Hello, Law, Machine, Mode, Parameters, Player, Request, Session, Setup, Shape, Summary,
     image,
 };
 use hysteron_plant::{Stage, StageConfig};
@@ -447,6 +447,10 @@ fn no_fault(player: &Player) -> Result<(), CliError> {
         .find_map(|tick| Some((tick.frame.number, tick.frame.fault()?)));
     match fault {
         None => Ok(()),
+        Some((tick, Fault::Disagreement)) => Err(CliError::Option(format!(
+            "the board stopped at tick {tick} with fault Disagreement: the position is further from where the model has it than the \
+             model's own error explains, so stage and model are not one; record this stage and design from that"
+        ))),
         Some((tick, fault)) => Err(CliError::Option(format!(
             "the board stopped at tick {tick} with fault {fault:?}; the stage is not one that this controller can run on"
         ))),

@@ -231,6 +231,7 @@ fn json(args: &DesignArgs, source: &Source, controller: &Controller) -> Result<s
         "file": args.output,
         "effects": undone,
         "model_percent": source.model_percent,
+        "model_error_um": controller.model.model_error_um,
         "inverse_misfit_percent": controller.model.misfit_percent,
         "samples_ahead": controller.samples_ahead,
         "bandwidth_hz": quality.bandwidth_hz,
@@ -429,6 +430,12 @@ fn expected(text: &mut String, source: &Source, controller: &Controller) -> Resu
             text,
             "  {:>5} Hz  open {:.3}, closed {closed}; most of it from {}",
             p.frequency_hz, p.open_percent, p.limited_by
+        );
+    }
+    if let (None, Some(rms_um)) = (&controller.feedback, controller.model.model_error_um) {
+        let _ = writeln!(
+            text,
+            "  the model misses its records by up to {rms_um:.4} um rms, which a board allows for before it takes the stage for another"
         );
     }
     if source.model_percent.is_none() {

@@ -83,6 +83,9 @@ pub(super) fn table(controller: &Controller, args: &ExportArgs) -> Result<(Table
         None => needed_um(controller, bare.input_max_um - bare.input_min_um)?,
     };
     let mut table = bare.with_law(&numbers).trusting(bound_um);
+    if let Some(part) = &mut table.controller {
+        part.model_error_um = controller.model.model_error_um;
+    }
     // Where C runs there may be a thermometer.
     if let (Format::C, Some(part)) = (args.format, &mut table.controller) {
         part.heat = numbers.heat;
@@ -156,6 +159,19 @@ fn bound_said(table: &Table) -> String {
     })
 }
 
+/// How far an open loop may be off, in words.
+fn departure_said(table: &Table) -> String {
+    let Some(departure_um) = table.open_loop_departure_um() else {
+        return String::new();
+    };
+    let missed_um = table.controller.as_ref().and_then(|part| part.model_error_um);
+    let known = missed_um.map_or_else(
+        || "the model does not say what it misses on its records".to_owned(),
+        |rms_um| format!("the model misses its records by up to {rms_um:.4} um rms"),
+    );
+    format!(";\n{known}: {departure_um:.4} um off are another stage or sensor, and the board stops")
+}
+
 /// What the command says of it.
 pub(super) fn said(table: &Table, controller: &Controller) -> String {
     let mut text = format!(
@@ -176,7 +192,11 @@ pub(super) fn said(table: &Table, controller: &Controller) -> String {
             table.feedback_up_to_hz,
             bound_said(table)
         ),
-        None => writeln!(text, "open loop: the controller has no feedback"),
+        None => writeln!(
+            text,
+            "open loop: the controller has no feedback{}",
+            departure_said(table)
+        ),
     };
     let taken = table.controller.as_ref().is_some_and(|part| part.heat.is_some());
     if controller.model.around.heat.is_some() && !taken {

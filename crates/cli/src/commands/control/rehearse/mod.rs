@@ -14,7 +14,7 @@ use clap::Args;
 use hysteron_data::{Dataset, Overwrite, Record, write_dataset};
 use hysteron_diagnose::{Learned, learn_with};
 use hysteron_identify::control::{ControlModel, RecordedHold, chain_of, refine};
-use hysteron_identify::{EffectName, FitOptions, Model, fit};
+use hysteron_identify::{EffectName, FitOptions, Model, fit, present_step};
 use hysteron_plant::StageConfig;
 use hysteron_tracking::design::{Controller, ReferenceKind};
 use hysteron_tracking::rehearsal::{Hidden, Rehearsal};
@@ -188,6 +188,15 @@ fn chain(stage: &StageConfig, model: &Model) -> Result<ControlModel, CliError> {
     Ok(chain)
 }
 
+/// The model with a history: one that nothing was added to has none yet, and is measured on the records.
+fn told(records: &Dataset, model: &Model) -> Model {
+    let mut told = model.clone();
+    if told.history.is_empty() {
+        told.history.push(present_step(records, model));
+    }
+    told
+}
+
 fn design(chain: &ControlModel) -> Result<Controller, CliError> {
     Ok(Controller::design(chain, ReferenceKind::Previewed)?)
 }
@@ -219,14 +228,11 @@ fn rehearsed(
         truth: rehearsal.truth.clone(),
     };
     let rungs = learned.rungs.iter().enumerate();
-    // The first model has no history yet: it stands as the first step in that of the last.
-    let model_percent = |i: usize, model: &Model| {
-        let step = learned.model.history.first().filter(|_| i == 0);
-        step.or(model.history.last()).and_then(|step| step.validate_percent)
-    };
+    let model_percent = |model: &Model| model.history.last().and_then(|step| step.validate_percent);
     let bar = progress::bar("tracking");
     let steps = (learned.rungs.len() + 3) as f64;
     for (i, model) in rungs {
+        let model = &told(records, model);
         let open = chain(&rehearsal.stage, model).and_then(|chain| design(&chain));
         rehearsed.climb(
             ground,
@@ -234,14 +240,14 @@ fn rehearsed(
             open.as_ref().map_err(ToString::to_string),
             Climbed {
                 model,
-                model_percent: model_percent(i, model),
+                model_percent: model_percent(model),
                 name: format!("step-{i}-open"),
                 trained: false,
             },
         )?;
         progress::advance(&bar, (i + 1) as f64 / steps);
     }
-    let model = &learned.model;
+    let model = &told(records, &learned.model);
     let Ok(mut trained) = chain(&rehearsal.stage, model) else {
         return Ok((rehearsed, None));
     };
@@ -257,7 +263,7 @@ fn rehearsed(
             Ok(controller),
             Climbed {
                 model,
-                model_percent: model_percent(learned.rungs.len() - 1, model),
+                model_percent: model_percent(model),
                 name: name.to_owned(),
                 trained: true,
             },
@@ -272,6 +278,9 @@ fn rehearsed(
     without.effects.retain(|effect| effect.name != hidden);
     // Its loop may go as far as its own records tell, not as those of the whole model.
     without.cover(records);
+    // What it misses on them is its own, too.
+    without.history.clear();
+    let without = told(records, &without);
     if let Ok(mut without) = chain(&rehearsal.stage, &without) {
         without.inverse = trained.inverse;
         let controller = design(&without)?;
