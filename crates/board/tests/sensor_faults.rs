@@ -384,7 +384,11 @@ fn bva_a_model_that_misses_knows_another_stage() {
             (&half, healthy, &[Fault::Disagreement][..]),
             (&whole, (Kind::Halved, 0), &[Fault::Disagreement]),
             (&whole, (Kind::Reversed, 0), &[Fault::Disagreement]),
-            (&whole, (Kind::ReversedInPlace, 1500), &[Fault::Disagreement, Fault::SensorJump]),
+            (
+                &whole,
+                (Kind::ReversedInPlace, 1500),
+                &[Fault::Disagreement, Fault::SensorJump],
+            ),
             (&whole, (Kind::Frozen, 1500), &[Fault::Disagreement, Fault::SensorStuck]),
             (&whole, (Kind::Drift(20.0), 1500), &[Fault::Disagreement]),
         ] {

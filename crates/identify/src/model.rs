@@ -288,7 +288,8 @@ impl Model {
     /// Largest rms error on a record by its history, output unit, with some of its effects left out: of the last step and of those before
     /// these were added; none without a history.
     pub fn largest_error_without(&self, left_out: &[&EffectName]) -> Option<f64> {
-        let adds = |step: &Step| step.change == Change::Added && step.what.effect().is_some_and(|e| left_out.contains(&e));
+        let adds =
+            |step: &Step| step.change == Change::Added && step.what.effect().is_some_and(|e| left_out.contains(&e));
         let before = self.history.windows(2).filter(|steps| adds(&steps[1]));
         let steps = before.map(|steps| &steps[0]).chain(self.history.last());
         let records = steps.flat_map(|step| &step.records);

@@ -361,7 +361,11 @@ impl Controller {
             return Err(refuse("controller.cross_um_per_um", share, reason));
         }
         if let Some(rms_um) = self.model_error_um.filter(|rms_um| *rms_um < 0.0) {
-            return Err(refuse("controller.model_error_um", rms_um, "must not be negative: an rms error"));
+            return Err(refuse(
+                "controller.model_error_um",
+                rms_um,
+                "must not be negative: an rms error",
+            ));
         }
         let whole = numbers.law::<f32>();
         let left = if self.hum.is_some() {

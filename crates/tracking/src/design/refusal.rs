@@ -28,7 +28,9 @@ fn error(model: &ControlModel) -> Result<(), TrackingError> {
     match model.model_error_um {
         // A NaN fails the comparison.
         Some(rms_um) if !(rms_um >= 0.0 && rms_um.is_finite()) => Err(TrackingError::Design {
-            what: format!("the model's error on its records is said to be {rms_um} um rms; it must be 0 or more and finite"),
+            what: format!(
+                "the model's error on its records is said to be {rms_um} um rms; it must be 0 or more and finite"
+            ),
             advice: "fit the model again: its history has the error on each record",
         }),
         _ => Ok(()),

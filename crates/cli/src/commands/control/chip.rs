@@ -7,8 +7,8 @@ use hysteron_board::host::{complete, hello, parameters};
 use hysteron_board::two_axes::TwoAxisSession;
 use hysteron_board::upload::Upload;
 use hysteron_board::{
-    BoardError, FALL_TICKS, Fault, Hello, Law, Machine, Mode, Parameters, Player, Request, Session, Setup, Shape, Summary,
-    image,
+    BoardError, FALL_TICKS, Fault, Hello, Law, Machine, Mode, Parameters, Player, Request, Session, Setup, Shape,
+    Summary, image,
 };
 use hysteron_plant::{Stage, StageConfig};
 use hysteron_table::{FORMAT, Table, TableError};
