@@ -184,6 +184,33 @@ impl Facts {
     }
 }
 
+/// How a dynamic envelope grows with the rate of the voltage: as a power of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RateLaw {
+    /// 1: in proportion, as in the paper's eq. 9; 1/2: as excess loss; towards 0: as a logarithm.
+    pub exponent: f64,
+    /// Rate at which all exponents give the same, volts per second.
+    pub reference_v_per_s: f64,
+}
+
+impl RateLaw {
+    /// In proportion to the rate.
+    pub const LINEAR: Self = Self {
+        exponent: 1.0,
+        reference_v_per_s: 1.0,
+    };
+
+    /// What stands in the envelope in place of the speed, volts per second.
+    #[inline(always)]
+    pub fn of(&self, speed_v_per_s: f64) -> f64 {
+        if self.exponent == 1.0 {
+            speed_v_per_s
+        } else {
+            self.reference_v_per_s * (speed_v_per_s / self.reference_v_per_s).powf(self.exponent)
+        }
+    }
+}
+
 /// One record as effects see it. All series have the length of the command; where the record is periodic, one period of
 /// run-in stands before it.
 #[derive(Debug, Clone, Copy)]
@@ -267,15 +294,16 @@ pub trait Effect: Send + Sync {
         let _ = (values, signals, voltage_v);
     }
 
-    /// The dynamic envelope it gives the wider plays.
+    /// The dynamic envelope it gives the plays.
     fn envelope(&self, values: &[f64]) -> Option<Envelope<f64>> {
         let _ = values;
         None
     }
 
-    /// Plays narrower than this share of the voltages' span do not take part in [`Effect::envelope`].
-    fn narrow_share(&self) -> f64 {
-        0.0
+    /// The law by which that envelope grows with the rate.
+    fn rate_law(&self, values: &[f64]) -> RateLaw {
+        let _ = values;
+        RateLaw::LINEAR
     }
 
     /// Whether it is a part of the hysteresis' family that is fitted with the effects, and no effect of its own: then the effect

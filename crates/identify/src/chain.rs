@@ -3,8 +3,9 @@
 use crate::basis::{Basis, PlayScale};
 use crate::chain_trace::Trace;
 use crate::columns::Design;
-use crate::effects::{Acts, Effect, EffectName, Signals};
+use crate::effects::{Acts, Effect, EffectName, RateLaw, Signals};
 use crate::start_state::InitialState;
+use hysteron_core::envelope::Envelope;
 use hysteron_data::{Record, Role};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -99,13 +100,9 @@ impl Chain {
         let thresholds: [f64; LANES] = std::array::from_fn(|l| own.get(l).copied().unwrap_or(0.0));
         let of_link = self.links.iter().find_map(|link| {
             let envelope = link.effect.envelope(&link.values)?;
-            Some((envelope, link.effect.narrow_share()))
+            Some((envelope, link.effect.rate_law(&link.values)))
         });
-        // Narrower plays do not take part in a rate dependence that is an effect; all of a family's own plays do.
-        let (envelope, narrow_share) = of_link.unwrap_or((self.design.envelope, 0.0));
-        let narrow_v = narrow_share * (self.range_v[1] - self.range_v[0]);
-        let wide = |time_s: f64| thresholds.map(|r| if r >= narrow_v { time_s } else { 0.0 });
-        let (alpha_s, beta_s) = (wide(envelope.alpha_s), wide(envelope.beta_s));
+        let (Envelope { alpha_s, beta_s }, law) = of_link.unwrap_or((self.design.envelope, RateLaw::LINEAR));
         let first = stack_v.first().copied().unwrap_or(0.0);
         let before = trace.initial.before(&stack_v[..trace.run_in.max(1).min(stack_v.len())]);
         let mut w = thresholds.map(before);
@@ -113,9 +110,9 @@ impl Chain {
         let mut advance = |input: f64, w: &mut [f64; LANES]| {
             let rate = (input - last) * per_s;
             last = input;
-            let speed = rate.abs();
+            let speed = law.of(rate.abs());
             for l in 0..LANES {
-                let (left, right) = (input - alpha_s[l] * speed - thresholds[l], input + beta_s[l] * speed);
+                let (left, right) = (input - alpha_s * speed - thresholds[l], input + beta_s * speed);
                 // Comparisons compile to selections where `max` and `min` must think of NaN.
                 let held = if w[l] > right { right } else { w[l] };
                 w[l] = if held < left { left } else { held };
