@@ -54,6 +54,22 @@ pub fn add(
     adding: Adding,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Added, IdentifyError> {
+    add_held(dataset, model, effect, &[], adding, progress)
+}
+
+/// As [`add`], with some of the effect's parameters held at what was seen of it without a model: a stretch of a record that the
+/// fit leaves out, because its plays have not settled, may show a ring all the same.
+///
+/// # Errors
+/// As [`add`].
+pub fn add_held(
+    dataset: &Dataset,
+    model: &Model,
+    effect: &Arc<dyn Effect>,
+    held: &[(&str, f64)],
+    adding: Adding,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Added, IdentifyError> {
     let name = effect.name();
     let refuse = |reason: String| IdentifyError::EffectRefused {
         effect: name.clone(),
@@ -81,7 +97,7 @@ pub fn add(
         Refused::There => refuse("the model has it already".to_owned()),
         Refused::Cannot(reason) => refuse(reason),
     };
-    let of_own = own.candidate(effect);
+    let of_own = own.candidate_held(effect, held);
     progress(0.5);
     let free = if model.family == Family::PlayPolynomial || adding.keep_family {
         None
@@ -96,7 +112,7 @@ pub fn add(
         (told(dataset, model, &own, &name, before.clone()), before_percent)
     });
     let of_free = free.map(|free| {
-        let trial = free.candidate(effect)?;
+        let trial = free.candidate_held(effect, held)?;
         let before_percent = free.pooled_percent(free.standing());
         Ok::<_, Refused>((free, trial, before_percent))
     });
@@ -113,7 +129,9 @@ pub fn add(
             let mut free = free;
             free.stand_on(trial);
             let shaped = told(dataset, &step.model, &free, last, step.after);
-            if counts(&shaped.after) < SHAPE_HOLDS_UP * counts(&own.after) {
+            // Validation records alone do not tell: they may know nothing of what the fitted ones begin with.
+            let no_worse = shaped.after.identify_percent <= own.after.identify_percent;
+            if no_worse && counts(&shaped.after) < SHAPE_HOLDS_UP * counts(&own.after) {
                 shaped
             } else {
                 own

@@ -37,7 +37,7 @@ mod simulate;
 mod start_state;
 mod uncertainty;
 
-pub use add::{Added, Adding, add, check_own_effect, remove};
+pub use add::{Added, Adding, add, add_held, check_own_effect, remove};
 pub use chain_facts::facts;
 pub use core_model::CoreModel;
 pub use covered::{Covered, SmallSignalBand};

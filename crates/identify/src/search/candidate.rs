@@ -93,6 +93,29 @@ pub(super) struct Basis {
     error: f64,
 }
 
+/// A chain with one more effect, and where the search for its parameters begins.
+struct Plan {
+    point: Fitted,
+    /// The effect's link in the chain.
+    link: usize,
+    starts: Vec<Vec<f64>>,
+}
+
+impl Plan {
+    /// Holds parameters of the effect, by name, at a value.
+    fn hold(&mut self, held: &[(&str, f64)]) {
+        let described = self.point.chain.links[self.link].effect.description().parameters;
+        for &(name, value) in held {
+            let Some(j) = described.iter().position(|parameter| parameter.name == name) else {
+                continue;
+            };
+            self.point.bounds[self.link][j] = Bounds::fixed(value);
+            self.starts.iter_mut().for_each(|start| start[j] = value);
+        }
+        self.starts.dedup();
+    }
+}
+
 struct OfRecord {
     index: usize,
     stroke: Stroke,
@@ -139,7 +162,17 @@ impl Search<'_> {
     /// # Cost
     /// A pass over the records a start, some thirty more.
     pub fn candidate(&self, effect: &Arc<dyn Effect>) -> Result<Trial, Refused> {
-        self.candidate_on(effect, &self.basis(), None, Effort::Thorough)
+        self.candidate_held(effect, &[])
+    }
+
+    /// As [`Self::candidate`], with some of its parameters, by name, held at a value.
+    ///
+    /// # Errors
+    /// As [`Self::candidate`].
+    pub fn candidate_held(&self, effect: &Arc<dyn Effect>, held: &[(&str, f64)]) -> Result<Trial, Refused> {
+        let mut plan = self.plan(effect)?;
+        plan.hold(held);
+        self.candidate_on(effect, plan, &self.basis(), None, Effort::Thorough)
     }
 
     /// Several candidates, on all cores, in their order; one that adds lines of the mains begins at `line_hz`. `progress` gets the
@@ -158,7 +191,9 @@ impl Search<'_> {
             .map(|effect| {
                 let before = done.load(std::sync::atomic::Ordering::Relaxed);
                 progress(before as f64 / effects.len() as f64, effect.description().name);
-                let trial = self.candidate_on(effect, &basis, line_hz, Effort::Quick);
+                let trial = self
+                    .plan(effect)
+                    .and_then(|plan| self.candidate_on(effect, plan, &basis, line_hz, Effort::Quick));
                 done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
                 trial
             })
@@ -168,11 +203,16 @@ impl Search<'_> {
     fn candidate_on(
         &self,
         effect: &Arc<dyn Effect>,
+        plan: Plan,
         basis: &Basis,
         line_hz: Option<f64>,
         effort: Effort,
     ) -> Result<Trial, Refused> {
-        let (point, link, mut starts) = self.plan(effect)?;
+        let Plan {
+            point,
+            link,
+            mut starts,
+        } = plan;
         let among_many = effort == Effort::Quick;
         // The states of the records hide what outlasts them: a short way down ends where they still do.
         let effort = if effect.outlasts_records() {
@@ -198,11 +238,17 @@ impl Search<'_> {
         }
         let nowhere = || Refused::Cannot("there is nowhere to begin".to_owned());
         let mut best = self
-            .followed(&self.records, &point, link, &starts, look)
+            .followed(&self.records, (&point, link, &starts), basis.error, look)
             .ok_or_else(nowhere)?;
+        if !among_many && best.error > basis.error {
+            // Every start ends in a valley above the chain without the effect: from where it does nothing it goes down.
+            let nothing = [point.bounds[link].iter().map(|b| b.neutral).collect()];
+            let from_nothing = self.followed(&self.records, (&point, link, &nothing), basis.error, look);
+            best = from_nothing.filter(|at| at.error < best.error).unwrap_or(best);
+        }
         let mut other_states = None;
         if effect.outlasts_records() {
-            (best, other_states) = self.in_other_states(effect, (&point, link, &starts), best, effort);
+            (best, other_states) = self.in_other_states(effect, (&point, link, &starts), best, (basis.error, effort));
         }
         if among_many && best.error > basis.error - LEAST_FALL {
             return Ok(self.standing.taking_nothing(best.fitted));
@@ -237,11 +283,11 @@ impl Search<'_> {
         effect: &Arc<dyn Effect>,
         (point, link, starts): (&Fitted, usize, &[Vec<f64>]),
         mut best: Standing,
-        effort: Effort,
+        (without, effort): (f64, Effort),
     ) -> (Standing, Option<Vec<Prepared<'_>>>) {
         let mut states = None;
         if let Some(from_rest) = self.begun_at_rest()
-            && let Some(other) = self.followed(&from_rest, point, link, starts, effort)
+            && let Some(other) = self.followed(&from_rest, (point, link, starts), without, effort)
             && other.error < best.error
         {
             (best, states) = (other, Some(from_rest));
@@ -251,7 +297,7 @@ impl Search<'_> {
         {
             let mut records = self.records.clone();
             start_in(&mut records, &of_straight);
-            if let Some(other) = self.followed(&records, point, link, &[values], effort)
+            if let Some(other) = self.followed(&records, (point, link, &[values]), without, effort)
                 && other.error < best.error
             {
                 (best, states) = (other, Some(records));
@@ -286,13 +332,12 @@ impl Search<'_> {
         }
     }
 
-    /// The best of some starts, each followed some steps.
+    /// The best of some starts, each followed some steps; `without` is the sum of logarithms of the chain as it stands.
     fn followed(
         &self,
         records: &[Prepared<'_>],
-        point: &Fitted,
-        link: usize,
-        starts: &[Vec<f64>],
+        (point, link, starts): (&Fitted, usize, &[Vec<f64>]),
+        without: f64,
         effort: Effort,
     ) -> Option<Standing> {
         let descent = self.descent_on(records, effort);
@@ -305,11 +350,11 @@ impl Search<'_> {
             }
             descent.descend(descent.project(at), effort.steps().0)
         });
-        // One that imitates another effect on a bound comes after all that are what they are called.
-        let order = |at: &Standing| (at.fitted.refuted(link), at.error);
+        // One that imitates another effect on a bound comes after all that are what they are called and take something.
+        let order = |at: &Standing| (at.fitted.refuted(link) || at.error > without - LEAST_FALL, at.error);
         each.min_by(|a, b| {
-            let ((a_refuted, a), (b_refuted, b)) = (order(a), order(b));
-            a_refuted.cmp(&b_refuted).then(a.total_cmp(&b))
+            let ((a_last, a), (b_last, b)) = (order(a), order(b));
+            a_last.cmp(&b_last).then(a.total_cmp(&b))
         })
     }
 
@@ -356,7 +401,7 @@ impl Search<'_> {
     }
 
     /// The chain with the effect in it, which link that is, and where its search begins.
-    fn plan(&self, effect: &Arc<dyn Effect>) -> Result<(Fitted, usize, Vec<Vec<f64>>), Refused> {
+    fn plan(&self, effect: &Arc<dyn Effect>) -> Result<Plan, Refused> {
         let standing = &self.standing.fitted;
         let facts = Facts {
             family: standing.chain.design.family,
@@ -401,7 +446,7 @@ impl Search<'_> {
             ridge: standing.ridge,
             chain,
         };
-        Ok((point, link, starts))
+        Ok(Plan { point, link, starts })
     }
 
     /// The starts whose change of the modelled position leaves least, with what the hysteresis could take of it; the space about

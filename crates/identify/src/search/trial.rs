@@ -3,7 +3,7 @@
 use super::fitted::{Fitted, Look, Tangent};
 use super::records::Prepared;
 use super::system::within_bounds;
-use crate::effects::Family;
+use crate::effects::{Bounds, EffectName, Family};
 use crate::normal::Normal;
 use crate::start_state::InitialState;
 use nalgebra::DVector;
@@ -58,7 +58,8 @@ pub struct Trial {
 /// Measured and modelled of one record at the rows of a comparison.
 struct OfRecord {
     systems: Vec<Normal>,
-    rows: usize,
+    /// What the point before the last step leaves of it, mean square.
+    left_um2: f64,
 }
 
 /// Fits a chain to all rows from a point near the bottom of its valley, ridge chosen and weights taken from what it leaves, and
@@ -77,17 +78,21 @@ pub(super) fn judge(
             if !record.fits {
                 return OfRecord {
                     systems: Vec::new(),
-                    rows: record.rows.len(),
+                    left_um2: 0.0,
                 };
             }
-            let Tangent { columns, target, .. } = point.tangent(record, i, Look::All, true);
+            let Tangent {
+                columns,
+                target,
+                residual,
+            } = point.tangent(record, i, Look::All, true);
             let of_part = |part: &std::ops::Range<usize>| {
                 let rows = columns.rows(part.start, part.len()).into_owned();
                 Normal::of_columns(&rows, &target.rows(part.start, part.len()).into_owned())
             };
             OfRecord {
                 systems: record.parts.iter().map(of_part).collect(),
-                rows: record.rows.len(),
+                left_um2: mean_square(&residual),
             }
         })
         .collect();
@@ -118,27 +123,48 @@ pub(super) fn judge(
     let (weights, floor_um2) = (pool.weights.clone(), pool.floor_um2.clone());
     let mut fitted = point.moved_by(&solution);
     fitted.ridge = ridge;
-    if !fitted.chain.linear() && left(records, &fitted, &floor_um2) > left(records, &point, &floor_um2) {
-        // Where the chain is no straight line the last step may go up.
-        fitted = point;
+    let mut residuals = residuals(records, &fitted);
+    // Effects bend the error's valley: a step to where its tangents have their bottom may go up.
+    let after = logarithms(records, &floor_um2, |i| mean_square(&residuals[i]));
+    let before = if fitted.chain.linear() {
+        let held = pool.held(&solution, ridge);
+        let left = pool.left_um2(&held);
+        let before = logarithms(records, &floor_um2, |i| left[i]);
+        (after > before + UPHILL).then(|| point.moved_by(&held))
+    } else {
+        let before = logarithms(records, &floor_um2, |i| of_records[i].left_um2);
+        (after > before).then(|| point.clone())
+    };
+    if let Some(before) = before {
+        fitted = Fitted { ridge, ..before };
+        residuals = self::residuals(records, &fitted);
     }
-    conclude(records, fitted, weights, systems, &of_records, held_out)
+    conclude(records, fitted, weights, systems, &residuals, held_out)
 }
 
-/// Sum of the logarithms of what a point leaves of the fitted records.
-fn left(records: &[Prepared<'_>], point: &Fitted, floor_um2: &[f64]) -> f64 {
-    let each: Vec<f64> = records
-        .par_iter()
-        .enumerate()
-        .filter(|(_, record)| record.fits)
-        .map(|(i, record)| {
-            let modelled = point.modelled(record, i);
-            let measured = &record.record().position_um;
-            let squares: f64 = record.rows.iter().map(|&k| (measured[k] - modelled[k]).powi(2)).sum();
-            (floor_um2[i] + squares / record.rows.len().max(1) as f64).ln()
-        })
-        .collect();
-    each.iter().sum()
+/// Rise of the sum of logarithms from which a last step is taken back: the squared error of one record by a tenth.
+const UPHILL: f64 = 0.1;
+
+/// Sum of the logarithms of what is left of the fitted records.
+fn logarithms(records: &[Prepared<'_>], floor_um2: &[f64], left_um2: impl Fn(usize) -> f64) -> f64 {
+    let taking_part = (0..records.len()).filter(|&i| records[i].fits);
+    taking_part.map(|i| (floor_um2[i] + left_um2(i)).ln()).sum()
+}
+
+fn mean_square(residual: &DVector<f64>) -> f64 {
+    residual.norm_squared() / residual.len().max(1) as f64
+}
+
+/// Measured minus modelled at the rows of each record.
+fn residuals(records: &[Prepared<'_>], fitted: &Fitted) -> Vec<DVector<f64>> {
+    let each = records.par_iter().enumerate();
+    each.map(|(i, record)| {
+        let modelled = fitted.modelled(record, i);
+        let measured = &record.record().position_um;
+        let left = record.rows.iter().map(|&k| measured[k] - modelled[k]);
+        DVector::from_iterator(record.rows.len(), left)
+    })
+    .collect()
 }
 
 fn conclude(
@@ -146,22 +172,12 @@ fn conclude(
     fitted: Fitted,
     weights: Vec<f64>,
     systems: Vec<(usize, Normal)>,
-    before: &[OfRecord],
+    residuals: &[DVector<f64>],
     held_out: Vec<[f64; 2]>,
 ) -> Trial {
-    let residuals: Vec<DVector<f64>> = records
-        .par_iter()
-        .enumerate()
-        .map(|(i, record)| {
-            let modelled = fitted.modelled(record, i);
-            let measured = &record.record().position_um;
-            let rows = record.rows.iter().map(|&k| measured[k] - modelled[k]);
-            DVector::from_iterator(before[i].rows, rows)
-        })
-        .collect();
     let mut held_out = held_out.into_iter();
     let mut parts = Vec::new();
-    for (i, (record, residual)) in records.iter().zip(&residuals).enumerate() {
+    for (i, (record, residual)) in records.iter().zip(residuals).enumerate() {
         for part in &record.parts {
             let own = residual.rows(part.start, part.len());
             let fitted_um2 = own.norm_squared() / part.len().max(1) as f64;
@@ -178,10 +194,7 @@ fn conclude(
             });
         }
     }
-    let left_um2 = residuals
-        .iter()
-        .map(|r| r.norm_squared() / r.len().max(1) as f64)
-        .collect();
+    let left_um2 = residuals.iter().map(mean_square).collect();
     Trial {
         fitted,
         weights,
@@ -237,6 +250,36 @@ impl Pool<'_> {
         })
     }
 
+    /// The solution with the parameters of the effects where they are.
+    fn held(&self, solution: &[f64], ridge: f64) -> Vec<f64> {
+        let n = self.point.coefficients.len();
+        let mut sum = Normal::new(solution.len());
+        for (record, system) in self.systems {
+            sum.add_scaled(system, self.weight(*record));
+        }
+        let held: Vec<(Bounds, f64)> = self
+            .point
+            .flat()
+            .iter()
+            .map(|&(_, at)| (Bounds::fixed(at), at))
+            .collect();
+        let mut held = within_bounds(&sum, n, ridge, 1e-9, &held).unwrap_or_else(|| solution.to_vec());
+        held[n..].fill(0.0);
+        held
+    }
+
+    /// What a solution leaves of each record, mean square.
+    fn left_um2(&self, solution: &[f64]) -> Vec<f64> {
+        let mut sums = vec![(0.0, 0_usize); self.weights.len()];
+        for (record, system) in self.systems {
+            sums[*record].0 += system.squared_error(solution);
+            sums[*record].1 += system.samples;
+        }
+        sums.into_iter()
+            .map(|(squares, rows)| squares / rows.max(1) as f64)
+            .collect()
+    }
+
     fn mean_square(&self, part: usize, solution: &[f64]) -> f64 {
         let system = &self.systems[part].1;
         system.squared_error(solution) / system.samples.max(1) as f64
@@ -244,15 +287,11 @@ impl Pool<'_> {
 
     /// Each record weighed by what is left of it.
     fn reweigh(&mut self, solution: &[f64]) {
-        let mut sums = vec![(0.0, 0_usize); self.weights.len()];
-        for (record, system) in self.systems {
-            sums[*record].0 += system.squared_error(solution);
-            sums[*record].1 += system.samples;
-        }
-        let records = self.weights.iter_mut().zip(&self.floor_um2).zip(sums);
-        for ((weight, floor_um2), (squares, rows)) in records {
-            if rows > 0 {
-                *weight = 1.0 / (floor_um2 + squares / rows as f64);
+        let left_um2 = self.left_um2(solution);
+        let records = self.weights.iter_mut().zip(&self.floor_um2).zip(left_um2);
+        for (i, ((weight, floor_um2), left_um2)) in records.enumerate() {
+            if self.systems.iter().any(|(record, _)| *record == i) {
+                *weight = 1.0 / (floor_um2 + left_um2);
             }
         }
     }
@@ -349,6 +388,28 @@ impl super::Search<'_> {
             .zip(&trial.left_um2)
             .filter(|(record, _)| record.moves() && record.fits == fitted)
             .map(|(record, left)| 1e4 * left / record.stroke_um.powi(2))
+            .collect();
+        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    }
+
+    /// What an effect does to the position that a trial models, over all records that move, each relative to its stroke, percent;
+    /// `None` where the trial does not have it.
+    pub fn does_percent(&self, trial: &Trial, effect: &EffectName) -> Option<f64> {
+        let with = &trial.fitted;
+        let link = with.chain.links.iter().position(|link| link.is(effect))?;
+        let mut without = with.clone();
+        without.chain.links.remove(link);
+        without.bounds.remove(link);
+        without.own.iter_mut().for_each(|own| drop(own.remove(link)));
+        let moving: Vec<usize> = (0..self.records.len()).filter(|&i| self.records[i].moves()).collect();
+        let squares: Vec<f64> = moving
+            .into_par_iter()
+            .map(|i| {
+                let record = &self.records[i];
+                let (with, without) = (with.modelled(record, i), without.modelled(record, i));
+                let sum: f64 = record.rows.iter().map(|&k| (with[k] - without[k]).powi(2)).sum();
+                1e4 * sum / record.rows.len().max(1) as f64 / record.stroke_um.powi(2)
+            })
             .collect();
         (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
     }
