@@ -1,7 +1,7 @@
 //! Which physical effect a model lacks.
 
 use crate::bends::bends;
-use crate::diagnosis::{Before, Diagnosis, Level, Reason, Unexplained, Verdict, WhereItFails};
+use crate::diagnosis::{Before, Diagnosis, Level, Lock, Reason, Unexplained, Verdict, WhereItFails};
 use crate::evidence::{Evidence, Seen, errors};
 use crate::investigation::{Best, Investigation};
 use crate::next_record;
@@ -12,7 +12,7 @@ use crate::verdict::{self, Decision};
 use crate::witness::locks::Courses;
 use crate::witness::traces::Traces;
 use crate::witness::where_it_fails::where_it_fails;
-use crate::witness::{dead_band, ringing, structure};
+use crate::witness::{dead_band, structure};
 use hysteron_data::Dataset;
 use hysteron_identify::effects::{UserEffect, late};
 use hysteron_identify::{EffectId, IdentifyError, Model, check_own_effect, period, present_step};
@@ -72,7 +72,12 @@ pub fn examine(
     let (mut diagnosis, evidence) = match investigation {
         Ok(mut investigation) if blocking.is_empty() => {
             go_round(&mut investigation, progress);
-            conclude(model, &investigation, before, progress)
+            let (mut diagnosis, evidence) = conclude(model, &investigation, before, progress);
+            if diagnosis.verdict == Verdict::Unknown && !investigation.nothing_taken() {
+                // What was tried and did not stand hides where to look.
+                diagnosis.unexplained.locked_to = locks(&investigation, investigation.residuals_at_first());
+            }
+            (diagnosis, evidence)
         }
         _ => unanswered(
             before,
@@ -123,16 +128,10 @@ pub(crate) fn conclude(
     let decision = verdict::decide(&evidence, thresholds);
     let ranking = verdict::ranking(&evidence, thresholds);
     let residuals = investigation.residuals();
-    let own = investigation
-        .traces()
-        .each
-        .iter()
-        .zip(&residuals)
-        .map(|(t, r)| &r[t.from..]);
     let unexplained = Unexplained {
         percent: evidence.left_percent,
         noise_percent: evidence.noise_percent,
-        locked_to: Courses::new(investigation.traces(), own).locks(),
+        locked_to: locks(investigation, &residuals),
     };
     let next_record = next_record::choose(investigation, &decision);
     let Decision {
@@ -161,6 +160,13 @@ pub(crate) fn conclude(
         unexplained,
     };
     (diagnosis, evidence)
+}
+
+/// What residuals of the records, run-in included, go with.
+fn locks(investigation: &Investigation<'_>, residuals: &[Vec<f64>]) -> Vec<Lock> {
+    let records = investigation.traces().each.iter().zip(residuals);
+    let own = records.map(|(trace, residual)| &residual[trace.from..]);
+    Courses::new(investigation.traces(), own).locks()
 }
 
 fn evidence(model: &Model, investigation: &Investigation<'_>, before: Before) -> Evidence {
@@ -200,7 +206,7 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, before: Before) ->
             ring: if has(EffectId::Resonance) || took_resonance {
                 None
             } else {
-                ringing::find(traces, &residuals, search.noise_um(), &left)
+                investigation.ring()
             },
             drifts_alike: drifts_alike(investigation, traces),
         },

@@ -25,6 +25,8 @@ pub struct Candidate {
     pub share: f64,
     /// The error that it takes, percent of peak to peak: the least of held-out and fitted.
     pub taken_percent: f64,
+    /// What it does to the modelled position, percent of peak to peak; `None` where nobody asked.
+    pub does_percent: Option<f64>,
     /// Errors with it.
     pub errors: Before,
     /// Whether physics, or what these records are, speaks against it.
@@ -187,6 +189,7 @@ impl Scale {
             independent: with.parts.iter().map(|part| part.independent).sum(),
             share: if was > 0.0 { 1.0 - is / was } else { 0.0 },
             taken_percent: fallen_percent.min(held_out_percent),
+            does_percent: None,
             errors: errors(search, with),
             implausible,
             on_bound: !with.on_bound(effect).is_empty(),
@@ -211,6 +214,9 @@ impl Candidate {
             && self.likelihood > thresholds.of(RuleId::Likelihood)
             && self.share > thresholds.of(share)
             && self.taken_percent > thresholds.of(RuleId::TakenPercent)
+            && self
+                .does_percent
+                .is_none_or(|does| self.taken_percent < thresholds.of(RuleId::TakenOverDone) * does)
             && !self.implausible
     }
 

@@ -1,10 +1,10 @@
 //! Rounds of candidates on one chain: each effect of the catalogue tried in its place, the best taken into the chain, and again.
 
-use crate::diagnosis::{Before, Reason};
+use crate::diagnosis::{Before, RankedEffect, Reason};
 use crate::evidence::{Candidate, Round, Scale, errors};
 use crate::rules::{RuleId, Thresholds};
-use crate::witness::hum;
 use crate::witness::traces::{self, Traces};
+use crate::witness::{hum, ringing};
 use hysteron_data::Dataset;
 use hysteron_identify::effects::{Effect, UserEffect, catalogue};
 use hysteron_identify::search::{Search, Shape, Trial};
@@ -32,6 +32,8 @@ pub(crate) struct Investigation<'a> {
     effects: Vec<Arc<dyn Effect>>,
     one_sine: bool,
     traces: Traces,
+    /// What was left of every record before anything was taken.
+    at_first: Vec<Vec<f64>>,
 }
 
 /// What a round found.
@@ -105,6 +107,7 @@ impl<'a> Investigation<'a> {
             effects,
             one_sine: reasons.contains(&Reason::OneSine),
             traces,
+            at_first: Vec::new(),
             search,
         }
     }
@@ -130,6 +133,17 @@ impl<'a> Investigation<'a> {
             .collect()
     }
 
+    /// [`Self::residuals`] before anything was taken that the model did not have in its hysteresis.
+    pub(crate) fn residuals_at_first(&self) -> &[Vec<f64>] {
+        &self.at_first
+    }
+
+    /// The ring after a step of the drive, in what the chain as it stands leaves.
+    pub(crate) fn ring(&self) -> Option<RankedEffect> {
+        let left = errors(&self.search, self.search.standing());
+        ringing::find(&self.traces, &self.residuals(), self.search.noise_um(), &left)
+    }
+
     /// Whether nothing was taken yet that the model did not have in its hysteresis.
     pub(crate) fn nothing_taken(&self) -> bool {
         self.rounds.iter().all(|round| round.taken.is_none() || round.of_family)
@@ -138,7 +152,11 @@ impl<'a> Investigation<'a> {
     /// Tries every candidate on the chain as it stands; the best of those that are significant, else the best of all.
     pub(crate) fn round(&mut self, progress: &(dyn Fn(f64, &str) + Sync)) -> Option<Best> {
         let first = self.nothing_taken();
-        let line = self.mains_line();
+        let residuals = self.residuals();
+        let line = self.mains_line(&residuals);
+        if first {
+            self.at_first = residuals;
+        }
         let tried: Vec<Arc<dyn Effect>> = self
             .effects
             .iter()
@@ -182,8 +200,8 @@ impl<'a> Investigation<'a> {
     }
 
     /// Frequency of the mains where most records that could show its lines do.
-    fn mains_line(&self) -> Option<f64> {
-        let hum = hum::find(&self.traces, &self.residuals(), self.search.noise_um())?;
+    fn mains_line(&self, residuals: &[Vec<f64>]) -> Option<f64> {
+        let hum = hum::find(&self.traces, residuals, self.search.noise_um())?;
         (hum.of > 0 && 2 * hum.seen_in > hum.of).then_some(hum.frequency_hz)
     }
 
@@ -208,9 +226,12 @@ impl<'a> Investigation<'a> {
             }
             let name = effect.name();
             let implausible = self.implausible(effect.as_ref(), &trial);
-            let candidate = self
+            let mut candidate = self
                 .scale
                 .candidate(&self.search, &name, (without, &trial), implausible);
+            if candidate.significant(first, &self.thresholds) {
+                candidate.does_percent = self.search.does_percent(&trial, &name);
+            }
             judged.push(Best {
                 significant: candidate.significant(first, &self.thresholds),
                 effect,

@@ -1,5 +1,6 @@
 //! How the error of a model fell, step by step, down to the noise floor.
 
+use crate::investigation::Investigation;
 use crate::noise::noise_floor;
 use hysteron_acquisition::NoiseFloor;
 use hysteron_data::{Dataset, Role};
@@ -76,9 +77,33 @@ pub fn add(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Added, IdentifyError> {
     let noise = noise_floor(dataset);
-    let mut added = hysteron_identify::add(dataset, model, &find(effect), reckoning_with(&noise), progress)?;
+    let adding = reckoning_with(&noise);
+    let mut added = hysteron_identify::add(dataset, model, &find(effect), adding, progress)?;
+    if effect == EffectId::Resonance
+        && let Some(seen) = rings_elsewhere(dataset, model, &added.model, noise.rms_um)
+    {
+        let held = [("frequency", seen[0]), ("damping", seen[1])];
+        added = hysteron_identify::add_held(dataset, model, &find(effect), &held, adding, progress)?;
+    }
     added.model.fitted_on.noise = Some(noise);
     Ok(added)
+}
+
+/// A ring further off than this share of its frequency is another mode than the fitted one.
+const ELSEWHERE: f64 = 0.1;
+
+/// Frequency and damping of the ring after a step, where no mode of the fitted model is what rings there.
+fn rings_elsewhere(dataset: &Dataset, model: &Model, fitted: &Model, noise_um: f64) -> Option<[f64; 2]> {
+    let investigation = Investigation::new(dataset, model, &[], noise_um, &[]).ok()?;
+    let ring = investigation.ring()?;
+    let seen = ["frequency", "damping_ratio"].map(|name| ring.parameters.iter().find(|p| p.name == name));
+    let [Some(frequency), Some(damping)] = seen else {
+        return None;
+    };
+    let modes = fitted.effects.iter().filter(|link| link.name == EffectId::Resonance);
+    let near = |hz: f64| (hz / frequency.value - 1.0).abs() < ELSEWHERE;
+    let mut frequencies = modes.flat_map(|link| &link.parameters).filter(|p| p.unit == "Hz");
+    (!frequencies.any(|p| near(p.value))).then_some([frequency.value, damping.value])
 }
 
 /// The same with an effect of the user's own.

@@ -18,6 +18,8 @@ pub enum RuleId {
     NextShare,
     /// Least error that an effect takes, percent of peak to peak.
     TakenPercent,
+    /// Most that an effect takes, as a multiple of what it does to the modelled position.
+    TakenOverDone,
     /// Error below which nothing is looked into, percent of peak to peak.
     MattersPercent,
     /// Least share of the excess error that the named effects must explain together.
@@ -78,7 +80,7 @@ const fn rule(id: RuleId, threshold: f64, reason: &'static str) -> Rule {
 }
 
 /// All rules.
-pub const RULES: [Rule; 26] = [
+pub const RULES: [Rule; 27] = [
     rule(RuleId::Statistic, 2.0, "two parts whose squared error falls to a third"),
     rule(
         RuleId::Likelihood,
@@ -95,6 +97,11 @@ pub const RULES: [Rule; 26] = [
         RuleId::TakenPercent,
         0.1,
         "an effect of 0.3 % leaves 0.1 after its best mimic has absorbed what it can",
+    ),
+    rule(
+        RuleId::TakenOverDone,
+        2.0,
+        "an effect takes no more than it does; beyond that it is the refit of all else that takes it",
     ),
     rule(
         RuleId::MattersPercent,

@@ -205,12 +205,10 @@ fn bent(evidence: &Evidence, thresholds: &Thresholds) -> Vec<EffectName> {
     });
     let mut found: Vec<&Bend> = [of_voltage, of_position].into_iter().flatten().collect();
     found.sort_by(|a, b| b.candidate.share.total_cmp(&a.candidate.share));
-    let mut names: Vec<EffectName> = found.iter().map(|bend| bend.candidate.effect.clone()).collect();
-    if of_position.is_none() && not_congruent(evidence, thresholds) {
-        // A bend of the voltage leaves the minor loops congruent.
-        names = vec![EffectId::SensorNonlinearity.into()];
+    if found.is_empty() && not_congruent(evidence, thresholds) {
+        return vec![EffectId::SensorNonlinearity.into()];
     }
-    names
+    found.iter().map(|bend| bend.candidate.effect.clone()).collect()
 }
 
 /// Whether a bend of the position takes what the model's plays lack, and foretells besides what no hysteresis with congruent minor loops
@@ -290,6 +288,7 @@ mod tests {
             independent: 1000.0,
             share,
             taken_percent: 1.0,
+            does_percent: None,
             errors: Before::default(),
             implausible: false,
             on_bound: false,
@@ -420,6 +419,7 @@ mod tests {
         assert!(with(|c| c.likelihood = 11.0) && !with(|c| c.likelihood = 9.0));
         assert!(with(|c| c.share = 0.11) && !with(|c| c.share = 0.09));
         assert!(with(|c| c.taken_percent = 0.11) && !with(|c| c.taken_percent = 0.09));
+        assert!(with(|c| c.does_percent = Some(0.55)) && !with(|c| c.does_percent = Some(0.45)));
         assert!(!with(|c| c.implausible = true));
         let next = |share: f64| candidate(EffectId::Creep, 3.0, share).significant(false, &Thresholds::DEFAULT);
         assert!(next(0.33) && !next(0.27));
@@ -500,6 +500,9 @@ mod tests {
         assert_eq!(minor(0.92, 0.6), sensor);
         assert_eq!(minor(0.92, 0.4), shape);
         assert_eq!(minor(0.88, 0.6), shape);
+        // A bend of the voltage that foretells as the free shape does leaves no question to the minor loops.
+        let told = [voltage(0.12, 1.0), position(0.96, -42.0)];
+        assert_eq!(of(1.0, told, Some(0.6)), asymmetry);
     }
 
     #[test]
