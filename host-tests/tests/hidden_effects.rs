@@ -151,7 +151,7 @@ fn val_nothing_hidden_nothing_named() {
     assert_eq!(Tally::of(&outcomes).wrong, 0);
 }
 
-/// The aim is at least 80 % of what no catalogue has: of nine, seven. What `unknown` is locked to says where to look.
+/// The aim is at least 80 % of what no catalogue has: of nine, seven. What `unknown` is locked to says where to look, in seven.
 #[test]
 fn val_outside_the_catalogue_is_unknown() {
     let outcomes = on_play_class(500, OUTSIDE.map(|effect| Spec::one(effect, Strength::Medium)));
@@ -159,11 +159,7 @@ fn val_outside_the_catalogue_is_unknown() {
     assert!(unknown.len() >= 7, "{} of {}", unknown.len(), outcomes.len());
     let right = |outcome: &&&Outcome| locks_of(outcome).contains(&outcome.answer.locked_to.as_str());
     let right = unknown.iter().filter(right).count();
-    assert!(
-        right + 1 >= unknown.len(),
-        "{right} of {} locked to what makes them",
-        unknown.len()
-    );
+    assert!(right >= 7, "{right} of {} locked to what makes them", unknown.len());
 }
 
 /// What an effect outside of the catalogue goes with; a memory that leaks with nothing that has a name.

@@ -100,7 +100,9 @@ fn of_found(
     let by_witness = candidate.is_none();
     let stands = by_witness
         || explains_enough(evidence, thresholds)
-        || evidence.seen.drifts_alike && first == EffectId::ThermalDrift
+        || evidence.seen.drifts_alike
+            && first == EffectId::ThermalDrift
+            && candidate.is_some_and(|c| large(c, thresholds))
         || candidate
             .zip(round)
             .is_some_and(|(c, round)| is_a_part(c, round, thresholds));
@@ -133,6 +135,11 @@ fn explains_enough(evidence: &Evidence, thresholds: &Thresholds) -> bool {
     share > thresholds.of(least)
 }
 
+/// Whether a candidate has twice the evidence of a first effect, and takes a main part.
+fn large(candidate: &Candidate, thresholds: &Thresholds) -> bool {
+    candidate.statistic > thresholds.of(RuleId::PartStatistic) && candidate.share > thresholds.of(RuleId::PartShare)
+}
+
 /// Whether a candidate is certain enough to be named beside an unexplained rest.
 fn is_a_part(candidate: &Candidate, round: &Round, thresholds: &Thresholds) -> bool {
     let rivals = round
@@ -140,9 +147,7 @@ fn is_a_part(candidate: &Candidate, round: &Round, thresholds: &Thresholds) -> b
         .iter()
         .filter(|c| c.effect != candidate.effect && !c.implausible);
     let next = rivals.map(|c| c.statistic).fold(0.0, f64::max);
-    candidate.statistic > thresholds.of(RuleId::PartStatistic)
-        && candidate.share > thresholds.of(RuleId::PartShare)
-        && candidate.statistic > thresholds.of(RuleId::PartLead) * next
+    large(candidate, thresholds) && candidate.statistic > thresholds.of(RuleId::PartLead) * next
 }
 
 /// Whether so much is left, or the loops are so poorly known, that the best candidate's lead may be that of a mimic.
@@ -187,19 +192,26 @@ fn bent(evidence: &Evidence, thresholds: &Thresholds) -> Vec<EffectName> {
         |a: &Bend, b: Option<&Bend>| b.is_none_or(|b| a.over_free - b.over_free > thresholds.of(RuleId::Statistic));
     let beats_free = |bend: &Bend| bend.over_free > thresholds.of(RuleId::Undecided);
     let lacks = shape.fine_lacks_percent;
+    // Beside a larger thing that nobody knows the name of, a bend may be that thing's own shape.
+    let explains = |bend: &Bend| {
+        let all = lacks.powi(2) + shape.free_percent.powi(2);
+        bend.candidate.share > thresholds.of(RuleId::EquivalentShare)
+            && 1.0 - bend.left_percent.powi(2) / all > thresholds.of(RuleId::ExplainedShare)
+    };
     let both = shape.both.as_ref().is_some_and(|both| {
         lacks > thresholds.of(RuleId::BendLacksPercent)
+            && explains(both)
             && beats_free(both)
             && better(both, voltage)
             && better(both, position)
     });
     let of_voltage = voltage.filter(|bend| {
         let as_free = bend.left_percent < thresholds.of(RuleId::AsFree) * shape.free_percent;
-        both || lacks > thresholds.of(RuleId::BendLacksPercent) && better(bend, position) && as_free
+        both || lacks > thresholds.of(RuleId::BendLacksPercent) && explains(bend) && better(bend, position) && as_free
     });
     let of_position = position.filter(|bend| {
         both || lacks > thresholds.of(RuleId::PositionLacksPercent)
-            && bend.candidate.share > thresholds.of(RuleId::EquivalentShare)
+            && explains(bend)
             && better(bend, voltage)
             && beats_free(bend)
     });
@@ -299,7 +311,7 @@ mod tests {
     fn bend(effect: EffectId, share: f64, over_free: f64) -> Bend {
         Bend {
             candidate: candidate(effect, 1.0, share),
-            left_percent: 1.0,
+            left_percent: 0.05,
             over_free,
         }
     }
@@ -389,6 +401,29 @@ mod tests {
         assert_eq!(of(8.0, 0.225, 1.0), Verdict::Unknown);
         assert_eq!(of(8.0, 0.5, 6.3), named(EffectId::Delay));
         assert_eq!(of(8.0, 0.5, 7.7), Verdict::Unknown);
+    }
+
+    /// A drift that all records share is named beside a rest and a close rival, if it is large.
+    #[test]
+    fn bva_a_drift_of_all_records_is_named_on_both_sides() {
+        let of = |statistic: f64, share: f64, drifts_alike: bool| {
+            let mut evidence = Evidence {
+                left_percent: 2.0,
+                left_excess: 2e-4,
+                ..evidence()
+            };
+            evidence.seen.drifts_alike = drifts_alike;
+            evidence.rounds[0].taken = Some(EffectId::ThermalDrift.into());
+            evidence.rounds[0].candidates = vec![
+                candidate(EffectId::ThermalDrift, statistic, share),
+                candidate(EffectId::Creep, statistic, 0.2),
+            ];
+            verdict(&evidence)
+        };
+        assert_eq!(of(4.4, 0.28, true), named(EffectId::ThermalDrift));
+        assert_eq!(of(3.6, 0.28, true), Verdict::Unknown);
+        assert_eq!(of(4.4, 0.22, true), Verdict::Unknown);
+        assert_eq!(of(4.4, 0.28, false), Verdict::Unknown);
     }
 
     #[test]
@@ -490,6 +525,23 @@ mod tests {
         assert_eq!(straight(1.0, 0.12, -2.9), shape);
         assert_eq!(straight(0.27, 0.12, -9.0), asymmetry);
         assert_eq!(straight(0.23, 0.12, -9.0), shape);
+        let shared = |share| {
+            let of_voltage = Bend {
+                left_percent: 0.12,
+                ..bend(EffectId::Asymmetry, share, -1.0)
+            };
+            of(1.0, [of_voltage, position(0.95, -9.0)], None)
+        };
+        assert_eq!([shared(0.92), shared(0.88)], [asymmetry.clone(), shape.clone()]);
+        // Of 0.2 % that the plays lack and 0.1 % that the free shape leaves, three fifths must be taken.
+        let beside = |left_percent: f64| {
+            let of_position = Bend {
+                left_percent,
+                ..position(0.95, 0.3)
+            };
+            of(0.2, [voltage(1.0, -9.0), of_position], None)
+        };
+        assert_eq!([beside(0.13), beside(0.15)], [sensor.clone(), shape.clone()]);
         let bent = |lacks, share, over| of(lacks, [voltage(1.0, -9.0), position(share, over)], None);
         assert_eq!(bent(1.0, 0.92, 0.3), sensor);
         assert_eq!(bent(1.0, 0.88, 0.3), shape);
