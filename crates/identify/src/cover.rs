@@ -59,13 +59,26 @@ fn told(model: &Model, dataset: &Dataset) -> Option<SmallSignalBand> {
         .iter()
         .filter(|record| small(&record.voltage_v, span_v))
         .filter_map(|record| {
-            let up_to_hz = highest_run(&lines(record, modelled, span_v)?, &modes_hz)?;
+            let own = own_axis(model, record);
+            let up_to_hz = highest_run(&lines(own.as_ref().unwrap_or(record), modelled, span_v)?, &modes_hz)?;
             Some(SmallSignalBand {
                 up_to_hz,
                 record: record.file.clone(),
             })
         });
     bands.max_by(|a, b| a.up_to_hz.total_cmp(&b.up_to_hz))
+}
+
+/// A record without what the model's effects make of the other axis' motion, which is no answer to the drive; `None` where that axis
+/// stands still.
+fn own_axis(model: &Model, record: &Record) -> Option<Record> {
+    let other_v = record.voltage2_v.as_ref().filter(|v| peak_to_peak(v) > 0.0)?;
+    let mut own = record.clone();
+    own.voltage2_v = Some(vec![other_v[0]; other_v.len()]);
+    let (both, alone) = (model.simulate(record).output, model.simulate(&own).output);
+    let pairs = own.position_um.iter_mut().zip(both.iter().zip(&alone));
+    pairs.for_each(|(y, (both, alone))| *y -= both - alone);
+    Some(own)
 }
 
 /// Whether a drive is small, but for a rise to where it is.

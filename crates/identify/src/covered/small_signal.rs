@@ -24,9 +24,9 @@ const DIFFERS: f64 = 0.3;
 const GAP: f64 = 1.25;
 /// Groups of a band at least: an octave.
 const GROUPS: usize = 8;
-/// Least and most of the mean gain that a stage has for small signals. The most is what loops are designed for; a piezo's slope after a turn
-/// is half of the mean one and more.
-const GAINS: [f64; 2] = [0.4, 1.3];
+/// Least and most of the mean gain that a stage has for small signals. The most is what loops are designed for. A piezo's slope after a turn
+/// is half of the mean one and more, and 0.3 of it where a swing of a hundredth of the range opens no loop at all.
+const GAINS: [f64; 2] = [0.25, 1.3];
 /// Most that small loops are late by, radians: the arc sine of an opening of 40 %.
 const LATEST_RAD: f64 = 0.4;
 /// About a mode of the model the two may differ: a design holds with modes a tenth off.
@@ -131,6 +131,23 @@ mod tests {
         assert_eq!(highest_run(&seen(7000.0, 2000.0), &[]), Some(2000.0));
         // A model that has the mode is not told by lines beside it.
         assert_eq!(highest_run(&seen(700.0, 2000.0), &[700.0]), Some(told));
+    }
+
+    /// A swing of a hundredth of the range moves the reversible part alone; a stage that moves less, or by more than loops are designed for,
+    /// is not the model's.
+    #[test]
+    fn bva_gains_for_small_signals_on_both_sides() {
+        let told = |gain: f64| {
+            let mut lines = seen(7000.0, 2000.0);
+            for line in &mut lines {
+                line.modelled *= 0.8 / gain;
+            }
+            highest_run(&lines, &[])
+        };
+        assert_eq!(told(0.27), Some(2000.0));
+        assert_eq!(told(0.23), None);
+        assert_eq!(told(1.27), Some(2000.0));
+        assert_eq!(told(1.33), None);
     }
 
     /// A sine and its harmonics leave gaps that a mode hides in.
