@@ -173,6 +173,7 @@ impl<'a> Investigation<'a> {
         let mut judged = self.judged(trials);
         judged.sort_by(|a, b| self.order(first, &a.candidate, &b.candidate));
         self.by_likelihood(first, &mut judged);
+        self.simplest_first(first, &mut judged);
         if self.rounds.is_empty() {
             let kept = judged
                 .iter()
@@ -259,6 +260,25 @@ impl<'a> Investigation<'a> {
             other.candidate.significant(first, &self.thresholds) && other.candidate.statistic > least
         });
         judged[..close].sort_by(|a, b| b.candidate.likelihood.total_cmp(&a.candidate.likelihood));
+    }
+
+    /// A rival with fewer numbers that is likelier, and leaves less of every kind of record, goes before the best: what several numbers
+    /// imitate is what one of them does alone.
+    fn simplest_first(&self, first: bool, judged: &mut [Best]) {
+        let Some(best) = judged.first().map(|best| best.candidate.clone()) else {
+            return;
+        };
+        let less = |own: Option<f64>, of_best: Option<f64>| own.zip(of_best).is_none_or(|(own, best)| own < best);
+        let simpler = judged.iter().skip(1).position(|Best { candidate, .. }| {
+            candidate.significant(first, &self.thresholds)
+                && candidate.parameters.len() < best.parameters.len()
+                && candidate.likelihood > best.likelihood
+                && less(candidate.errors.identify_percent, best.errors.identify_percent)
+                && less(candidate.errors.validate_percent, best.errors.validate_percent)
+        });
+        if let Some(simpler) = simpler {
+            judged[..=simpler + 1].rotate_right(1);
+        }
     }
 
     /// What physics, or what these records are, says against it.

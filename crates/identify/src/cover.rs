@@ -54,18 +54,22 @@ fn told(model: &Model, dataset: &Dataset) -> Option<SmallSignalBand> {
     let (lowest, highest) = range(positions);
     let mean_um_per_v = (highest - lowest) / span_v;
     let modelled = |hz: f64| mean_um_per_v * linear.response(2.0 * PI * hz);
-    let bands = dataset
-        .records
-        .iter()
-        .filter(|record| small(&record.voltage_v, span_v))
-        .filter_map(|record| {
-            let own = own_axis(model, record);
-            let up_to_hz = highest_run(&lines(own.as_ref().unwrap_or(record), modelled, span_v)?, &modes_hz)?;
-            Some(SmallSignalBand {
-                up_to_hz,
-                record: record.file.clone(),
-            })
-        });
+    let bands = dataset.records.iter().filter_map(|record| {
+        let swing = swing_v(&record.voltage_v) / span_v;
+        if !(swing > 0.0 && swing <= SMALL) {
+            return None;
+        }
+        let own = own_axis(model, record);
+        let up_to_hz = highest_run(
+            &lines(own.as_ref().unwrap_or(record), modelled, span_v)?,
+            &modes_hz,
+            swing,
+        )?;
+        Some(SmallSignalBand {
+            up_to_hz,
+            record: record.file.clone(),
+        })
+    });
     bands.max_by(|a, b| a.up_to_hz.total_cmp(&b.up_to_hz))
 }
 
@@ -81,8 +85,8 @@ fn own_axis(model: &Model, record: &Record) -> Option<Record> {
     Some(own)
 }
 
-/// Whether a drive is small, but for a rise to where it is.
-fn small(voltage_v: &[f64], span_v: f64) -> bool {
+/// Swing of a drive for 70 % of its time: what it does but for a rise to where it is.
+fn swing_v(voltage_v: &[f64]) -> f64 {
     let mut sorted = voltage_v.to_vec();
     sorted.sort_by(f64::total_cmp);
     let at = |share: f64| {
@@ -91,8 +95,7 @@ fn small(voltage_v: &[f64], span_v: f64) -> bool {
             .copied()
             .unwrap_or(f64::NAN)
     };
-    let most = at(0.85) - at(0.15);
-    most > 0.0 && most <= SMALL * span_v
+    at(0.85) - at(0.15)
 }
 
 /// The measured response at the lines that the drive has, averaged over stretches of the record (Welch), beside the modelled one.

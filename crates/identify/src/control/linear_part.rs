@@ -337,7 +337,8 @@ fn told_to_hz(data: &FrequencyResponse, linear: &LinearPart, fitted: impl Fn(f64
         })
         .collect();
     let modes_hz: Vec<f64> = linear.modes.iter().map(|mode| mode.frequency_hz).collect();
-    highest_run(&lines, &modes_hz)
+    // The fit has the gain of this response itself, whatever its swing.
+    highest_run(&lines, &modes_hz, 1.0)
 }
 
 /// A second mode above the first, from the best of a grid of starts.

@@ -24,9 +24,13 @@ const DIFFERS: f64 = 0.3;
 const GAP: f64 = 1.25;
 /// Groups of a band at least: an octave.
 const GROUPS: usize = 8;
-/// Least and most of the mean gain that a stage has for small signals. The most is what loops are designed for. A piezo's slope after a turn
-/// is half of the mean one and more, and 0.3 of it where a swing of a hundredth of the range opens no loop at all.
-const GAINS: [f64; 2] = [0.25, 1.3];
+/// Least and most of the mean gain that a stage has for small signals. The most is what loops are designed for; a piezo's slope after a turn
+/// is half of the mean one and more.
+const GAINS: [f64; 2] = [0.4, 1.3];
+/// Least of it for a swing that opens no loop: what is left is the reversible part.
+const REVERSIBLE: f64 = 0.25;
+/// Such a swing is, for 70 % of its time, at most this share of the range. With a larger one a stage that moves so little may have a soft mode below the lowest line.
+const OPENS_NO_LOOP: f64 = 0.015;
 /// Most that small loops are late by, radians: the arc sine of an opening of 40 %.
 const LATEST_RAD: f64 = 0.4;
 /// About a mode of the model the two may differ: a design holds with modes a tenth off.
@@ -46,9 +50,10 @@ pub(crate) struct Line {
 
 /// Highest frequency of the highest run of groups of lines in which the model does what the stage does; lines ascend.
 ///
-/// Below the run there is no mode either: above a mode that the model lacks, a stage moves the other way or hardly at all.
-pub(crate) fn highest_run(lines: &[Line], modes_hz: &[f64]) -> Option<f64> {
-    let gain = gain(lines)?;
+/// Below the run there is no mode either: above a mode that the model lacks, a stage moves the other way or hardly at all. `swing` is the
+/// drive's, as a share of the range.
+pub(crate) fn highest_run(lines: &[Line], modes_hz: &[f64], swing: f64) -> Option<f64> {
+    let gain = gain(lines, swing)?;
     let group_of = |hz: f64| (hz.ln() / GROUP.ln()).floor();
     let (mut best, mut groups, mut highest_hz) = (None, 0, 0.0);
     for group in lines.chunk_by(|a, b| group_of(a.hz) == group_of(b.hz)) {
@@ -73,7 +78,8 @@ pub(crate) fn highest_run(lines: &[Line], modes_hz: &[f64]) -> Option<f64> {
 ///
 /// Small loops are flatter than the range is, and late by their opening: a loop holds with gains up to 1.3 of the mean, with less it is
 /// slower, and it has half a radian to spare.
-fn gain(lines: &[Line]) -> Option<Complex64> {
+fn gain(lines: &[Line], swing: f64) -> Option<Complex64> {
+    let least = if swing <= OPENS_NO_LOOP { REVERSIBLE } else { GAINS[0] };
     let (first, last) = (lines.first()?, lines.last()?);
     let up_to_hz = (first.hz * last.hz).sqrt();
     let low = lines.iter().filter(|line| line.hz <= up_to_hz);
@@ -84,7 +90,7 @@ fn gain(lines: &[Line]) -> Option<Complex64> {
         )
     });
     let gain = along / own;
-    ((GAINS[0]..=GAINS[1]).contains(&gain.norm()) && gain.arg().abs() <= LATEST_RAD).then_some(gain)
+    ((least..=GAINS[1]).contains(&gain.norm()) && gain.arg().abs() <= LATEST_RAD).then_some(gain)
 }
 
 /// Whether the model does in a group of lines what the stage does, but for a gain.
@@ -125,41 +131,48 @@ mod tests {
     /// `1 / (1 - x^2)` differs from 1 by 0.3 of itself at x = sqrt(0.3) = 0.55; a group is a tenth wide.
     #[test]
     fn val_a_mode_shows_from_half_its_frequency_on() {
-        let told = highest_run(&seen(700.0, 2000.0), &[]).unwrap();
+        let told = highest_run(&seen(700.0, 2000.0), &[], 0.1).unwrap();
         assert!((0.5 * 700.0..0.6 * 700.0).contains(&told), "{told}");
         // Far below the mode everything is told.
-        assert_eq!(highest_run(&seen(7000.0, 2000.0), &[]), Some(2000.0));
+        assert_eq!(highest_run(&seen(7000.0, 2000.0), &[], 0.1), Some(2000.0));
         // A model that has the mode is not told by lines beside it.
-        assert_eq!(highest_run(&seen(700.0, 2000.0), &[700.0]), Some(told));
+        assert_eq!(highest_run(&seen(700.0, 2000.0), &[700.0], 0.1), Some(told));
     }
 
-    /// A swing of a hundredth of the range moves the reversible part alone; a stage that moves less, or by more than loops are designed for,
-    /// is not the model's.
+    /// A swing of a hundredth of the range moves the reversible part alone. With a larger one, a stage that moves as little has a soft part that
+    /// no line shows; one that moves by more than loops are designed for is not the model's.
     #[test]
     fn bva_gains_for_small_signals_on_both_sides() {
-        let told = |gain: f64| {
+        let told = |gain: f64, swing: f64| {
             let mut lines = seen(7000.0, 2000.0);
             for line in &mut lines {
                 line.modelled *= 0.8 / gain;
             }
-            highest_run(&lines, &[])
+            highest_run(&lines, &[], swing)
         };
-        assert_eq!(told(0.27), Some(2000.0));
-        assert_eq!(told(0.23), None);
-        assert_eq!(told(1.27), Some(2000.0));
-        assert_eq!(told(1.33), None);
+        for (gain, swing, band) in [
+            (0.27, 0.014, Some(2000.0)),
+            (0.23, 0.014, None),
+            (0.27, 0.016, None),
+            (0.38, 0.1, None),
+            (0.42, 0.1, Some(2000.0)),
+            (1.27, 0.1, Some(2000.0)),
+            (1.33, 0.1, None),
+        ] {
+            assert_eq!(told(gain, swing), band, "{gain}, {swing}");
+        }
     }
 
     /// A sine and its harmonics leave gaps that a mode hides in.
     #[test]
     fn refuse_a_band_with_gaps() {
         let sparse: Vec<Line> = seen(7000.0, 2000.0).into_iter().step_by(30).collect();
-        assert_eq!(highest_run(&sparse, &[]), None);
+        assert_eq!(highest_run(&sparse, &[], 0.1), None);
         // Nor do lines of which noise is the most.
         let noisy = seen(7000.0, 2000.0).into_iter().map(|line| Line {
             all: 3.0 * line.all,
             ..line
         });
-        assert_eq!(highest_run(&noisy.collect::<Vec<_>>(), &[]), None);
+        assert_eq!(highest_run(&noisy.collect::<Vec<_>>(), &[], 0.1), None);
     }
 }
