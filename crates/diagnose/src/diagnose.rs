@@ -206,7 +206,7 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, before: Before) ->
             ring: if has(EffectId::Resonance) || took_resonance {
                 None
             } else {
-                investigation.ring()
+                investigation.ring(&residuals)
             },
             drifts_alike: drifts_alike(investigation, traces),
         },

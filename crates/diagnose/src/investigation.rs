@@ -138,10 +138,10 @@ impl<'a> Investigation<'a> {
         &self.at_first
     }
 
-    /// The ring after a step of the drive, in what the chain as it stands leaves.
-    pub(crate) fn ring(&self) -> Option<RankedEffect> {
+    /// The ring after a step of the drive, in [`Self::residuals`].
+    pub(crate) fn ring(&self, residuals: &[Vec<f64>]) -> Option<RankedEffect> {
         let left = errors(&self.search, self.search.standing());
-        ringing::find(&self.traces, &self.residuals(), self.search.noise_um(), &left)
+        ringing::find(&self.traces, residuals, self.search.noise_um(), &left)
     }
 
     /// Whether nothing was taken yet that the model did not have in its hysteresis.

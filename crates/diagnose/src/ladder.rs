@@ -95,7 +95,7 @@ const ELSEWHERE: f64 = 0.1;
 /// Frequency and damping of the ring after a step, where no mode of the fitted model is what rings there.
 fn rings_elsewhere(dataset: &Dataset, model: &Model, fitted: &Model, noise_um: f64) -> Option<[f64; 2]> {
     let investigation = Investigation::new(dataset, model, &[], noise_um, &[]).ok()?;
-    let ring = investigation.ring()?;
+    let ring = investigation.ring(&investigation.residuals())?;
     let seen = ["frequency", "damping_ratio"].map(|name| ring.parameters.iter().find(|p| p.name == name));
     let [Some(frequency), Some(damping)] = seen else {
         return None;

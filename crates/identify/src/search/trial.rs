@@ -114,10 +114,10 @@ pub(super) fn judge(
         Family::PlayPolynomial => point.ridge,
         _ => LINEAR_RIDGE,
     };
-    let mut solution = pool.solve(None, ridge);
+    let mut solution = pool.solve(ridge);
     for _ in 0..2 {
         pool.reweigh(&solution);
-        solution = pool.solve(None, ridge);
+        solution = pool.solve(ridge);
     }
     let held_out = pool.held_out(&solution, ridge);
     let (weights, floor_um2) = (pool.weights.clone(), pool.floor_um2.clone());
@@ -129,7 +129,7 @@ pub(super) fn judge(
     let before = if fitted.chain.linear() {
         let held = pool.held(&solution, ridge);
         let left = pool.left_um2(&held);
-        let before = logarithms(records, &floor_um2, |i| left[i]);
+        let before = logarithms(records, &floor_um2, |i| left[i].unwrap_or(0.0));
         (after > before + UPHILL).then(|| point.moved_by(&held))
     } else {
         let before = logarithms(records, &floor_um2, |i| of_records[i].left_um2);
@@ -230,15 +230,17 @@ impl Pool<'_> {
         self.weights[record] / self.rows[record] as f64
     }
 
-    fn solve(&self, without: Option<usize>, ridge: f64) -> Vec<f64> {
-        let n = self.point.coefficients.len();
-        let mut sum = Normal::new(n + self.point.parameters());
-        for (i, (record, system)) in self.systems.iter().enumerate() {
-            if Some(i) != without {
-                sum.add_scaled(system, self.weight(*record));
-            }
+    /// All parts, each by the weight of its record.
+    fn sum(&self) -> Normal {
+        let mut sum = Normal::new(self.point.coefficients.len() + self.point.parameters());
+        for (record, system) in self.systems {
+            sum.add_scaled(system, self.weight(*record));
         }
-        self.solve_sum(&sum, ridge)
+        sum
+    }
+
+    fn solve(&self, ridge: f64) -> Vec<f64> {
+        self.solve_sum(&self.sum(), ridge)
     }
 
     fn solve_sum(&self, sum: &Normal, ridge: f64) -> Vec<f64> {
@@ -253,10 +255,7 @@ impl Pool<'_> {
     /// The solution with the parameters of the effects where they are.
     fn held(&self, solution: &[f64], ridge: f64) -> Vec<f64> {
         let n = self.point.coefficients.len();
-        let mut sum = Normal::new(solution.len());
-        for (record, system) in self.systems {
-            sum.add_scaled(system, self.weight(*record));
-        }
+        let sum = self.sum();
         let held: Vec<(Bounds, f64)> = self
             .point
             .flat()
@@ -268,15 +267,15 @@ impl Pool<'_> {
         held
     }
 
-    /// What a solution leaves of each record, mean square.
-    fn left_um2(&self, solution: &[f64]) -> Vec<f64> {
+    /// What a solution leaves of each record that takes part, mean square.
+    fn left_um2(&self, solution: &[f64]) -> Vec<Option<f64>> {
         let mut sums = vec![(0.0, 0_usize); self.weights.len()];
         for (record, system) in self.systems {
             sums[*record].0 += system.squared_error(solution);
             sums[*record].1 += system.samples;
         }
         sums.into_iter()
-            .map(|(squares, rows)| squares / rows.max(1) as f64)
+            .map(|(squares, rows)| (rows > 0).then(|| squares / rows as f64))
             .collect()
     }
 
@@ -289,8 +288,8 @@ impl Pool<'_> {
     fn reweigh(&mut self, solution: &[f64]) {
         let left_um2 = self.left_um2(solution);
         let records = self.weights.iter_mut().zip(&self.floor_um2).zip(left_um2);
-        for (i, ((weight, floor_um2), left_um2)) in records.enumerate() {
-            if self.systems.iter().any(|(record, _)| *record == i) {
+        for ((weight, floor_um2), left_um2) in records {
+            if let Some(left_um2) = left_um2 {
                 *weight = 1.0 / (floor_um2 + left_um2);
             }
         }
@@ -298,11 +297,7 @@ impl Pool<'_> {
 
     /// The ridge under which the parts forecast each other best.
     fn best_ridge(&self) -> f64 {
-        let n = self.point.coefficients.len();
-        let mut all = Normal::new(n + self.point.parameters());
-        for (record, system) in self.systems {
-            all.add_scaled(system, self.weight(*record));
-        }
+        let all = self.sum();
         let errors: Vec<[f64; RIDGES.len()]> = (0..self.systems.len())
             .into_par_iter()
             .map(|out| {
@@ -323,10 +318,7 @@ impl Pool<'_> {
 
     /// Mean square of each part where it takes no part in the fit, and where it does.
     fn held_out(&self, solution: &[f64], ridge: f64) -> Vec<[f64; 2]> {
-        let mut all = Normal::new(solution.len());
-        for (record, system) in self.systems {
-            all.add_scaled(system, self.weight(*record));
-        }
+        let all = self.sum();
         (0..self.systems.len())
             .into_par_iter()
             .map(|out| {
