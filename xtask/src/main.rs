@@ -117,6 +117,7 @@ fn test() -> Result<(), String> {
     install_browser()?;
     install_emulator()?;
     install_compiler()?;
+    install_python()?;
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&[
         "clippy",
@@ -175,6 +176,11 @@ fn install_emulator() -> Result<(), String> {
 /// Installs the C compiler that the core is measured against.
 fn install_compiler() -> Result<(), String> {
     install("arm-none-eabi-gcc", &["gcc-arm-none-eabi"])
+}
+
+/// Installs the language of stages that run as a process.
+fn install_python() -> Result<(), String> {
+    install("python3", &["python3", "python3-venv"])
 }
 
 /// Installs Debian's packages where a program is absent.

@@ -2,10 +2,10 @@
 
 use crate::commands::{
     add::AddArgs, board::BoardArgs, challenge::ChallengeArgs, compare::CompareArgs, control::design::DesignArgs,
-    control::record::CampaignArgs, control::rehearse::RehearseArgs, control::track::TrackArgs, demo::DemoArgs,
-    diagnose::DiagnoseArgs, example::ExampleArgs, explain::ExplainArgs, export::ExportArgs, fit::FitArgs,
-    import::ImportArgs, lab::LabArgs, ladder::LadderArgs, learn::LearnArgs, paper::PaperArgs, predict::PredictArgs,
-    report::ReportArgs, simulate::SimulateArgs,
+    control::drive::DriveArgs, control::record::CampaignArgs, control::rehearse::RehearseArgs,
+    control::track::TrackArgs, demo::DemoArgs, diagnose::DiagnoseArgs, example::ExampleArgs, explain::ExplainArgs,
+    export::ExportArgs, fit::FitArgs, import::ImportArgs, lab::LabArgs, ladder::LadderArgs, learn::LearnArgs,
+    paper::PaperArgs, predict::PredictArgs, report::ReportArgs, simulate::SimulateArgs,
 };
 use clap::{Parser, Subcommand};
 
@@ -55,6 +55,8 @@ pub(crate) enum Command {
     Design(DesignArgs),
     /// Track references with a controller and with the paper's, side by side
     Track(TrackArgs),
+    /// Write a controller's commands along a reference of your own: a table for another program
+    Drive(DriveArgs),
     /// Rehearse the whole way on a stage with a hidden effect: record, learn, design, track; the error before and after
     Rehearse(RehearseArgs),
     /// Redo the paper on the simulated stages, its figures beside ours

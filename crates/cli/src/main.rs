@@ -36,6 +36,7 @@ fn main() -> ExitCode {
         Command::Campaign(args) => commands::control::record::run(&args),
         Command::Design(args) => commands::control::design::run(&args),
         Command::Track(args) => commands::control::track::run(&args),
+        Command::Drive(args) => commands::control::drive::run(&args),
         Command::Rehearse(args) => commands::control::rehearse::run(&args),
         Command::Paper(args) => commands::paper::run(&args),
         Command::Export(args) => commands::export::run(&args),

@@ -5,6 +5,7 @@
 #[path = "../../board/tests/common/mod.rs"]
 mod emulator;
 mod small_board;
+mod three_plays;
 
 use assert_cmd::Command;
 use hysteron_board::upload::Upload;
@@ -19,6 +20,7 @@ use hysteron_tracking::design::Controller;
 use hysteron_tracking::reference::Reference;
 use small_board::SmallBoard;
 use std::collections::BTreeMap;
+use three_plays::{Named, RISING, model};
 
 /// Runs the binary; it must end with 2 and say all of the words.
 fn refused(args: &[&str], words: &[&str]) {
@@ -84,43 +86,6 @@ fn refuse_to_design_without_records_of_a_campaign() {
         ],
     );
 }
-
-/// A parameter of an effect: name, value, unit.
-type Named = (&'static str, f64, &'static str);
-
-/// A model as `fit` and `add` write it: three plays, one effect.
-fn model(weights: [f64; 3], effect: &str, parameters: &[Named]) -> String {
-    let mut text =
-        "format = 1\nhysteron = \"0.1.0\"\ndirection = \"forward\"\ninput_unit = \"V\"\noutput_unit = \"um\"\n\
-        [hysteresis]\nfamily = \"pi\"\ninput_min = 0.0\ninput_max = 100.0\nthresholds = [4.0, 15.0, 40.0]\n"
-            .to_owned();
-    let mut parameter = |table: &str, name: &str, value: f64, unit: &str| {
-        text.push_str(&format!(
-            "[[{table}]]\nname = \"{name}\"\nvalue = {value:?}\nunit = \"{unit}\"\n"
-        ));
-    };
-    parameter("hysteresis.parameter", "offset", 0.0, "um");
-    parameter("hysteresis.parameter", "linear", 0.06, "um/V");
-    for (i, weight) in weights.into_iter().enumerate() {
-        parameter("hysteresis.parameter", &format!("weight[{}]", i + 1), weight, "um/V");
-    }
-    if !effect.is_empty() {
-        text.push_str(&format!("[[effect]]\nname = \"{effect}\"\n"));
-        for (name, value, unit) in parameters {
-            text.push_str(&format!(
-                "[[effect.parameter]]\nname = \"{name}\"\nvalue = {value:?}\nunit = \"{unit}\"\n"
-            ));
-        }
-    }
-    text.push_str(
-        "[fitted_on]\ndataset = \"stage\"\nmethod = \"separable\"\nweighting = \"record\"\nplacement = \"data\"\nridge = 0.0\n\
-        [[fitted_on.record]]\nfile = \"a.csv\"\nsamples = 1000\nsample_rate_hz = 50000.0\n\
-        initial_state = \"at rest from above\"\nfitted_from = 0\nweight = 1.0\n",
-    );
-    text
-}
-
-const RISING: [f64; 3] = [0.02, 0.02, 0.02];
 
 fn mode(hz: f64, damping: f64) -> [Named; 5] {
     [

@@ -67,6 +67,24 @@ impl Record {
     }
 }
 
+/// A reference that a stage is to follow, uniformly sampled: at least 2 finite values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reference {
+    /// Time of the first sample, seconds.
+    pub start_s: f64,
+    /// Sample period, seconds.
+    pub period_s: f64,
+    /// Desired displacement, micrometres.
+    pub reference_um: Vec<f64>,
+}
+
+impl Reference {
+    /// Sample rate, hertz, as [`Record::rate_hz`].
+    pub fn rate_hz(&self) -> f64 {
+        crate::clock::rate(self.period_s)
+    }
+}
+
 /// What is known of the measuring chain, from `[known]` in `dataset.toml`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -180,7 +180,8 @@ fn refuse_broken_csv_with_place_and_what_to_do() {
     }
     check(
         "",
-        "run.csv: the file is empty; a record begins with the header `time_s,voltage_v,position_um`",
+        "run.csv: the file is empty; the native header is `time_s,voltage_v,position_um`, then optionally `reference_um`, `temperature_c`, \
+         `voltage2_v`; for files of other programs use `hysteron import`",
     );
     check(
         "time_s,voltage_v,position_um\n",

@@ -1,5 +1,6 @@
 //! What can go wrong when a loop is built or run.
 
+use crate::process::ProcessError;
 use hysteron_core::error::ParamError;
 use hysteron_identify::IdentifyError;
 use hysteron_plant::StageError;
@@ -16,6 +17,9 @@ pub enum TrackingError {
     /// A control law that the core refuses.
     #[error("the control law cannot be built: {0}")]
     Control(#[from] ParamError),
+    /// A stage in a process that cannot be run.
+    #[error(transparent)]
+    Process(#[from] ProcessError),
     /// A chain that cannot be undone.
     #[error("no controller: {what}; {advice}")]
     Design {

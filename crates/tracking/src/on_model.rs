@@ -1,45 +1,14 @@
 //! A controller on the user's own identified model: what its design expects, beside what comes out.
 
-use crate::bench::SHAPES;
-use crate::complete::commands;
+use crate::complete::{commands, usual_temperature_c};
 use crate::design::Controller;
 use crate::design::linear_stage::LinearStage;
-use crate::design::prediction::predict;
 use crate::error::TrackingError;
-use crate::figures::judge;
+use crate::expected::{Plan, Played, Report, Row};
 use crate::reference::Reference;
-use crate::run::Tracked;
 use hysteron_core::surroundings::LoopInput;
 use hysteron_identify::{EffectId, EffectName, IdentifyError, InitialState, Model};
 use rayon::prelude::*;
-use serde::Serialize;
-
-/// One reference in one loop.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ModelRow {
-    /// The reference, as tables and files name it.
-    pub reference: &'static str,
-    /// `open` or `closed`.
-    #[serde(rename = "loop")]
-    pub loop_kind: &'static str,
-    /// Rms of the error that the design expects of a sine over the whole range, percent of peak to peak; none for other shapes.
-    pub expected_percent: Option<f64>,
-    /// Rms of reference minus position over whole periods, percent of peak to peak.
-    pub found_percent: f64,
-    /// Whether the loop swings no further than it is asked to.
-    pub stable: bool,
-}
-
-/// A controller on a model.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ModelReport {
-    /// Lowest and highest reference, micrometres.
-    pub range_um: [f64; 2],
-    /// Effects of the model that a command alone does not determine: they are not in the runs.
-    pub left_out: Vec<EffectName>,
-    /// The runs.
-    pub rows: Vec<ModelRow>,
-}
 
 /// Times that a closed loop's run is repeated with the model's answer to its own commands.
 const REPEATS: usize = 12;
@@ -47,9 +16,6 @@ const REPEATS: usize = 12;
 const STANDS: f64 = 1e-5;
 /// Gain of the linear stage between repeats, as a share of the mean one: the middle of the slopes after a turn and in mid-branch.
 const GAIN: f64 = 0.8;
-/// Rms of an error, percent of peak to peak, from which on a loop swings by itself.
-const SWINGS_PERCENT: f64 = 100.0;
-
 /// Runs a controller, open and closed, on a model along the references that repeat.
 ///
 /// # Errors
@@ -57,40 +23,19 @@ const SWINGS_PERCENT: f64 = 100.0;
 ///
 /// # Cost
 /// A second or so of samples for each reference, times a dozen in closed loop.
-pub fn on_model(model: &Model, controller: &Controller, range_um: [f64; 2]) -> Result<ModelReport, TrackingError> {
+pub fn on_model(model: &Model, controller: &Controller, range_um: [f64; 2]) -> Result<Report, TrackingError> {
     let (model, left_out) = determined(model)?;
-    let expected = predict(controller, None)?;
-    let loops = ["open", "closed"];
-    let loops = &loops[..if controller.feedback.is_some() { 2 } else { 1 }];
-    let runs: Vec<_> = SHAPES
-        .iter()
-        .flat_map(|shape| loops.iter().map(move |kind| (*shape, *kind)))
-        .collect();
-    let rows: Result<Vec<ModelRow>, TrackingError> = runs
+    let plan = Plan::new(controller, range_um)?;
+    let rows: Result<Vec<Row>, TrackingError> = plan
+        .runs()
         .into_par_iter()
-        .map(|((key, shape), loop_kind)| {
-            let closed = loop_kind == "closed";
-            let reference = shape.reference(range_um, controller.model.sample_period_s);
-            let run = track(&model, controller, closed, &reference)?;
-            let figures = judge(&run.from(reference.judged_from), controller.model.sample_period_s);
-            let found_percent = figures.map_or(f64::NAN, |figures| figures.true_percent);
-            let predicted = expected.iter().find(|at| key.parse() == Ok(at.frequency_hz));
-            Ok(ModelRow {
-                reference: key,
-                loop_kind,
-                expected_percent: predicted.and_then(|at| {
-                    if closed {
-                        at.closed_percent
-                    } else {
-                        Some(at.open_percent)
-                    }
-                }),
-                found_percent,
-                stable: found_percent < SWINGS_PERCENT,
+        .map(|run| {
+            plan.row(run, &mut |closed, reference| {
+                play(&model, controller, closed, reference)
             })
         })
         .collect();
-    Ok(ModelReport {
+    Ok(Report {
         range_um,
         left_out,
         rows: rows?,
@@ -98,7 +43,7 @@ pub fn on_model(model: &Model, controller: &Controller, range_um: [f64; 2]) -> R
 }
 
 /// The model without the effects that a command alone does not determine, and their names.
-fn determined(model: &Model) -> Result<(Model, Vec<EffectName>), TrackingError> {
+pub(crate) fn determined(model: &Model) -> Result<(Model, Vec<EffectName>), TrackingError> {
     let mut left = model.clone();
     let mut names = Vec::new();
     loop {
@@ -155,28 +100,28 @@ impl Held {
     }
 }
 
-/// One run from rest at 0 V.
+/// One run from rest at 0 V, from the first sample that is known on.
 ///
 /// A model answers whole commands. A closed loop is run on the answer to its last commands, with a linear stage for what it commands
 /// otherwise this time; where nothing changes any more the linear stage has no part in it.
-fn track(
+pub(crate) fn play(
     model: &Model,
     controller: &Controller,
     closed: bool,
     reference: &Reference,
-) -> Result<Tracked, TrackingError> {
+) -> Result<Played, TrackingError> {
     let period_s = controller.model.sample_period_s;
     let held = Held::of(model, controller);
     let answer = |command_v: &[f64]| model.simulate_input(&held.arrived(command_v), period_s, InitialState::REST);
     let open = controller.without_feedback().law::<f64>()?;
-    let ahead = open.ahead();
     let mut command_v = commands(&open, reference);
     let mut position_um = answer(&command_v)?;
     if closed {
         let law = controller.law::<f64>()?;
+        let temperature_c = usual_temperature_c(&law);
         let (low_um, high_um) = hysteron_identify::family::range(reference.samples_um.iter().copied());
         for _ in 0..REPEATS {
-            let mut state = law.rest(0.0);
+            let mut state = law.rest(temperature_c);
             let mut linear = LinearStage::of(&controller.model, &controller.model.linear, GAIN);
             let mut beside_um = 0.0;
             let mut seen_um = Vec::with_capacity(command_v.len());
@@ -188,6 +133,7 @@ fn track(
                     LoopInput {
                         reference_ahead: reference.at(k),
                         measured,
+                        temperature_c,
                         ..LoopInput::default()
                     },
                 );
@@ -203,13 +149,5 @@ fn track(
             }
         }
     }
-    let due = |values: Vec<f64>| values.get(ahead..).unwrap_or_default().to_vec();
-    let position_um = due(position_um);
-    Ok(Tracked {
-        reference_um: reference.samples_um.clone(),
-        measured_um: position_um.clone(),
-        true_um: position_um,
-        limited: vec![false; reference.samples_um.len()],
-        command_v: due(command_v),
-    })
+    Ok(Played { command_v, position_um })
 }

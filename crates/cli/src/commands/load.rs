@@ -3,7 +3,7 @@
 
 use crate::error::CliError;
 use crate::progress;
-use hysteron_data::{Dataset, read_dataset_with_progress};
+use hysteron_data::{Dataset, Notice, read_dataset_with_progress};
 use hysteron_identify::effects::{Effect, UserEffect};
 use hysteron_identify::{EffectId, Model};
 use std::io::{Read, Write};
@@ -97,16 +97,21 @@ pub(crate) fn dataset(path: &Path) -> Result<Dataset, CliError> {
         progress::advance(&bar, done as f64 / all.max(1) as f64);
     })?;
     bar.finish_and_clear();
-    for notice in &dataset.notices {
-        // A closed standard error loses a remark, not the answer.
-        let _ = writeln!(std::io::stderr(), "note: {}: {}", notice.file, notice.text);
-    }
+    say(&dataset.notices);
     for record in &dataset.records {
         for found in hysteron_data::suspicions(record) {
             let _ = writeln!(std::io::stderr(), "warning: {}: {found}", record.file);
         }
     }
     Ok(dataset)
+}
+
+/// Says on standard error what a reader did.
+pub(crate) fn say(notices: &[Notice]) {
+    for notice in notices {
+        // A closed standard error loses a remark, not the answer.
+        let _ = writeln!(std::io::stderr(), "note: {}: {}", notice.file, notice.text);
+    }
 }
 
 /// An effect that an argument names.

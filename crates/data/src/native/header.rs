@@ -1,4 +1,4 @@
-//! The header line of a native CSV: `time_s,voltage_v,position_um`.
+//! The header line of a native CSV: `time_s,voltage_v,position_um`, or `time_s,reference_um`.
 
 use crate::error::DataError;
 use crate::place::{Place, shown};
@@ -25,17 +25,42 @@ pub(crate) struct Header {
     pub(crate) notices: Vec<Notice>,
 }
 
-const LAYOUT: &str = "the native header is `time_s,voltage_v,position_um`, then optionally `reference_um`, `temperature_c`, \
-                      `voltage2_v`; for files of other programs use `hysteron import`";
+/// What a native CSV holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Holds {
+    /// A run of the stage.
+    Record,
+    /// A reference to follow.
+    Reference,
+}
+
+impl Holds {
+    fn requires(self, quantity: Quantity) -> bool {
+        match self {
+            Self::Record => quantity.is_required(),
+            Self::Reference => matches!(quantity, Quantity::Time | Quantity::Reference),
+        }
+    }
+
+    pub(crate) fn layout(self) -> &'static str {
+        match self {
+            Self::Record => {
+                "the native header is `time_s,voltage_v,position_um`, then optionally `reference_um`, `temperature_c`, \
+                 `voltage2_v`; for files of other programs use `hysteron import`"
+            }
+            Self::Reference => "the header of a reference is `time_s,reference_um`; other columns are left out",
+        }
+    }
+}
 
 /// Reads a header line.
-pub(crate) fn parse(line: &[u8], line_number: u64, file: &str) -> Result<Header, DataError> {
+pub(crate) fn parse(line: &[u8], line_number: u64, file: &str, holds: Holds) -> Result<Header, DataError> {
     let at = Place::line(file, line_number);
     let Ok(text) = std::str::from_utf8(line) else {
         return Err(DataError::NoHeader {
             at,
             found: format!("found {}, which is not UTF-8", shown(line)),
-            allowed: LAYOUT.into(),
+            allowed: holds.layout().into(),
         });
     };
     let names: Vec<String> = text.split(',').map(|name| name.trim().to_owned()).collect();
@@ -43,14 +68,14 @@ pub(crate) fn parse(line: &[u8], line_number: u64, file: &str) -> Result<Header,
         return Err(DataError::NoHeader {
             at,
             found: format!("found {} where the column names must be", shown(line)),
-            allowed: LAYOUT.into(),
+            allowed: holds.layout().into(),
         });
     }
     if names.len() == 1 && line.iter().any(|byte| b";\t".contains(byte)) {
         return Err(DataError::NoHeader {
             at,
             found: format!("the columns of {} are not separated by `,`", shown(line)),
-            allowed: LAYOUT.into(),
+            allowed: holds.layout().into(),
         });
     }
     let mut header = Header {
@@ -74,9 +99,9 @@ pub(crate) fn parse(line: &[u8], line_number: u64, file: &str) -> Result<Header,
         }
         header.columns.push(Column { index, quantity, unit });
     }
-    for quantity in Quantity::ALL.into_iter().filter(|quantity| quantity.is_required()) {
+    for quantity in Quantity::ALL.into_iter().filter(|&quantity| holds.requires(quantity)) {
         if !header.columns.iter().any(|column| column.quantity == quantity) {
-            return Err(missing(&header, quantity, file, line_number, line));
+            return Err(missing(&header, quantity, (file, line_number), line, holds));
         }
     }
     header.notices = notices(&header, &strangers, file);
@@ -98,7 +123,7 @@ fn nearly(name: &str) -> Option<Quantity> {
 }
 
 /// The error for a required quantity without a column: its unit, where a column has its name, else its absence.
-fn missing(header: &Header, quantity: Quantity, file: &str, line: u64, text: &[u8]) -> DataError {
+fn missing(header: &Header, quantity: Quantity, (file, line): (&str, u64), text: &[u8], holds: Holds) -> DataError {
     match header.names.iter().position(|name| nearly(name) == Some(quantity)) {
         Some(index) => DataError::Unit {
             at: Place::cell(file, line, index, &header.names[index]),
@@ -109,7 +134,7 @@ fn missing(header: &Header, quantity: Quantity, file: &str, line: u64, text: &[u
             at: Place::line(file, line),
             quantity: quantity.to_string(),
             found: shown(text),
-            allowed: LAYOUT.into(),
+            allowed: holds.layout().into(),
         },
     }
 }

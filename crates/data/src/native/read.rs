@@ -4,12 +4,12 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::header::{self, Header};
+use super::header::{self, Header, Holds};
 use crate::clock::{self, Clock, ClockFault, Printed};
 use crate::error::DataError;
 use crate::lines::{LONGEST_LINE, LineFault, Lines};
 use crate::place::{Place, brief, shown};
-use crate::record::{Notice, Record, Role};
+use crate::record::{Notice, Record, Reference, Role};
 use crate::units::{Quantity, Unit};
 
 /// Samples between two calls of the progress function: some ten thousand calls a gigabyte.
@@ -53,7 +53,33 @@ pub fn read_record(path: &Path) -> Result<(Record, Vec<Notice>), DataError> {
 /// # Errors
 /// As [`read_record`].
 pub fn read_record_from(source: impl Read, file: &str) -> Result<(Record, Vec<Notice>), DataError> {
-    read(source, file, 0, &mut |_| {})
+    read(source, file, 0, Holds::Record, &mut |_| {})
+}
+
+/// Reads a reference to follow, a CSV with the header `time_s,reference_um`; other columns are left out, as the notices say.
+///
+/// # Errors
+/// As [`read_record`].
+///
+/// # Example
+/// ```
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("scan.csv");
+/// std::fs::write(&path, "time_ms,reference_nm\n0,0\n0.02,5\n0.04,10\n")?;
+/// let (reference, _) = hysteron_data::read_reference(&path)?;
+/// assert_eq!((reference.period_s, reference.reference_um), (20e-6, vec![0.0, 0.005, 0.01]));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn read_reference(path: &Path) -> Result<(Reference, Vec<Notice>), DataError> {
+    let file = path.display().to_string();
+    let source = File::open(path).map_err(DataError::io(&file, "open it"))?;
+    let (record, notices) = read(source, &file, 0, Holds::Reference, &mut |_| {})?;
+    let reference = Reference {
+        start_s: record.start_s,
+        period_s: record.period_s,
+        reference_um: record.reference_um.unwrap_or_default(),
+    };
+    Ok((reference, notices))
 }
 
 /// Reads one native CSV; `progress` gets the bytes read so far.
@@ -64,7 +90,7 @@ pub(super) fn read_file(
 ) -> Result<(Record, Vec<Notice>), DataError> {
     let source = File::open(path).map_err(DataError::io(file, "open it"))?;
     let bytes = source.metadata().map_err(DataError::io(file, "open it"))?.len();
-    read(source, file, bytes, progress)
+    read(source, file, bytes, Holds::Record, progress)
 }
 
 /// A column while it is read.
@@ -79,6 +105,7 @@ fn read(
     source: impl Read,
     file: &str,
     bytes: u64,
+    holds: Holds,
     progress: &mut dyn FnMut(u64),
 ) -> Result<(Record, Vec<Notice>), DataError> {
     let mut lines = Lines::new(source);
@@ -86,12 +113,12 @@ fn read(
         return Err(DataError::NoHeader {
             at: Place::file(file),
             found: "the file is empty".into(),
-            allowed: "a record begins with the header `time_s,voltage_v,position_um`".into(),
+            allowed: holds.layout().into(),
         });
     };
     let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line);
     refuse_other_encodings(line, file)?;
-    let header = header::parse(line, number, file)?;
+    let header = header::parse(line, number, file, holds)?;
     let mut columns: Vec<Filling> = header
         .columns
         .iter()

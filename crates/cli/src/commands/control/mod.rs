@@ -1,12 +1,15 @@
-//! From records to a controller that tracks: `campaign`, `design`, `track`; `rehearse` all of it.
+//! From records to a controller that tracks: `campaign`, `design`, `track`, `drive`; `rehearse` all of it.
 
 pub(crate) mod beyond;
 mod campaign_on_board;
+mod changed;
 mod chip;
 pub(crate) mod design;
+pub(crate) mod drive;
 mod learning;
 mod on_board;
 mod on_model;
+mod on_process;
 mod page;
 mod programme;
 pub(crate) mod record;

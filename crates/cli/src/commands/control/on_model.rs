@@ -7,7 +7,8 @@ use crate::exit::Done;
 use crate::output;
 use hysteron_tracking::bench::SHAPES;
 use hysteron_tracking::design::Controller;
-use hysteron_tracking::on_model::{ModelReport, ModelRow, on_model};
+use hysteron_tracking::expected::{Report, Row};
+use hysteron_tracking::on_model::on_model;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -22,10 +23,15 @@ pub(super) fn track(
     let range_um = given_um.unwrap_or_else(|| half_the_stroke(controller));
     within_records(args, range_um, controller)?;
     let report = on_model(&model, controller, range_um)?;
+    answer(args, &format!("MODEL {}", path.display()), &report)
+}
+
+/// Prints what was expected beside what was found.
+pub(super) fn answer(args: &TrackArgs, title: &str, report: &Report) -> Result<Done, CliError> {
     if args.json {
-        output::print_json(&report)?;
+        output::print_json(report)?;
     } else {
-        output::print(&text(path, &report))?;
+        output::print(&text(title, report))?;
     }
     Ok(if report.rows.iter().all(|row| row.stable) {
         Done::Answered
@@ -35,23 +41,19 @@ pub(super) fn track(
 }
 
 /// Half of the stroke that the inverse covers, about two fifths of it.
-fn half_the_stroke(controller: &Controller) -> [f64; 2] {
+pub(super) fn half_the_stroke(controller: &Controller) -> [f64; 2] {
     let (inverse, rest_um) = (&controller.model.inverse, controller.model.around.rest_um);
     let low_um = inverse.input_min_um.max(0.0);
     [0.15, 0.65].map(|share| rest_um + low_um + share * (inverse.input_max_um - low_um))
 }
 
-fn text(path: &Path, report: &ModelReport) -> String {
+fn text(title: &str, report: &Report) -> String {
     let [low_um, high_um] = report.range_um;
     let mut text = format!(
-        "MODEL {}, references from {low_um:.3} to {high_um:.3} um; errors against the reference at the same instant\n\
+        "{title}, references from {low_um:.3} to {high_um:.3} um; errors against the reference at the same instant\n\
          expected: what the design reckons with, but for the model's own error, of a sine; found: of the run, rms, % of peak to peak\n\n\
          {:<22} {:<6} {:>9} {:>9}\n",
-        path.display(),
-        "reference",
-        "loop",
-        "expected",
-        "found"
+        "reference", "loop", "expected", "found"
     );
     for (key, _) in SHAPES {
         for row in report.rows.iter().filter(|row| row.reference == key) {
@@ -68,7 +70,7 @@ fn text(path: &Path, report: &ModelReport) -> String {
     text
 }
 
-fn line(row: &ModelRow) -> String {
+fn line(row: &Row) -> String {
     let name = match row.reference.parse::<f64>() {
         Ok(hz) => format!("sine {hz} Hz"),
         Err(_) => format!("{} Hz", row.reference.replace('-', " ")),

@@ -4,7 +4,7 @@ use crate::commands::board::EmulatorName;
 use crate::commands::control::beyond::{self, Asked};
 use crate::commands::control::chip::{Chip, Follow};
 use crate::commands::control::learning::{self, Plan};
-use crate::commands::control::{on_board, on_model, page, range_um, scans, stage};
+use crate::commands::control::{changed, on_board, on_model, on_process, page, range_um, scans, stage};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
@@ -15,7 +15,6 @@ use hysteron_tracking::bench::{Bench, ControllerFigures, SHAPES, TrackReport, co
 use hysteron_tracking::design::Controller;
 use hysteron_tracking::learning::{LearnedReference, learn_references};
 use hysteron_tracking::reference;
-use hysteron_tracking::robustness::{RobustnessRow, robustness};
 use hysteron_tracking::scans::{LINES_HZ, ScanFigures};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -26,6 +25,7 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  hysteron track controller.toml --stage 8k --json\n  \
     hysteron track controller.toml --stage 8k --alone --emulator mps2-an386    # and on the chip\n  \
     hysteron track controller.toml --model model.toml                          # on your own identified model\n  \
+    hysteron track controller.toml --process 'python3 stage.py'                 # on a stage of your own, as a process\n  \
     hysteron track controller.toml --board localhost:9090 --range 3,13         # on a board that has its table\n\n\
     Errors are rms of reference minus true position over whole periods after settling, percent of the reference's\n\
     peak to peak, the mean included. Position k is compared with reference k: nothing is shifted.")]
@@ -33,7 +33,7 @@ pub(crate) struct TrackArgs {
     /// Controller file of `hysteron design`
     pub controller: PathBuf,
     /// The simulated stage: paper-rate, paper-delay, 8k, 2.5k or 739
-    #[arg(long, value_name = "PRESET", required_unless_present_any = ["board", "model"])]
+    #[arg(long, value_name = "PRESET", required_unless_present_any = ["board", "model", "process"])]
     pub stage: Option<String>,
     /// Your own identified model instead, model.toml: what the design expects beside what comes out on it
     #[arg(
@@ -42,6 +42,17 @@ pub(crate) struct TrackArgs {
         conflicts_with_all = ["stage", "board", "output", "robustness", "alone", "iterations", "emulator"]
     )]
     pub model: Option<PathBuf>,
+    /// A stage of your own in any language instead: a program, with its arguments, that reads volts and writes positions, a line each; see
+    /// docs/reference/process.md
+    #[arg(
+        long,
+        value_name = "COMMAND",
+        conflicts_with_all = ["stage", "board", "model", "output", "robustness", "alone", "iterations", "emulator"]
+    )]
+    pub process: Option<String>,
+    /// Longest wait for an answer of the process, seconds
+    #[arg(long, value_name = "S", default_value_t = 10.0, requires = "process")]
+    pub timeout: f64,
     /// A real board with the controller's table instead: HOST:PORT of a server of its RTT channel 1; measured position; scans as well
     /// where it has both axes
     #[arg(
@@ -139,12 +150,15 @@ struct Answer<'a> {
 pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
     let controller = Controller::read(&args.controller)?;
     let given_um = range_um(args.range.as_deref())?;
+    if let Some(command) = &args.process {
+        return on_process::track(args, command, given_um, &controller);
+    }
     match (&args.stage, &args.board, &args.model) {
         (_, Some(from), _) => on_board::track(args, from, given_um, &controller),
         (_, None, Some(path)) => on_model::track(args, path, given_um, &controller),
         (Some(name), None, None) => on_stage(args, name, given_um, &controller),
         (None, None, None) => Err(CliError::Option(
-            "give --model MODEL, --stage PRESET or --board HOST:PORT".to_owned(),
+            "give --model MODEL, --process COMMAND, --stage PRESET or --board HOST:PORT".to_owned(),
         )),
     }
 }
@@ -167,7 +181,7 @@ fn on_stage(
         first_mode_hz: controller.model.linear.modes.first().map(|mode| mode.frequency_hz),
     };
     if args.robustness {
-        return changed_stages(args, name, &bench, controller);
+        return changed::stages(args, name, &bench, controller);
     }
     // Refused first where it cannot be: the rest takes its time.
     let learned = args
@@ -473,47 +487,6 @@ fn line(controller: &ControllerFigures, widest: usize) -> String {
             "{:<widest$}        met the amplifier's limits on {}",
             "",
             controller.limited_on.join(", ")
-        );
-    }
-    text
-}
-
-/// The controller on the stage and on each change of it.
-fn changed_stages(args: &TrackArgs, name: &str, bench: &Bench<'_>, controller: &Controller) -> Result<Done, CliError> {
-    let rows = robustness(bench, controller)?;
-    let stroke_um = bench.range_um[1] - bench.range_um[0];
-    if args.json {
-        output::print_json(&serde_json::json!({
-            "stage": name,
-            "stroke_um": stroke_um,
-            "position": "true",
-            "rows": rows,
-        }))?;
-    } else {
-        output::print(&robustness_text(name, stroke_um, &rows))?;
-    }
-    Ok(Done::Answered)
-}
-
-fn robustness_text(stage: &str, stroke_um: f64, rows: &[RobustnessRow]) -> String {
-    let mut text = format!(
-        "STAGE {} (simulated), changed; the controller is the one designed for it unchanged; stroke {stroke_um} um\n\
-         rms against the reference at the same instant, true position, mean included, % of peak to peak\n\n{:<26} {:<6}{}  at rest\n",
-        stage,
-        "",
-        "loop",
-        heads()
-    );
-    for row in rows {
-        let verdict = if row.stable { "stable" } else { "NOT STABLE" };
-        // Writing to a String does not fail.
-        let _ = writeln!(
-            text,
-            "{:<26} {:<6}{}  {:.2} nm, {verdict}",
-            row.change,
-            row.loop_kind,
-            cells(&row.rms_percent),
-            row.rest_nm
         );
     }
     text
