@@ -5,6 +5,7 @@ use crate::investigation::Investigation;
 use hysteron_identify::effects::{Effect, catalogue, find};
 use hysteron_identify::search::{Search, Shape, Trial};
 use hysteron_identify::{EffectId, Family, Model};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// The model's own plays, and as many of its kind as the free shape has with bends beside them; all with what was found.
@@ -31,8 +32,12 @@ pub(crate) fn bends(model: &Model, investigation: &Investigation<'_>) -> Bends {
     if let Some(fine) = fine {
         evidence.fine_lacks_percent = above(fine.pooled_percent(fine.standing()));
         if evidence.fine_lacks_percent > LEAST_LOOKED_INTO_PERCENT {
-            let (_, not_congruent) = rayon::join(|| beside(&mut evidence, fine, free), || not_congruent(search));
-            evidence.not_congruent = not_congruent;
+            beside(&mut evidence, fine, free);
+            let mut each = evidence.each.iter().map(|bend| &bend.candidate);
+            let of_position = each.find(|bend| bend.effect == EffectId::SensorNonlinearity);
+            if of_position.is_some_and(|bend| bend.share > LEAST_ASKED_SHARE) {
+                evidence.not_congruent = not_congruent(search);
+            }
         }
     }
     evidence
@@ -52,6 +57,10 @@ fn not_congruent(search: &Search<'_>) -> Option<Candidate> {
 
 /// Fine plays that lack less of the free shape have no bend, percent.
 const LEAST_LOOKED_INTO_PERCENT: f64 = 0.05;
+
+/// Minor loops are not asked where a bend of the position takes less than this of what the plays lack: well below the share from
+/// which it may be the answer.
+const LEAST_ASKED_SHARE: f64 = 0.6;
 
 /// Each bend beside fine plays, and both of them.
 fn beside(evidence: &mut Bends, mut fine: Search<'_>, free: &Trial) {
@@ -73,7 +82,7 @@ fn beside(evidence: &mut Bends, mut fine: Search<'_>, free: &Trial) {
         .into_iter()
         .filter(|effect| effect.bends_the_loops())
         .collect();
-    let trials: Vec<_> = effects.iter().map(|effect| fine.candidate(effect).ok()).collect();
+    let trials: Vec<Option<Trial>> = effects.par_iter().map(|effect| fine.candidate(effect).ok()).collect();
     let mut found: Vec<Bend> = effects
         .iter()
         .zip(&trials)

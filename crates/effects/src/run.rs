@@ -36,67 +36,164 @@ pub(crate) fn lag(tau_s: f64, period_s: f64, run_in: usize, series: &mut [f64]) 
 }
 
 /// Adds first-order lags of a series to it, `y += sum share_i lag_i[y]`, of many series of one length: from rest, or in the steady
-/// state of the run-in's period.
+/// state of the run-in's period. The steps are those of [`Lag`].
 pub(crate) fn relaxations(elements: &[(f64, f64)], period_s: f64, from: usize, run_in: usize, series: &mut [Vec<f64>]) {
     const SIDE_BY_SIDE: usize = 8;
+    let lags = |&(tau_s, share): &(f64, f64)| {
+        let tau_s = tau_s.clamp(0.0, 1e6);
+        let [approach, through] = Lag::<f64>::new(tau_s, 1.0 / period_s).ok()?.coefficients();
+        let forgets = -(-(run_in as f64) * period_s / tau_s).exp_m1();
+        Some(Relaxation {
+            approach,
+            through,
+            share,
+            forgets: if tau_s > 0.0 { forgets } else { 1.0 },
+        })
+    };
+    let lags: Vec<Relaxation> = elements.iter().filter_map(lags).collect();
     let (together, rest) = series.as_chunks_mut::<SIDE_BY_SIDE>();
     for lanes in together {
-        relax_side_by_side(
-            elements,
-            period_s,
+        // Many series keep a processor busy, one lag after another.
+        pulp::Arch::new().dispatch(Relaxed::<SIDE_BY_SIDE, 1> {
+            lags: &lags,
             run_in,
-            lanes.each_mut().map(|lane| &mut lane[from..]),
-        );
+            series: lanes.each_mut().map(|lane| &mut lane[from..]),
+        });
     }
     for one in rest {
-        relax_side_by_side(elements, period_s, run_in, [&mut one[from..]]);
+        pulp::Arch::new().dispatch(Relaxed::<1, 4> {
+            lags: &lags,
+            run_in,
+            series: [&mut one[from..]],
+        });
     }
 }
 
-fn relax_side_by_side<const N: usize>(
-    elements: &[(f64, f64)],
-    period_s: f64,
+/// `N` series and the lags that are added to them, `E` at a time: what stands in registers is `N E` states.
+struct Relaxed<'s, const N: usize, const E: usize> {
+    lags: &'s [Relaxation],
     run_in: usize,
-    mut series: [&mut [f64]; N],
-) {
+    series: [&'s mut [f64]; N],
+}
+
+impl<const N: usize, const E: usize> pulp::NullaryFnOnce for Relaxed<'_, N, E> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        relax::<N, E>(self.lags, self.run_in, self.series);
+    }
+}
+
+/// A lag that is added to its input.
+#[derive(Clone, Copy, Default)]
+struct Relaxation {
+    approach: f64,
+    through: f64,
+    share: f64,
+    /// What one period of run-in leaves out of its state.
+    forgets: f64,
+}
+
+/// Samples that are relaxed at once.
+const BLOCK: usize = 64;
+
+#[inline(always)]
+fn relax<const N: usize, const E: usize>(lags: &[Relaxation], run_in: usize, mut series: [&mut [f64]; N]) {
     let n = series.each_ref().map(|lane| lane.len()).into_iter().min().unwrap_or(0);
     if n == 0 {
         return;
     }
     let first = series.each_ref().map(|lane| lane[0]);
-    let mut added = vec![[0.0; N]; n];
-    for &(tau_s, share) in elements {
-        let Ok(lag) = Lag::<f64>::new(tau_s.clamp(0.0, 1e6), 1.0 / period_s) else {
-            continue;
-        };
-        let mut states = first.map(|u| lag.rest_at(u));
-        if run_in > 0 && tau_s > 0.0 {
-            let mut forced = states;
-            forced.iter_mut().for_each(|state| state.output = 0.0);
-            for k in 1..=run_in.min(n - 1) {
-                for (state, lane) in forced.iter_mut().zip(&series) {
-                    lag.step(state, lane[k]);
+    let mut groups: Vec<([Relaxation; E], [[f64; N]; E])> = lags
+        .chunks(E)
+        .map(|chunk| {
+            let group = std::array::from_fn(|e| chunk.get(e).copied().unwrap_or_default());
+            (group, [first; E])
+        })
+        .collect();
+    if run_in > 0 {
+        for (group, states) in &mut groups {
+            let mut forced = ([[0.0; N]; E], first);
+            for from in (1..=run_in.min(n - 1)).step_by(BLOCK) {
+                let inputs = block_of(&series, from, (run_in + 1).min(n));
+                advance(group, &mut forced, &inputs, |_, _| ());
+            }
+            for e in 0..E {
+                for l in 0..N {
+                    states[e][l] = if group[e].forgets > 0.0 {
+                        forced.0[e][l] / group[e].forgets
+                    } else {
+                        first[l]
+                    };
                 }
             }
-            let whole = -(-(run_in as f64) * period_s / tau_s).exp_m1();
-            for (state, forced) in states.iter_mut().zip(forced) {
-                state.output = forced.output / whole;
+        }
+    }
+    for (group, states) in &groups {
+        let slow = shares(group, states);
+        series.iter_mut().zip(slow).for_each(|(lane, slow)| lane[0] += slow);
+    }
+    let mut last = first;
+    for from in (1..n).step_by(BLOCK) {
+        let inputs = block_of(&series, from, n);
+        let mut added = [[0.0; N]; BLOCK];
+        let mut after = last;
+        for (group, states) in &mut groups {
+            let mut state = (*states, last);
+            advance(group, &mut state, &inputs, |k, slow| {
+                for l in 0..N {
+                    added[k][l] += slow[l];
+                }
+            });
+            (*states, after) = state;
+        }
+        last = after;
+        for (l, lane) in series.iter_mut().enumerate() {
+            for (value, slow) in lane[from..(from + BLOCK).min(n)].iter_mut().zip(&added) {
+                *value += slow[l];
             }
         }
-        for (k, added) in added.iter_mut().enumerate() {
+    }
+}
+
+/// Some samples of each series, side by side.
+#[inline(always)]
+fn block_of<const N: usize>(series: &[&mut [f64]; N], from: usize, to: usize) -> ([[f64; N]; BLOCK], usize) {
+    let count = BLOCK.min(to - from);
+    let mut block = [[0.0; N]; BLOCK];
+    for (l, lane) in series.iter().enumerate() {
+        for (cell, &value) in block.iter_mut().zip(&lane[from..from + count]) {
+            cell[l] = value;
+        }
+    }
+    (block, count)
+}
+
+/// Lags over a block, from their outputs and the last input.
+#[inline(always)]
+fn advance<const N: usize, const E: usize>(
+    group: &[Relaxation; E],
+    (outputs, last): &mut ([[f64; N]; E], [f64; N]),
+    (inputs, count): &([[f64; N]; BLOCK], usize),
+    mut visit: impl FnMut(usize, [f64; N]),
+) {
+    for (k, input) in inputs.iter().enumerate().take(*count) {
+        for e in 0..E {
             for l in 0..N {
-                let slow = if k == 0 {
-                    states[l].output
-                } else {
-                    lag.step(&mut states[l], series[l][k])
-                };
-                added[l] += share * slow;
+                let ramp = group[e].through * (input[l] - last[l]);
+                outputs[e][l] += group[e].approach * (last[l] - outputs[e][l]) + ramp;
             }
         }
+        *last = *input;
+        visit(k, shares(group, outputs));
     }
-    for (k, added) in added.iter().enumerate() {
-        series.iter_mut().zip(added).for_each(|(lane, own)| lane[k] += own);
-    }
+}
+
+/// What lags add to their input.
+#[inline(always)]
+fn shares<const N: usize, const E: usize>(group: &[Relaxation; E], outputs: &[[f64; N]; E]) -> [f64; N] {
+    std::array::from_fn(|l| (0..E).map(|e| group[e].share * outputs[e][l]).sum())
 }
 
 /// Series that a mode is run over side by side: each one's next sample waits for its last.

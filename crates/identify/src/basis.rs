@@ -64,33 +64,57 @@ impl Basis {
         }
     }
 
-    /// A play's functions, of which the family uses as many as it has coefficients a play.
+    /// Functions of plays, by power: as many as the family has coefficients a play.
     #[inline(always)]
-    pub(crate) fn play(&self, scale: PlayScale, w: f64, rate: f64) -> [f64; 3] {
+    pub(crate) fn plays<const N: usize>(&self, scales: &PlayScales<N>, w: &[f64; N], rate: f64) -> [[f64; N]; 3] {
+        let mut functions = [*w, [0.0; N], [0.0; N]];
         match self.family {
-            Family::Pi | Family::Mpi | Family::Mrpi => [w, 0.0, 0.0],
-            Family::Wrpi => [w, w * rate, 0.0],
+            Family::Pi | Family::Mpi | Family::Mrpi => {}
+            Family::Wrpi => functions[1] = w.map(|w| w * rate),
             Family::PlayPolynomial => {
-                let x = (w - scale.middle) * scale.per_unit;
-                let inside = x.clamp(-1.0, 1.0);
-                let beyond = x - inside;
-                let square = inside * inside;
-                [
-                    x,
-                    square + 2.0 * inside * beyond,
-                    (square + 3.0 * inside * beyond) * inside,
-                ]
+                for l in 0..N {
+                    let x = (w[l] - scales.middle[l]) * scales.per_unit[l];
+                    let inside = x.clamp(-1.0, 1.0);
+                    let beyond = x - inside;
+                    let square = inside * inside;
+                    functions[0][l] = x;
+                    functions[1][l] = square + 2.0 * inside * beyond;
+                    functions[2][l] = (square + 3.0 * inside * beyond) * inside;
+                }
             }
         }
+        functions
     }
 
-    /// What [`Self::play`] needs of a threshold.
-    pub(crate) fn scale(&self, threshold: f64) -> PlayScale {
-        let window = self.of_play(threshold);
-        PlayScale {
-            middle: window.middle,
-            per_unit: 1.0 / window.half,
+    /// The part of each play, its functions by their weights.
+    #[inline(always)]
+    pub(crate) fn weighed<const N: usize>(
+        &self,
+        scales: &PlayScales<N>,
+        weights: &[[f64; N]; 3],
+        w: &[f64; N],
+        rate: f64,
+    ) -> [f64; N] {
+        let functions = self.plays(scales, w, rate);
+        let mut parts = [0.0; N];
+        for l in 0..N {
+            parts[l] =
+                weights[0][l] * functions[0][l] + weights[1][l] * functions[1][l] + weights[2][l] * functions[2][l];
         }
+        parts
+    }
+
+    /// What [`Self::plays`] needs of thresholds.
+    pub(crate) fn scales<const N: usize>(&self, thresholds: &[f64]) -> PlayScales<N> {
+        let mut scales = PlayScales {
+            middle: [0.0; N],
+            per_unit: [0.0; N],
+        };
+        for (l, &threshold) in thresholds.iter().enumerate().take(N) {
+            let window = self.of_play(threshold);
+            (scales.middle[l], scales.per_unit[l]) = (window.middle, 1.0 / window.half);
+        }
+        scales
     }
 
     /// Coefficients of the core's own powers, laid out as [`crate::columns::fill`] does.
@@ -133,11 +157,11 @@ impl Basis {
     }
 }
 
-/// Middle of a play's travel, and what makes half of it one.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct PlayScale {
-    middle: f64,
-    per_unit: f64,
+/// Middles of plays' travels, and what makes half of each one.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PlayScales<const N: usize> {
+    middle: [f64; N],
+    per_unit: [f64; N],
 }
 
 /// Powers of `x` from the first on; straight lines beyond -1 and 1.
@@ -176,17 +200,13 @@ mod tests {
         (0..15).map(|k| 0.3 * f64::from((k * 7) % 5 - 2)).collect()
     }
 
-    fn by_basis(basis: &Basis, c: &[f64], v: f64, outputs: &[f64]) -> f64 {
+    fn by_basis(basis: &Basis, c: &[f64], v: f64, outputs: &[f64; 3]) -> f64 {
         let mut cells = [0.0; 5];
         basis.input(v, &mut cells);
         let of_input: f64 = cells.iter().zip(&c[1..6]).map(|(x, c)| x * c).sum();
-        let of_plays: f64 = (0..3)
-            .map(|i| {
-                let own = basis.play(basis.scale(THRESHOLDS[i]), outputs[i], 0.0);
-                (0..3).map(|power| own[power] * c[6 + 3 * power + i]).sum::<f64>()
-            })
-            .sum();
-        c[0] + of_input + of_plays
+        let weights = std::array::from_fn(|power| std::array::from_fn(|i| c[6 + 3 * power + i]));
+        let of_plays = basis.weighed(&basis.scales(&THRESHOLDS), &weights, outputs, 0.0);
+        c[0] + of_input + of_plays.iter().sum::<f64>()
     }
 
     /// Inside the range the core's powers and these functions are one polynomial; to and fro changes nothing.

@@ -1,6 +1,6 @@
 //! The chain: voltage, delay, amplifier, hysteresis, creep, structure, coupling and heat, sensor.
 
-use crate::basis::{Basis, PlayScale};
+use crate::basis::{Basis, PlayScales};
 use crate::chain_trace::Trace;
 use crate::columns::Design;
 use crate::effects::{Acts, Effect, EffectName, RateLaw, Signals};
@@ -87,46 +87,26 @@ impl Chain {
         voltage_v
     }
 
-    /// Moves some of the plays along the voltage at the stack; `visit(sample, input, rate, outputs)` on the whole grid.
-    #[inline(always)]
-    fn plays(
-        &self,
-        trace: &Trace<'_>,
-        stack_v: &[f64],
-        which: Range<usize>,
-        mut visit: impl FnMut(usize, f64, f64, &[f64; LANES]),
-    ) {
+    /// Moves some of the plays along the voltage at the stack; `visit` sees them on the whole grid.
+    fn plays(&self, trace: &Trace<'_>, stack_v: &[f64], which: Range<usize>, visit: impl Visit) {
         let own = &self.design.thresholds[which];
         let thresholds: [f64; LANES] = std::array::from_fn(|l| own.get(l).copied().unwrap_or(0.0));
         let of_link = self.links.iter().find_map(|link| {
             let envelope = link.effect.envelope(&link.values)?;
             Some((envelope, link.effect.rate_law(&link.values)))
         });
-        let (Envelope { alpha_s, beta_s }, law) = of_link.unwrap_or((self.design.envelope, RateLaw::LINEAR));
-        let first = stack_v.first().copied().unwrap_or(0.0);
+        let (envelope, law) = of_link.unwrap_or((self.design.envelope, RateLaw::LINEAR));
         let before = trace.initial.before(&stack_v[..trace.run_in.max(1).min(stack_v.len())]);
-        let mut w = thresholds.map(before);
-        let (mut last, per_s) = (first, 1.0 / trace.period_s);
-        let mut advance = |input: f64, w: &mut [f64; LANES]| {
-            let rate = (input - last) * per_s;
-            last = input;
-            let speed = law.of(rate.abs());
-            for l in 0..LANES {
-                let (left, right) = (input - alpha_s * speed - thresholds[l], input + beta_s * speed);
-                // Comparisons compile to selections where `max` and `min` must think of NaN.
-                let held = if w[l] > right { right } else { w[l] };
-                w[l] = if held < left { left } else { held };
-            }
-            rate
-        };
-        // After one whole period both extremes have been passed, and all memory from before is wiped out.
-        for &input in &stack_v[..trace.run_in] {
-            advance(input, &mut w);
-        }
-        for (k, &input) in stack_v.iter().enumerate() {
-            let rate = advance(input, &mut w);
-            visit(k, input, rate, &w);
-        }
+        pulp::Arch::new().dispatch(Moving {
+            outputs: thresholds.map(before),
+            thresholds,
+            envelope,
+            law,
+            stack_v,
+            run_in: trace.run_in,
+            per_s: 1.0 / trace.period_s,
+            visit,
+        });
     }
 
     /// Groups of plays that move side by side.
@@ -153,9 +133,13 @@ impl Chain {
         let mut position_um = self.input_function(coefficients, stack_v);
         for group in self.groups() {
             let (scales, weights) = self.of_group(&group, coefficients);
-            self.plays(trace, stack_v, group, |k, _, rate, w| {
-                position_um[k] += weighed(&basis, &scales, &weights, w, rate);
-            });
+            let sums = Sums {
+                basis: &basis,
+                scales: &scales,
+                weights: &weights,
+                into: &mut position_um,
+            };
+            self.plays(trace, stack_v, group, sums);
         }
         position_um
     }
@@ -171,19 +155,17 @@ impl Chain {
     }
 
     /// Scales and weights of the plays that move side by side.
-    fn of_group(&self, group: &Range<usize>, coefficients: &[f64]) -> ([PlayScale; LANES], [[f64; 3]; LANES]) {
+    fn of_group(&self, group: &Range<usize>, coefficients: &[f64]) -> (PlayScales<LANES>, [[f64; LANES]; 3]) {
         let basis = self.basis();
         let inputs = self.design.family.input_powers().len();
         let n = self.design.thresholds.len();
-        let mut scales = [PlayScale::default(); LANES];
-        let mut weights = [[0.0; 3]; LANES];
-        for (l, i) in group.clone().enumerate() {
-            scales[l] = basis.scale(self.design.thresholds[i]);
-            for (power, weight) in weights[l].iter_mut().enumerate().take(self.functions()) {
-                *weight = coefficients[1 + inputs + power * n + i];
+        let mut weights = [[0.0; LANES]; 3];
+        for (power, weights) in weights.iter_mut().enumerate().take(self.functions()) {
+            for (l, i) in group.clone().enumerate() {
+                weights[l] = coefficients[1 + inputs + power * n + i];
             }
         }
-        (scales, weights)
+        (basis.scales(&self.design.thresholds[group.clone()]), weights)
     }
 
     fn functions(&self) -> usize {
@@ -412,26 +394,20 @@ impl Passing<'_> {
         let mut sum = vec![0.0; if self.weights.is_some() { self.stack_v.len() } else { 0 }];
         let samples = if self.direct { self.at.len() } else { self.stack_v.len() };
         let mut series = vec![vec![0.0; samples]; functions * count];
-        let mut next = 0;
-        chain.plays(self.trace, self.stack_v, group.clone(), |k, _, rate, w| {
-            if let Some(sum) = sum.get_mut(k) {
-                *sum = weighed(&basis, &scales, &weights, w, rate);
-            }
-            if self.direct {
-                if self.at.get(next) != Some(&k) {
-                    return;
-                }
-            } else {
-                next = k;
-            }
-            for l in 0..count {
-                let own = basis.play(scales[l], w[l], rate);
-                for (power, &value) in own.iter().enumerate().take(functions) {
-                    series[power * count + l][next] = value;
-                }
-            }
-            next += 1;
-        });
+        let sums = Sums {
+            basis: &basis,
+            scales: &scales,
+            weights: &weights,
+            into: &mut sum,
+        };
+        let visit = Cells {
+            sums,
+            only: self.direct.then_some(self.at),
+            next: 0,
+            count,
+            series: &mut series,
+        };
+        chain.plays(self.trace, self.stack_v, group.clone(), visit);
         let columns = self
             .through(series)
             .into_iter()
@@ -475,21 +451,104 @@ impl Passing<'_> {
     }
 }
 
-/// The plays' part of the position.
-#[inline(always)]
-fn weighed(
-    basis: &Basis,
-    scales: &[PlayScale; LANES],
-    weights: &[[f64; 3]; LANES],
-    w: &[f64; LANES],
-    rate: f64,
-) -> f64 {
-    let mut sum = 0.0;
-    for l in 0..LANES {
-        let own = basis.play(scales[l], w[l], rate);
-        sum += weights[l][0] * own[0] + weights[l][1] * own[1] + weights[l][2] * own[2];
+/// Plays on their way along a voltage.
+struct Moving<'m, V> {
+    thresholds: [f64; LANES],
+    outputs: [f64; LANES],
+    envelope: Envelope<f64>,
+    law: RateLaw,
+    stack_v: &'m [f64],
+    run_in: usize,
+    /// Samples of the grid a second.
+    per_s: f64,
+    visit: V,
+}
+
+/// What looks at plays on their way; compiled into the loop that moves them.
+trait Visit {
+    /// Outputs at a sample of the grid, and the voltage's rate there, volts per second.
+    fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]);
+}
+
+/// Adds the plays' part of the position; nothing where there is nothing to add it to.
+struct Sums<'v> {
+    basis: &'v Basis,
+    scales: &'v PlayScales<LANES>,
+    weights: &'v [[f64; LANES]; 3],
+    into: &'v mut [f64],
+}
+
+impl Visit for Sums<'_> {
+    #[inline(always)]
+    fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]) {
+        if let Some(sum) = self.into.get_mut(sample) {
+            let parts = self.basis.weighed(self.scales, self.weights, w, rate);
+            // In pairs, so that no sum waits for all the others.
+            let four: [f64; LANES / 2] = std::array::from_fn(|l| parts[l] + parts[l + LANES / 2]);
+            *sum += (four[0] + four[2]) + (four[1] + four[3]);
+        }
     }
-    sum
+}
+
+/// The same, and keeps all functions of the plays.
+struct Cells<'v> {
+    sums: Sums<'v>,
+    /// The samples that are kept, ascending; `None`: all.
+    only: Option<&'v [usize]>,
+    next: usize,
+    /// Plays that there are.
+    count: usize,
+    /// A series for each play and power, power by power.
+    series: &'v mut [Vec<f64>],
+}
+
+impl Visit for Cells<'_> {
+    #[inline(always)]
+    fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]) {
+        self.sums.at(sample, rate, w);
+        if self.only.is_some_and(|only| only.get(self.next) != Some(&sample)) {
+            return;
+        }
+        let functions = self.sums.basis.plays(self.sums.scales, w, rate);
+        for (of_power, own) in self.series.chunks_exact_mut(self.count).zip(functions) {
+            for (cells, value) in of_power.iter_mut().zip(own) {
+                cells[self.next] = value;
+            }
+        }
+        self.next += 1;
+    }
+}
+
+impl<V: Visit> pulp::NullaryFnOnce for Moving<'_, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(mut self) {
+        let Envelope { alpha_s, beta_s } = self.envelope;
+        let mut last = self.stack_v.first().copied().unwrap_or(0.0);
+        let mut w = self.outputs;
+        let mut advance = |input: f64, w: &mut [f64; LANES]| {
+            let rate = (input - last) * self.per_s;
+            last = input;
+            let speed = self.law.of(rate.abs());
+            let (left, right) = (input - alpha_s * speed, input + beta_s * speed);
+            for l in 0..LANES {
+                // Comparisons compile to selections where `max` and `min` must think of NaN.
+                let held = if w[l] > right { right } else { w[l] };
+                let left = left - self.thresholds[l];
+                w[l] = if held < left { left } else { held };
+            }
+            rate
+        };
+        // After one whole period both extremes have been passed, and all memory from before is wiped out.
+        for &input in &self.stack_v[..self.run_in] {
+            advance(input, &mut w);
+        }
+        for (k, &input) in self.stack_v.iter().enumerate() {
+            let rate = advance(input, &mut w);
+            self.visit.at(k, rate, &w);
+        }
+    }
 }
 
 fn signals<'a>(trace: &'a Trace<'_>, own: &'a Own, stack_v: &'a [f64], link: usize) -> Signals<'a> {

@@ -117,10 +117,14 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
     if let Some(next) = &diagnosis.next_record {
         let mut line = format!("Record to take next: {}", next.excitation);
         if !next.separates.is_empty() {
+            let apart = if next.expected_sigma < 100.0 {
+                format!("{:.1} times", next.expected_sigma)
+            } else {
+                "more than 100 times".to_owned()
+            };
+            let separates = list(&next.separates, "from");
             line.push_str(&format!(
-                "; it would separate {} by {:.1} times what is left unexplained",
-                list(&next.separates, "from"),
-                next.expected_sigma
+                "; it would separate {separates} by {apart} what is left unexplained"
             ));
         }
         lines.push(line + ".");

@@ -16,7 +16,7 @@ pub(crate) struct FitArgs {
     /// Dataset folder, or one CSV
     pub data: PathBuf,
     /// The hysteresis model
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, default_value_t = ModelName::Mpi)]
     pub model: ModelName,
     /// Number of play operators, 1 to 64
     #[arg(long, default_value_t = 10)]
