@@ -178,9 +178,29 @@ fn install_compiler() -> Result<(), String> {
     install("arm-none-eabi-gcc", &["gcc-arm-none-eabi"])
 }
 
-/// Installs the language of stages that run as a process.
+/// Installs Python, and beside it FMPy, which validates co-simulation units.
 fn install_python() -> Result<(), String> {
-    install("python3", &["python3", "python3-venv"])
+    // What Debian packs apart from the language.
+    if output("python3", &["-c", "import ensurepip"]).is_err() {
+        install_packages(&["python3", "python3-venv"])?;
+    }
+    let interpreter = fmpy_interpreter()?;
+    if output(&interpreter, &["-c", "import fmpy"]).is_ok() {
+        return Ok(());
+    }
+    let folder = targets().join("fmpy").display().to_string();
+    run("python3", &["-m", "venv", &folder])?;
+    run(&interpreter, &["-m", "pip", "install", "--quiet", FMPY])
+}
+
+/// What pip installs to validate units.
+const FMPY: &str = "fmpy==0.3.32";
+
+/// The interpreter that has FMPy.
+fn fmpy_interpreter() -> Result<String, String> {
+    let path = targets().join("fmpy/bin/python");
+    let absolute = std::path::absolute(path).map_err(|error| error.to_string())?;
+    Ok(absolute.display().to_string())
 }
 
 /// Installs Debian's packages where a program is absent.
@@ -188,6 +208,10 @@ fn install(wanted: &str, packages: &[&str]) -> Result<(), String> {
     if output(wanted, &["--version"]).is_ok() {
         return Ok(());
     }
+    install_packages(packages)
+}
+
+fn install_packages(packages: &[&str]) -> Result<(), String> {
     let by_root = output("id", &["-u"]).is_ok_and(|id| id.trim() == "0");
     let (program, before) = if by_root { ("apt-get", 1) } else { ("sudo", 0) };
     let update = ["apt-get", "update"];

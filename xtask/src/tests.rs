@@ -104,7 +104,10 @@ fn programs() -> Result<Vec<Program>, String> {
 
 /// Runs a test program, shows what it said when it ends, and counts it.
 fn run(mut command: Command, name: &str, counts: &Mutex<Counts>) {
-    // Browser and emulator were installed before: a test that does not find them fails.
+    // Browser, emulator and Python were installed before: a test that does not find them fails.
+    if let Ok(interpreter) = crate::fmpy_interpreter() {
+        command.env("HYSTERON_PYTHON", interpreter);
+    }
     command
         .env("HYSTERON_BROWSER", "required")
         .env("HYSTERON_EMULATOR", "required");

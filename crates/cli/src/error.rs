@@ -34,6 +34,14 @@ pub(crate) enum CliError {
         /// What is wrong.
         source: hysteron_table::TableError,
     },
+    /// A model or a table that makes no co-simulation unit.
+    #[error("{}: {source}", path.display())]
+    Fmu {
+        /// The model or the table.
+        path: PathBuf,
+        /// What is wrong.
+        source: hysteron_fmu::FmuError,
+    },
     /// A run of the firmware that failed.
     #[error(transparent)]
     Board(#[from] hysteron_board::BoardError),

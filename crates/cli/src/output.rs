@@ -28,8 +28,13 @@ pub(crate) fn refuse_to_replace(folder: &Path, overwrite: bool) -> Result<(), Cl
     Err(DataError::Exists { file }.into())
 }
 
-/// Writes a file as a whole: first beside its place, then into it.
+/// Writes a file of text as a whole.
 pub(crate) fn write_file(path: &Path, text: &str) -> Result<(), CliError> {
+    write_bytes(path, text.as_bytes())
+}
+
+/// Writes a file as a whole: first beside its place, then into it.
+pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     let failed = |source| CliError::Write {
         path: path.to_owned(),
         source,
@@ -39,7 +44,7 @@ pub(crate) fn write_file(path: &Path, text: &str) -> Result<(), CliError> {
     }
     let mut beside = path.as_os_str().to_owned();
     beside.push(".part");
-    std::fs::write(&beside, text).map_err(failed)?;
+    std::fs::write(&beside, bytes).map_err(failed)?;
     std::fs::rename(&beside, path).map_err(failed)
 }
 

@@ -3,6 +3,7 @@
 mod c_code;
 mod controller;
 mod ends;
+mod fmu;
 
 use crate::commands::simulate::StageName;
 use crate::error::CliError;
@@ -26,14 +27,17 @@ use std::path::{Path, PathBuf};
     hysteron export inverse.toml -o firmware/tables/mine.toml --dac 0,200 --adc=-25,25 --mode 8000 --damping 0.02 --latency-us 30\n  \
     hysteron export inverse.toml -o firmware/tables/paper-rate-mrpi.toml --stage paper-rate\n  \
     hysteron export controller.toml -o firmware/tables/tracking-8k.toml --stage 8k\n  \
-    hysteron export controller.toml --stage 8k --format c -o law.c      # and law.h; a table does as well\n\n\
+    hysteron export controller.toml --stage 8k --format c -o law.c      # and law.h; a table does as well\n  \
+    hysteron export controller.toml --stage 8k --format fmu -o law.fmu  # the same law as a unit of FMI 3.0\n  \
+    hysteron export model.toml --format fmu -o stage.fmu                # and the identified stage\n\n\
     A controller of `hysteron design` becomes a table with its complete law: preview, creep, lead, modes, mains, sensor, feedback.\n\
     Of a model the integral gain is designed for a phase margin of 60 degrees at the latency and a gain margin of 2 at the first mode,\n\
     and is 0 where neither is given. Converters and amplifier are those of --stage, of the options, or of the dataset's [known];\n\
     where none of these has them, they are asked for. Each is printed with where it comes from."
 )]
 pub(crate) struct ExportArgs {
-    /// A direct inverse (`hysteron fit --direction inverse`) without effects, or a controller (`hysteron design`); a table with `--format c`
+    /// A direct inverse (`hysteron fit --direction inverse`) without effects, or a controller (`hysteron design`); with `--format c` or `fmu`
+    /// also a table, with `fmu` also a model of the stage
     #[arg(value_name = "MODEL")]
     pub model: PathBuf,
     /// A built-in stage: converters, amplifier, latency and first mode are its own
@@ -90,7 +94,7 @@ pub(crate) struct ExportArgs {
     /// What is written
     #[arg(long, value_enum, default_value_t = Format::Table)]
     pub format: Format,
-    /// The table, or the C file, whose name begins the names in it; its header goes beside it
+    /// The table; or the C file, whose name begins the names in it and whose header goes beside it; or the unit, FILE.fmu
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
@@ -102,6 +106,8 @@ pub(crate) enum Format {
     Table,
     /// The law as one C99 file and its header: for a Simulink S-function, dSPACE, LabVIEW, another microcontroller
     C,
+    /// The law, or of a model the stage itself, as a co-simulation unit of FMI 3.0, compiled by `cc` for this machine
+    Fmu,
 }
 
 fn range(text: &str) -> Result<[f64; 2], String> {
@@ -117,9 +123,15 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Done, CliError> {
         path: args.model.clone(),
         source,
     };
-    if args.format == Format::C && Table::is_one(&read(&args.model)?) {
+    if args.format != Format::Table && Table::is_one(&read(&args.model)?) {
         let text = read(&args.model)?;
-        return c_code::write_both(&Table::parse(&text).map_err(refused)?, &text, args, "");
+        return written(&Table::parse(&text).map_err(refused)?, &text, args, "");
+    }
+    if args.format == Format::Fmu && !Controller::is_one(&args.model) {
+        let model = Model::read(&args.model)?;
+        if model.direction == Direction::Forward {
+            return fmu::write_stage(&model, args);
+        }
     }
     let (table, said) = if Controller::is_one(&args.model) {
         let designed = Controller::read(&args.model)?;
@@ -132,12 +144,20 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Done, CliError> {
         (table, said)
     };
     let text = table.to_toml().map_err(refused)?;
-    if args.format == Format::C {
-        return c_code::write_both(&table, &text, args, &said);
+    written(&table, &text, args, &said)
+}
+
+/// Writes a table whose file is `text` as what was asked for; `said` is what the table's making said.
+fn written(table: &Table, text: &str, args: &ExportArgs, said: &str) -> Result<Done, CliError> {
+    match args.format {
+        Format::C => c_code::write_both(table, text, args, said),
+        Format::Fmu => fmu::write_law(table, text, args, said),
+        Format::Table => {
+            write(&args.output, text)?;
+            output::print(&format!("{said}written to {}\n", args.output.display()))?;
+            Ok(Done::Answered)
+        }
     }
-    write(&args.output, &text)?;
-    output::print(&format!("{said}written to {}\n", args.output.display()))?;
-    Ok(Done::Answered)
 }
 
 fn read(path: &Path) -> Result<String, CliError> {
