@@ -217,6 +217,36 @@ fn rms(a: &[f64], b: &[f64]) -> f64 {
     (sum / a.len() as f64).sqrt()
 }
 
+/// Without a sensor and a thermometer, hum is not learned and heat moves nothing: the commands are those without either.
+#[test]
+fn regress_commands_without_a_sensor_learn_nothing_from_it() {
+    let hum: [Named; 6] = [
+        ("frequency", 50.0, "Hz"),
+        ("amplitude_1", 0.02, "um"),
+        ("amplitude_2", 0.0, "um"),
+        ("amplitude_3", 0.01, "um"),
+        ("amplitude_4", 0.0, "um"),
+        ("amplitude_5", 0.0, "um"),
+    ];
+    let heat = [
+        ("reference", 22.0, "degC"),
+        ("tau", 100.0, "s"),
+        ("shift", 0.3, "um/K"),
+        ("gain", 0.001, "1/K"),
+        ("rest_share", 0.0, ""),
+    ];
+    let volts = |effect: &str, parameters: &[Named]| {
+        let folder = Folder::of(effect, parameters, &["--open"]);
+        folder.write("scan.csv", &scan());
+        folder.said(&["drive", "controller.toml", "scan.csv", "-o", "volts.csv"]);
+        let [volts] = folder.columns("volts.csv", ["voltage_v"]);
+        volts
+    };
+    let plain = volts("", &[]);
+    assert_eq!(volts("mains-hum", &hum), plain);
+    assert_eq!(volts("thermal-drift", &heat), plain);
+}
+
 #[test]
 fn refuse_references_that_the_controller_cannot_follow() {
     let folder = Folder::of("", &[], &[]);
