@@ -111,6 +111,8 @@ pub(crate) fn choose(design: &Design, coefficients: &[f64], run: &Run<'_>) -> In
 struct Misfit {
     /// Squared error over the record.
     whole: f64,
+    /// The part of that which a constant would take.
+    offset: f64,
     /// Squared error of the change from the first period to the second, about its mean.
     change: f64,
     /// The noise's part of that, from neighbouring samples.
@@ -120,7 +122,8 @@ struct Misfit {
 /// Chooses the initial state under which `modelled` is closest to `measured`.
 ///
 /// The guess stands unless a remanent start, found by a scan of its fraction and a golden-section search, explains the
-/// record clearly better. For a periodic guess the scan is coarse: what differs is one period.
+/// record clearly better. For a periodic guess the scan is coarse where what differs is one period, and not where most of the error is
+/// an offset, which plays wider than the swing hold.
 pub(crate) fn choose_by(
     guess: InitialState,
     measured: &[f64],
@@ -134,6 +137,7 @@ pub(crate) fn choose_by(
         };
         Misfit {
             whole: error.iter().map(|e| e * e).sum(),
+            offset: error.len() as f64 * mean(&error).powi(2),
             change,
             noise,
         }
@@ -141,12 +145,13 @@ pub(crate) fn choose_by(
     let remanent = |fraction| misfit(InitialState::Remanent { fraction });
     let stands = misfit(guess);
     let periodic = matches!(guess, InitialState::Periodic { .. });
-    let steps = if periodic { 2 } else { 8 };
+    let offset = stands.offset > BELIEVED_OFFSET * stands.whole;
+    let steps = if periodic && !offset { 2 } else { 8 };
     let scanned = (0..=steps)
         .map(|i| f64::from(i) / f64::from(steps))
         .map(|fraction| (fraction, remanent(fraction).whole));
     let (mut best, mut least) = scanned.fold((0.0, f64::INFINITY), |a, b| if b.1 < a.1 { b } else { a });
-    if least < 1.2 * stands.whole || !periodic {
+    if least < 1.2 * stands.whole || !periodic || offset {
         let width = 1.0 / f64::from(steps);
         let refined = golden_section((best - width).max(0.0), (best + width).min(1.0), 12, |fraction| {
             remanent(fraction).whole
@@ -216,6 +221,27 @@ mod tests {
             5.0 * (1.0 - (TAU * k as f64 / PERIOD as f64).cos()) + slow(k) + noise
         };
         (0..5 * PERIOD).map(sample).collect()
+    }
+
+    /// A wide play that stands elsewhere than at zero shifts a periodic record as a whole: its state is found, not only looked for at
+    /// both ends and in the middle. A tenth of the swing is no reason to look.
+    #[test]
+    fn bva_an_offset_is_looked_into() {
+        let guess = InitialState::Periodic { samples: PERIOD };
+        let measured = response(|_| 0.0);
+        let far_off = |state: InitialState| match state {
+            InitialState::Periodic { .. } => response(|_| 9.0),
+            InitialState::Remanent { fraction } => response(|_| 60.0 * (fraction - 0.2)),
+        };
+        let InitialState::Remanent { fraction } = choose_by(guess, &measured, far_off) else {
+            panic!("the guess stood");
+        };
+        assert!((fraction - 0.2).abs() < 0.01, "{fraction}");
+        let shape = |state: InitialState| match state {
+            InitialState::Periodic { .. } => response(|k| if k % PERIOD < PERIOD / 2 { 0.5 } else { -0.3 }),
+            InitialState::Remanent { .. } => response(|_| 60.0),
+        };
+        assert_eq!(choose_by(guess, &measured, shape), guess);
     }
 
     /// What approaches the mean of the drive over the record has rested; what stands there, what goes the other way, and what only
