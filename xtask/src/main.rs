@@ -8,6 +8,7 @@ mod firmware_boards;
 mod firmware_image;
 mod mutants;
 mod prose;
+mod python;
 mod release;
 mod tests;
 
@@ -22,6 +23,7 @@ usage: cargo xtask <command>
           mdbook in target/book; --write brings the output in the pages up to date, --fast leaves slow blocks out, --no-html
           builds no book, --program FILE takes this program instead of building it
   prose   print how README, ARCHITECTURE and book read: what, it, that in 1000 words, sentences above 30 and 40 words; takes files
+  python  build the Python package into target/python and run its tests; --fleet runs those on a local Ray and Dask cluster
   msrv    check the workspace with the oldest Rust that it promises, which rustup installs
   dist    build the program without debugging information and pack it with licences and README in target/dist
   bench   print the figures of the book: cargo bench over the workspace
@@ -57,6 +59,7 @@ fn main() -> ExitCode {
         Some("calibrate") => calibrate(&words.collect::<Vec<_>>()),
         Some("docs") => docs::docs(&words.collect::<Vec<_>>()),
         Some("prose") => prose::prose(&words.collect::<Vec<_>>()),
+        Some("python") => python::python(&words.collect::<Vec<_>>()),
         Some("msrv") => release::msrv(),
         Some("dist") => release::dist(),
         Some("benchmark") => example("benchmark", &words.collect::<Vec<_>>()),
@@ -117,7 +120,7 @@ fn test() -> Result<(), String> {
     install_browser()?;
     install_emulator()?;
     install_compiler()?;
-    install_python()?;
+    install_fmpy()?;
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&[
         "clippy",
@@ -178,12 +181,9 @@ fn install_compiler() -> Result<(), String> {
     install("arm-none-eabi-gcc", &["gcc-arm-none-eabi"])
 }
 
-/// Installs Python, and beside it FMPy, which validates co-simulation units.
-fn install_python() -> Result<(), String> {
-    // What Debian packs apart from the language.
-    if output("python3", &["-c", "import ensurepip"]).is_err() {
-        install_packages(&["python3", "python3-venv"])?;
-    }
+/// Installs FMPy, which validates co-simulation units.
+fn install_fmpy() -> Result<(), String> {
+    python::install_python()?;
     let interpreter = fmpy_interpreter()?;
     if output(&interpreter, &["-c", "import fmpy"]).is_ok() {
         return Ok(());

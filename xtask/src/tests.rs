@@ -2,6 +2,7 @@
 //!
 //! `cargo test` runs one program after another, and a program with one long test leaves the other cores idle.
 
+use crate::python;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Mutex;
@@ -18,7 +19,7 @@ struct Program {
 
 /// What test programs said of themselves.
 #[derive(Default)]
-struct Counts {
+pub(crate) struct Counts {
     passed: u64,
     failed: u64,
     ignored: u64,
@@ -46,18 +47,62 @@ pub(crate) fn tests() -> Result<(), String> {
     examples.args(["test", "--workspace", "--locked", "--no-fail-fast", "--doc"]);
     run(examples, "cargo test --doc", &counts);
 
-    let counts = counts.into_inner().map_err(|error| error.to_string())?;
-    println!(
-        "\n{} passed, {} failed, {} skipped",
-        counts.passed, counts.failed, counts.ignored
-    );
-    if !counts.broken.is_empty() || counts.failed > 0 {
-        return Err(format!("tests failed: {}", counts.broken.join(", ")));
+    let mut counts = counts.into_inner().map_err(|error| error.to_string())?;
+    python::beside_tests(&mut counts)?;
+    counts.close()
+}
+
+impl Counts {
+    /// Prints the sum, and fails where a test did.
+    pub(crate) fn close(&self) -> Result<(), String> {
+        println!(
+            "\n{} passed, {} failed, {} skipped",
+            self.passed, self.failed, self.ignored
+        );
+        if !self.broken.is_empty() || self.failed > 0 {
+            return Err(format!("tests failed: {}", self.broken.join(", ")));
+        }
+        if self.passed == 0 {
+            Err("no test ran".to_owned())
+        } else {
+            Ok(())
+        }
     }
-    if counts.passed == 0 {
-        Err("no test ran".to_owned())
-    } else {
-        Ok(())
+
+    /// Counts a closing line of pytest: `2 failed, 58 passed, 1 skipped in 20.31s`.
+    fn take_pytest(&mut self, line: &str) {
+        let mut before = "0";
+        for word in line.split_whitespace() {
+            let count: u64 = before.parse().unwrap_or(0);
+            match word.trim_end_matches(',') {
+                "passed" => self.passed += count,
+                "failed" | "error" | "errors" => self.failed += count,
+                "skipped" => self.ignored += count,
+                _ => {}
+            }
+            before = word;
+        }
+    }
+
+    /// Runs pytest, and counts what its last line says.
+    pub(crate) fn pytest(&mut self, mut command: Command) {
+        println!("\n> pytest");
+        let output = match command.output() {
+            Ok(output) => output,
+            Err(error) => {
+                println!("cannot start it: {error}");
+                self.broken.push("pytest".to_owned());
+                return;
+            }
+        };
+        let said = String::from_utf8_lossy(&output.stdout);
+        // Its closing line is counted here; printed as it is, it would stand beside the sum of all tests.
+        let (before, last) = said.trim_end().rsplit_once('\n').unwrap_or(("", said.trim_end()));
+        println!("{before}{}\npytest: {last}", String::from_utf8_lossy(&output.stderr));
+        self.take_pytest(last);
+        if !output.status.success() {
+            self.broken.push(format!("pytest ({})", output.status));
+        }
     }
 }
 
@@ -139,5 +184,19 @@ fn run(mut command: Command, name: &str, counts: &Mutex<Counts>) {
     if !output.status.success() {
         println!("{name}: {}", output.status);
         counts.broken.push(name.to_owned());
+    }
+}
+
+#[cfg(test)]
+mod unit {
+    use super::Counts;
+
+    #[test]
+    fn val_the_closing_line_of_pytest_is_counted() {
+        let mut counts = Counts::default();
+        counts.take_pytest("2 failed, 58 passed, 1 skipped, 6 deselected, 3 errors in 20.31s");
+        assert_eq!((counts.passed, counts.failed, counts.ignored), (58, 5, 1));
+        counts.take_pytest("no tests ran in 0.01s");
+        assert_eq!((counts.passed, counts.failed, counts.ignored), (58, 5, 1));
     }
 }

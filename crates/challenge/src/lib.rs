@@ -2,10 +2,11 @@
 //!
 //! [`Setting::make`] draws the stage and its records, [`Riddle::write`] leaves them in a folder with the truth encrypted and
 //! the key in a file apart; [`answer`] takes one answer, [`reveal`] shows the truth and judges it. The command line and the
-//! workbench call the same functions.
+//! workbench call the same functions. [`examples`] are datasets for first steps.
 #![forbid(unsafe_code)]
 
 mod case;
+pub mod examples;
 mod folder;
 mod judge;
 mod seal;

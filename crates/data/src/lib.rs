@@ -18,8 +18,8 @@ pub mod units;
 
 pub use error::DataError;
 pub use native::{
-    Overwrite, read_dataset, read_dataset_with_progress, read_record, read_record_from, read_reference, write_dataset,
-    write_record_csv, write_record_to,
+    Overwrite, clock_of, read_dataset, read_dataset_with_progress, read_record, read_record_from, read_reference,
+    validate_record, write_dataset, write_record_csv, write_record_to,
 };
 pub use record::{Dataset, Known, Notice, Record, Reference, Role};
 pub use suspicion::{Suspicion, suspicions};

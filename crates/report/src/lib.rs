@@ -25,6 +25,7 @@ mod provenance;
 mod record_pictures;
 mod report_page;
 mod table;
+mod text;
 
 pub use canvas::{LegendEntry, Picture, Size, Swatch};
 pub use comparison_page::{Context, comparison_page};
@@ -40,3 +41,4 @@ pub use palette::Ink;
 pub use provenance::{facts, frozen, hashes};
 pub use report_page::{Findings, report_page};
 pub use table::{Cell, PaperFigure, Table, paper_table};
+pub use text::{comparison_text, diagnosis_text, explanation, ladder_text, learned_text, model_text};

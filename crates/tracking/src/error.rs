@@ -36,6 +36,9 @@ pub enum TrackingError {
         /// What is wrong.
         reason: String,
     },
+    /// A wish for a design that makes no sense, in words.
+    #[error("{0}")]
+    Wish(String),
     /// A reference that is not finite.
     #[error("reference_um[{index}] = {value} is not finite; give micrometres")]
     Reference {

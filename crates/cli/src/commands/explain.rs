@@ -9,9 +9,10 @@ use crate::{output, progress};
 use clap::Args;
 use hysteron_data::Dataset;
 use hysteron_diagnose::{add, add_own};
-use hysteron_identify::effects::{self, Description, Place};
+use hysteron_identify::effects::{self, Description};
 use hysteron_identify::illustration::{Illustration, illustrate};
 use hysteron_identify::{Added, Model};
+use hysteron_report::explanation::{CHAIN, explanation_text, wrapped};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -50,17 +51,6 @@ struct OnOwnData {
     before: Model,
     added: Added,
 }
-
-/// The places of the chain in their order.
-const CHAIN: [Place; 7] = [
-    Place::Delay,
-    Place::Amplifier,
-    Place::Hysteresis,
-    Place::Creep,
-    Place::Structure,
-    Place::Coupling,
-    Place::Sensor,
-];
 
 pub(crate) fn run(args: &ExplainArgs) -> Result<Done, CliError> {
     let Some(name) = &args.effect else {
@@ -128,78 +118,9 @@ fn own(args: &ExplainArgs, named: NamedEffect) -> Result<Option<OnOwnData>, CliE
     Ok(Some(OnOwnData { dataset, before, added }))
 }
 
-/// The chain in words, the effect's own place in brackets.
-fn chain(place: Place) -> String {
-    let mut text = "voltage".to_owned();
-    for here in CHAIN {
-        let name = here.name();
-        let _ = if here == place {
-            write!(text, " → [{name}]")
-        } else {
-            write!(text, " → {name}")
-        };
-    }
-    text + " → reading"
-}
-
-/// What the pictures show, in a sentence.
-fn caption(shown: &Illustration) -> String {
-    format!(
-        "{}, on a stage of 10 µm at 100 V: with and without the effect differ by {} % of the stroke.",
-        capital(&shown.excitation),
-        hysteron_report::significant(shown.differs_percent)
-    )
-}
-
-fn capital(text: &str) -> String {
-    let mut chars = text.chars();
-    chars
-        .next()
-        .map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
-}
-
-/// The titled paragraphs of an explanation.
-fn paragraphs(d: &Description) -> [(&'static str, String); 7] {
-    [
-        ("Equation", hysteron_report::equation(d.equation)),
-        ("Source, usual size", d.source.to_owned()),
-        ("Place in the chain", chain(d.place)),
-        ("How it shows", d.shows.to_owned()),
-        ("Mistaken for", d.mistaken_for.to_owned()),
-        ("Told apart by", d.separated_by.to_owned()),
-        ("Compensated by", d.compensated_by.to_owned()),
-    ]
-}
-
 fn text(explained: &Explained) -> String {
     let d = explained.description;
-    let mut text = format!("{}: {}\n", d.name, d.summary);
-    for (title, paragraph) in paragraphs(d) {
-        let _ = write!(text, "\n{title}\n{}", wrapped(&paragraph));
-    }
-    text.push_str("\nParameters\n");
-    for p in d.parameters {
-        let unit = if p.unit.is_empty() { "-" } else { p.unit };
-        let _ = writeln!(text, "  {:<14} {unit:<8} {}", p.name, p.what);
-    }
-    if d.parameters.is_empty() {
-        text.push_str("  none of its own: it changes the hysteresis' plays\n");
-    }
-    match &explained.shown {
-        Ok(shown) => {
-            let _ = write!(
-                text,
-                "\nAn example (pictures: -o page.html)\n{}",
-                wrapped(&caption(shown))
-            );
-            for (p, value) in d.parameters.iter().zip(&shown.values) {
-                let _ = writeln!(text, "  {:<14} {value:.4e} {}", p.name, p.unit);
-            }
-        }
-        Err(reason) => {
-            let _ = write!(text, "\nNo example\n{}", wrapped(reason));
-        }
-    }
+    let mut text = explanation_text(d, &explained.shown);
     if let Some(own) = &explained.own {
         own_text(&mut text, own, d);
     }
@@ -248,25 +169,6 @@ fn verdict(own: &OnOwnData) -> String {
         _ => "There is no validation record: that the error falls where it was fitted proves nothing.".to_owned(),
     };
     said + " A smaller error does not say that this effect is the cause: `hysteron diagnose` holds all of them against each other."
-}
-
-/// A paragraph indented by two and wrapped at 100 columns.
-fn wrapped(paragraph: &str) -> String {
-    const COLUMNS: usize = 98;
-    let mut text = String::new();
-    let mut line = String::new();
-    for word in paragraph.split_whitespace() {
-        if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > COLUMNS {
-            let _ = writeln!(text, "  {line}");
-            line.clear();
-        }
-        if !line.is_empty() {
-            line.push(' ');
-        }
-        line.push_str(word);
-    }
-    let _ = writeln!(text, "  {line}");
-    text
 }
 
 fn json(explained: &Explained) -> serde_json::Value {

@@ -7,7 +7,7 @@ use crate::{output, progress};
 use clap::{Args, ValueEnum};
 use hysteron_identify::objective::Weighting;
 use hysteron_identify::{Direction, Family, FitOptions, FitReport, Method, Model, Placement};
-use std::fmt::Write;
+use hysteron_report::model_text;
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -137,43 +137,11 @@ fn options(args: &FitArgs) -> FitOptions {
 }
 
 fn text(args: &FitArgs, report: &FitReport) -> String {
-    let model = &report.model;
-    let records = model.fitted_on.records.len();
-    let samples: usize = model.fitted_on.records.iter().map(|record| record.samples).sum();
-    let mut text = format!(
-        "{} with {} plays, {}, fitted to {records} record{} ({samples} samples)\n\n",
-        model.family,
-        model.thresholds.len(),
-        model.direction.name(),
-        if records == 1 { "" } else { "s" }
-    );
-    // Writing to a String does not fail.
-    let _ = writeln!(
-        text,
-        "  {:<22} {:>13}  {:>11}  unit",
-        "parameter", "value", "std. error"
-    );
-    for parameter in model.parameters() {
-        let error = parameter
-            .standard_error
-            .map_or_else(|| "undetermined".to_owned(), |e| format!("{e:.2e}"));
-        let _ = writeln!(
-            text,
-            "  {:<22} {:>13.5e}  {error:>11}  {}",
-            parameter.name, parameter.value, parameter.unit
-        );
-    }
-    for notice in &model.notices {
-        let _ = write!(text, "\nnote: {notice}");
-    }
-    let _ = write!(
-        text,
-        "\n\nwritten to {}\nnext: hysteron compare {} {}\n",
-        args.output.display(),
-        args.data.display(),
-        args.output.display()
-    );
-    text
+    let (data, output) = (args.data.display(), args.output.display());
+    format!(
+        "{}\nwritten to {output}\nnext: hysteron compare {data} {output}\n",
+        model_text(&report.model)
+    )
 }
 
 fn json(args: &FitArgs, report: &FitReport) -> serde_json::Value {

@@ -1,12 +1,12 @@
 //! `hysteron lab`.
 
-use crate::commands::example::paper_stage;
 use crate::commands::export;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
 use clap::Args;
 use hysteron_challenge::Setting;
+use hysteron_challenge::examples::paper_stage;
 use hysteron_data::{Overwrite, write_dataset};
 use hysteron_lab::{Lab, Options, StartingPoint};
 use std::path::{Path, PathBuf};

@@ -6,8 +6,8 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
-use hysteron_diagnose::{Attempt, Learned, Stop};
-use hysteron_identify::{Change, FitOptions};
+use hysteron_identify::FitOptions;
+use hysteron_report::{ladder_text, learned_text};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -71,9 +71,9 @@ pub(crate) fn run(args: &LearnArgs) -> Result<Done, CliError> {
             "diagnosis": learned.diagnosis,
         }))?;
     } else {
-        let mut text = text(args, &learned);
+        let mut text = learned_text(args.model.into(), &learned);
         if let Some(ladder) = &ladder {
-            let _ = write!(text, "\n{}", ladder::text(ladder));
+            let _ = write!(text, "\n{}", ladder_text(ladder));
         } else if args.page.is_some() {
             text.push_str("\nno step was kept, so there is no ladder and no page\n");
         }
@@ -81,71 +81,4 @@ pub(crate) fn run(args: &LearnArgs) -> Result<Done, CliError> {
         output::print(&text)?;
     }
     Ok(Done::Answered)
-}
-
-fn text(args: &LearnArgs, learned: &Learned) -> String {
-    let mut text = format!("{} fitted\n", hysteron_identify::Family::from(args.model));
-    for attempt in &learned.attempts {
-        text.push_str(&told(attempt));
-    }
-    let _ = writeln!(text, "stopped: {}", why(learned));
-    if let Some(next) = &learned.diagnosis.next_record {
-        let _ = writeln!(text, "record to take next: {}", next.excitation);
-    }
-    text
-}
-
-/// One attempt in a line.
-fn told(attempt: &Attempt) -> String {
-    let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.3} %"));
-    let (before, after) = (percent(attempt.before_percent), percent(attempt.after_percent));
-    let what = match (attempt.change, attempt.kept) {
-        (Change::Removed, _) => "taken out again: superfluous since the last step",
-        (_, true) if attempt.uncertain => "helps on what was held out, and stays; its cause is uncertain",
-        (_, true) => "added: what was held out confirms it",
-        (_, false) => "tried and left out: what was held out does not confirm it",
-    };
-    let mut line = format!("{}: {what}, {before} -> {after}\n", attempt.effect);
-    if !attempt.also_possible.is_empty() {
-        let _ = writeln!(
-            line,
-            "  these records cannot tell it from: {}",
-            output::list(&attempt.also_possible)
-        );
-    }
-    line
-}
-
-fn why(learned: &Learned) -> String {
-    match &learned.stop {
-        Stop::NothingMissing => {
-            "nothing more is missing; what is left is sensor noise and the known coarseness of the model".to_owned()
-        }
-        Stop::CannotTell { reasons } => {
-            let words: Vec<&str> = reasons
-                .iter()
-                .map(|reason| hysteron_report::reason_in_words(*reason))
-                .collect();
-            format!("these records cannot answer: {}", words.join("; "))
-        }
-        Stop::Unknown { unexplained } => {
-            let before = learned.diagnosis.before;
-            let left = before.validate_percent.or(before.identify_percent).unwrap_or(f64::NAN);
-            let mut text = format!(
-                "nothing more can be told; of the {left:.3} % of peak to peak that are left, noise explains {:.3} %, and no \
-                 effect of the catalogue the rest with certainty",
-                unexplained.noise_percent
-            );
-            if let Some(lock) = unexplained.locked_to.first().filter(|lock| lock.share > 0.1) {
-                let _ = write!(
-                    text,
-                    "; {:.0} % of it goes with {}",
-                    100.0 * lock.share,
-                    hysteron_report::lock_in_words(lock)
-                );
-            }
-            text
-        }
-        Stop::EnoughSteps => "six steps are enough; what is left is better looked at by a person".to_owned(),
-    }
 }

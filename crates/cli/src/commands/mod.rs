@@ -2,7 +2,6 @@
 
 pub(crate) mod add;
 pub(crate) mod board;
-pub(crate) mod campaign;
 pub(crate) mod challenge;
 pub(crate) mod compare;
 pub(crate) mod control;

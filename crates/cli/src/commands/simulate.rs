@@ -1,11 +1,11 @@
 //! `hysteron simulate`.
 
-use crate::commands::campaign::{Planned, default_campaign, record};
 use crate::commands::excitation::ExcitationChoice;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::{Args, ValueEnum};
+use hysteron_challenge::examples::{Planned, default_campaign, record};
 use hysteron_data::{Overwrite, Role, write_dataset};
 use hysteron_plant::{StageConfig, preset};
 use std::collections::HashMap;

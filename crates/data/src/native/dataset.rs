@@ -182,7 +182,7 @@ fn validate(dataset: &Dataset, shown: &str) -> Result<(), DataError> {
                 "every record has a file of its own",
             );
         }
-        write::validate(record)?;
+        write::validate_record(record)?;
     }
     manifest::check_known(&dataset.known, shown)
 }

@@ -11,5 +11,5 @@ pub(crate) use atomic::Pending;
 pub use dataset::{read_dataset, read_dataset_with_progress, write_dataset};
 pub use manifest::parse_manifest;
 pub(crate) use read::line_error;
-pub use read::{read_record, read_record_from, read_reference};
-pub use write::{FIXED_DECIMALS, Overwrite, write_record_csv, write_record_to};
+pub use read::{clock_of, read_record, read_record_from, read_reference};
+pub use write::{FIXED_DECIMALS, Overwrite, validate_record, write_record_csv, write_record_to};

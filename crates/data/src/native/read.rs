@@ -241,8 +241,9 @@ fn assemble(columns: Vec<Filling>, header: &Header, printed: Printed, file: &str
     } in columns
     {
         if quantity == Quantity::Time {
+            let at = |row: usize| Place::cell(file, row as u64 + 2, index, &header.names[index]);
             clock = clock::infer(&values, printed)
-                .map_err(|fault| clock_error(fault, &values, unit, index, header, file))?;
+                .map_err(|fault| clock_error(fault, &values, unit.symbol, Place::file(file), &at))?;
             clock = Clock {
                 start: unit.to_base(clock.start),
                 period: unit.difference_to_base(clock.period),
@@ -271,14 +272,30 @@ fn assemble(columns: Vec<Filling>, header: &Header, printed: Printed, file: &str
     Ok(record)
 }
 
-/// What is wrong with the time stamps; the first sample is in line 2.
-fn clock_error(fault: ClockFault, stamps: &[f64], unit: Unit, column: usize, header: &Header, file: &str) -> DataError {
-    let at = |index: usize| Place::cell(file, index as u64 + 2, column, &header.names[column]);
-    let symbol = unit.symbol;
+/// Start and period of the uniform clock behind time stamps in memory, seconds; `name` is theirs in errors.
+///
+/// # Errors
+/// [`DataError::Clock`] for stamps that are no uniform clock, [`DataError::TooShort`] for fewer than 2.
+///
+/// # Example
+/// ```
+/// let stamps: Vec<f64> = (0..100).map(|k| f64::from(k) / 12e3).collect();
+/// assert_eq!(hysteron_data::clock_of(&stamps, "time_s")?, [0.0, 1.0 / 12e3]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn clock_of(stamps_s: &[f64], name: &str) -> Result<[f64; 2], DataError> {
+    let at = |index: usize| Place::file(&format!("{name}[{index}]"));
+    let clock = clock::infer(stamps_s, clock::Printed::significant(17))
+        .map_err(|fault| clock_error(fault, stamps_s, "s", Place::file(name), &at))?;
+    Ok([clock.start, clock.period])
+}
+
+/// What is wrong with the time stamps of a file, each of which has its place.
+fn clock_error(fault: ClockFault, stamps: &[f64], symbol: &str, file: Place, at: &dyn Fn(usize) -> Place) -> DataError {
     let import = "`hysteron import` can repair this";
     match fault {
         ClockFault::TooFew => DataError::TooShort {
-            at: Place::file(file),
+            at: file,
             samples: stamps.len(),
             least: 2,
         },

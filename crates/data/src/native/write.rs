@@ -44,7 +44,7 @@ pub enum Overwrite {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn write_record_csv(record: &Record, path: &Path, overwrite: Overwrite) -> Result<(), DataError> {
-    validate(record)?;
+    validate_record(record)?;
     if overwrite == Overwrite::Refuse && path.exists() {
         return Err(DataError::Exists {
             file: path.display().to_string(),
@@ -58,7 +58,7 @@ pub fn write_record_csv(record: &Record, path: &Path, overwrite: Overwrite) -> R
 /// # Errors
 /// As [`write_record_csv`].
 pub fn write_record_to(record: &Record, out: &mut impl Write) -> Result<(), DataError> {
-    validate(record)?;
+    validate_record(record)?;
     write_rows(record, out).map_err(DataError::io(&record.file, "write it"))
 }
 
@@ -133,7 +133,10 @@ pub(super) fn write_rows(record: &Record, out: &mut impl Write) -> io::Result<()
 }
 
 /// Refuses a record that could not be read back.
-pub(super) fn validate(record: &Record) -> Result<(), DataError> {
+///
+/// # Errors
+/// As [`write_record_csv`], but for files.
+pub fn validate_record(record: &Record) -> Result<(), DataError> {
     let refuse = |found: String, allowed| {
         Err(DataError::Unwritable {
             file: record.file.clone(),

@@ -2,12 +2,12 @@
 
 use super::expression::{Expression, is_taken};
 use super::user::UserEffect;
-use crate::effect::{Description, Named, Place, Scene};
+use crate::effect::{Description, Effect, Named, Place, Scene};
 use crate::effect_file::{EffectFile, FileParameter};
 use crate::error::EffectError;
 use crate::family::Family;
 use crate::id::EffectId;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 /// States of one effect: every one costs a column of the integrator's Jacobian.
@@ -117,6 +117,28 @@ impl UserEffect {
         }
         let text = std::fs::read_to_string(path).map_err(failed)?;
         Self::from_toml(&text, &file)
+    }
+
+    /// Reads several effect files, each with an effect of a name of its own.
+    ///
+    /// # Errors
+    /// As [`UserEffect::read`]; two effects of one name.
+    pub fn read_all(paths: &[PathBuf]) -> Result<Vec<Self>, EffectError> {
+        let mut effects: Vec<Self> = Vec::new();
+        for path in paths {
+            let effect = Self::read(path)?;
+            if effects.iter().any(|other| other.name() == effect.name()) {
+                return Err(EffectError::File {
+                    file: path.display().to_string(),
+                    reason: format!(
+                        "another effect file names its effect `{}` as well; give each a name of its own",
+                        effect.name()
+                    ),
+                });
+            }
+            effects.push(effect);
+        }
+        Ok(effects)
     }
 
     /// Reads the text of an effect file; `name` is used in errors.

@@ -1,11 +1,13 @@
 //! From the identified chain to a controller: every effect gets its compensator, with reasons where it cannot have one.
 
+pub mod beyond;
 mod evolution;
 pub mod feedback;
 pub(crate) mod linear_stage;
 pub mod prediction;
 pub mod preview;
 pub mod refusal;
+pub mod source;
 pub mod stands;
 
 use crate::error::TrackingError;

@@ -1,17 +1,17 @@
 //! `hysteron design`.
 
-use crate::commands::control::beyond::{self, Asked};
 use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
 use clap::{Args, ValueEnum};
-use hysteron_identify::control::{ControlModel, RecordedHold, Undone, chain_of, identify, refine};
+use hysteron_identify::control::ControlModel;
 use hysteron_identify::covered::ToldBy;
 use hysteron_identify::{Covered, Model};
 use hysteron_plant::preset;
-use hysteron_tracking::design::feedback::{Effort, LARGEST_SENSITIVITY};
+use hysteron_tracking::design::feedback::LARGEST_SENSITIVITY;
 use hysteron_tracking::design::prediction::{cost, predict};
+use hysteron_tracking::design::source::{Designed, Source, Wishes, design};
 use hysteron_tracking::design::{Controller, OpenLoop, ReferenceKind};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -79,15 +79,6 @@ impl From<ReferenceName> for ReferenceKind {
     }
 }
 
-/// The chain, and what is known of it beside its numbers.
-struct Source {
-    chain: ControlModel,
-    undone: Vec<Undone>,
-    /// The model's error on records, percent of peak to peak.
-    model_percent: Option<f64>,
-    tracked_on: TrackedOn,
-}
-
 /// What a controller is run on next.
 enum TrackedOn {
     /// The model that it is designed from.
@@ -99,54 +90,28 @@ enum TrackedOn {
 }
 
 pub(crate) fn run(args: &DesignArgs) -> Result<Done, CliError> {
-    // A NaN fails both comparisons.
-    if !(args.margin >= 1.2 && args.margin <= 4.0) {
-        return Err(CliError::Option(format!(
-            "--margin {}: a peak of the sensitivity from 1.2 (hardly any feedback) to 4 (a quarter of its size from instability)",
-            args.margin
-        )));
-    }
-    let mut source = if args.source.extension().is_some_and(|ending| ending == "toml") {
-        from_model(args)?
-    } else {
-        from_records(args)?
+    let wishes = Wishes {
+        reference: args.reference.into(),
+        volts: volts(args)?,
+        rate_hz: args.rate_hz,
+        margin: args.margin,
+        rigid_hz: args.rigid,
+        beyond_records: args.beyond_records,
+        open: args.open,
     };
-    let chain = &source.chain;
-    let asked = [
-        Asked::voltage(&[chain.voltage_min_v, chain.voltage_max_v], "--volts LOW,HIGH"),
-        Asked::rate(1.0 / chain.sample_period_s, "--rate-hz HZ"),
-    ];
-    beyond::granted(&mut source.chain.covered, &asked, args.beyond_records)?;
-    source.chain.covered.rigid_to_hz = rigid_hz(args, &source.chain)?;
-    let controller = Controller::design(&source.chain, args.reference.into())?;
-    let controller = if args.open {
-        controller
+    let (designed, tracked_on) = if args.source.extension().is_some_and(|ending| ending == "toml") {
+        from_model(args, &wishes)?
     } else {
-        controller.with_feedback_within(args.margin, Effort::Whole)?
+        from_records(args, &wishes)?
     };
-    output::write_file(&args.output, &controller.to_toml()?)?;
+    output::write_file(&args.output, &designed.controller.to_toml()?)?;
     if args.json {
-        output::print_json(&json(args, &source, &controller)?)?;
+        output::print_json(&json(args, &designed)?)?;
     } else {
-        output::print(&text(args, &source, &controller)?)?;
+        output::print(&text(args, &designed, &tracked_on)?)?;
     }
     Ok(Done::Answered)
 }
-
-/// What the user vouches for.
-fn rigid_hz(args: &DesignArgs, chain: &ControlModel) -> Result<Option<f64>, CliError> {
-    let half_rate_hz = 0.5 / chain.sample_period_s;
-    match args.rigid {
-        Some(hz) if !(hz >= LOWEST_RIGID_HZ && hz <= half_rate_hz) => Err(CliError::Option(format!(
-            "--rigid {hz}: {LOWEST_RIGID_HZ} Hz to half the controller's rate, {half_rate_hz:.0} Hz; give the frequency below which \
-             the stage surely has no mode but those of the model"
-        ))),
-        given => Ok(given),
-    }
-}
-
-/// Where a first mode may be at the lowest, a loop against it would help with nothing.
-const LOWEST_RIGID_HZ: f64 = 10.0;
 
 fn volts(args: &DesignArgs) -> Result<Option<[f64; 2]>, CliError> {
     match args.volts.as_deref() {
@@ -158,69 +123,36 @@ fn volts(args: &DesignArgs) -> Result<Option<[f64; 2]>, CliError> {
     }
 }
 
-fn from_records(args: &DesignArgs) -> Result<Source, CliError> {
+fn from_records(args: &DesignArgs, wishes: &Wishes) -> Result<(Designed, TrackedOn), CliError> {
     if !args.along.is_empty() {
         return Err(CliError::Option(
             "--along: a campaign has its own records along references; leave the option out, or design from a model.toml".to_owned(),
         ));
     }
     let dataset = load::dataset(&args.source)?;
-    let mut chain = identify(&dataset)?;
-    if args.rate_hz.is_some() {
-        return Err(CliError::Option(
-            "--rate-hz: a campaign is recorded at the controller's own rate; leave the option out".to_owned(),
-        ));
-    }
-    if let Some([low, high]) = volts(args)? {
-        (chain.voltage_min_v, chain.voltage_max_v) = (low, high);
-    }
-    Ok(Source {
-        chain,
-        undone: Vec::new(),
-        model_percent: None,
-        tracked_on: match preset::named(&dataset.name) {
-            Some(_) => TrackedOn::Preset(dataset.name),
-            None => TrackedOn::Board,
-        },
-    })
+    let designed = design(&Source::Records(&dataset), wishes)?;
+    let tracked_on = match preset::named(&dataset.name) {
+        Some(_) => TrackedOn::Preset(dataset.name),
+        None => TrackedOn::Board,
+    };
+    Ok((designed, tracked_on))
 }
 
-fn from_model(args: &DesignArgs) -> Result<Source, CliError> {
+fn from_model(args: &DesignArgs, wishes: &Wishes) -> Result<(Designed, TrackedOn), CliError> {
     let model = Model::read(&args.source)?;
-    let rate_hz = match args.rate_hz {
-        Some(hz) if (1.0..=1e7).contains(&hz) => hz,
-        Some(hz) => return Err(CliError::Option(format!("--rate-hz {hz}: 1 to 10000000 hertz"))),
-        None => {
-            let rates = model.fitted_on.records.iter().map(|record| record.sample_rate_hz);
-            let highest = rates.fold(0.0, f64::max);
-            if highest <= 0.0 {
-                return Err(CliError::Option(format!(
-                    "{}: the model does not say at what rate its records were taken; give the controller's with --rate-hz 50000",
-                    args.source.display()
-                )));
-            }
-            highest
-        }
-    };
-    let volts = volts(args)?.unwrap_or([model.input_min, model.input_max]);
-    let (mut chain, undone) = chain_of(&model, 1.0 / rate_hz, volts, RecordedHold::InRecords)?;
     let mut along = Vec::new();
     for path in &args.along {
         along.extend(load::dataset(path)?.records);
     }
-    if !along.is_empty() {
-        refine(&mut chain, &model, &along)?;
-    }
-    let last = model.history.last();
-    Ok(Source {
-        chain,
-        undone,
-        model_percent: last.and_then(|step| step.validate_percent.or(step.identify_percent)),
-        tracked_on: TrackedOn::Model(args.source.clone()),
-    })
+    let source = Source::Model {
+        model: &model,
+        along: &along,
+    };
+    Ok((design(&source, wishes)?, TrackedOn::Model(args.source.clone())))
 }
 
-fn json(args: &DesignArgs, source: &Source, controller: &Controller) -> Result<serde_json::Value, CliError> {
+fn json(args: &DesignArgs, source: &Designed) -> Result<serde_json::Value, CliError> {
+    let controller = &source.controller;
     let quality = controller.preview_quality()?;
     let undone: Vec<_> = source
         .undone
@@ -243,7 +175,8 @@ fn json(args: &DesignArgs, source: &Source, controller: &Controller) -> Result<s
     }))
 }
 
-fn text(args: &DesignArgs, source: &Source, controller: &Controller) -> Result<String, CliError> {
+fn text(args: &DesignArgs, source: &Designed, tracked_on: &TrackedOn) -> Result<String, CliError> {
+    let controller = &source.controller;
     let model = &controller.model;
     let mut text = String::new();
     // Writing to a String does not fail.
@@ -328,7 +261,7 @@ fn text(args: &DesignArgs, source: &Source, controller: &Controller) -> Result<S
     expected(&mut text, source, controller)?;
     covered(&mut text, &model.covered);
     let path = args.output.display();
-    let on = match &source.tracked_on {
+    let on = match tracked_on {
         TrackedOn::Model(model) => format!("--model {}", model.display()),
         TrackedOn::Preset(name) => format!("--stage {name}"),
         TrackedOn::Board => "--board HOST:PORT".to_owned(),
@@ -408,7 +341,7 @@ fn covered(text: &mut String, covered: &Covered) {
 }
 
 /// Each effect of the model with its compensator, or why it has none.
-fn effects(text: &mut String, source: &Source) {
+fn effects(text: &mut String, source: &Designed) {
     if source.undone.is_empty() {
         return;
     }
@@ -420,7 +353,7 @@ fn effects(text: &mut String, source: &Source) {
 }
 
 /// What the controller will reach, what limits it, and what it costs.
-fn expected(text: &mut String, source: &Source, controller: &Controller) -> Result<(), CliError> {
+fn expected(text: &mut String, source: &Designed, controller: &Controller) -> Result<(), CliError> {
     text.push_str("EXPECTED, sine over the whole range, % of peak to peak\n");
     for p in predict(controller, source.model_percent)? {
         let closed = p

@@ -1,6 +1,5 @@
 //! `hysteron drive`.
 
-use crate::commands::control::beyond::{self, Asked};
 use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
@@ -10,6 +9,7 @@ use hysteron_data::export::{Column, TableFormat, Values, write_table};
 use hysteron_data::{Reference, read_reference};
 use hysteron_identify::family;
 use hysteron_tracking::design::Controller;
+use hysteron_tracking::design::beyond::{self, Asked};
 use hysteron_tracking::drive::{Driven, drive};
 use std::fmt::Write;
 use std::path::PathBuf;

@@ -1,6 +1,5 @@
 //! From records to a controller that tracks: `campaign`, `design`, `track`, `drive`; `rehearse` all of it.
 
-pub(crate) mod beyond;
 mod campaign_on_board;
 mod changed;
 mod chip;

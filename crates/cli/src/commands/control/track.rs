@@ -1,7 +1,6 @@
 //! `hysteron track`.
 
 use crate::commands::board::EmulatorName;
-use crate::commands::control::beyond::{self, Asked};
 use crate::commands::control::chip::{Chip, Follow};
 use crate::commands::control::learning::{self, Plan};
 use crate::commands::control::{changed, on_board, on_model, on_process, page, range_um, scans, stage};
@@ -13,6 +12,7 @@ use hysteron_board::Shape;
 use hysteron_plant::StageConfig;
 use hysteron_tracking::bench::{Bench, ControllerFigures, SHAPES, TrackReport, compare};
 use hysteron_tracking::design::Controller;
+use hysteron_tracking::design::beyond::{self, Asked};
 use hysteron_tracking::learning::{LearnedReference, learn_references};
 use hysteron_tracking::reference;
 use hysteron_tracking::scans::{LINES_HZ, ScanFigures};
@@ -227,11 +227,8 @@ fn ended(report: &TrackReport) -> Done {
 /// Refuses references that the records do not cover.
 pub(super) fn within_records(args: &TrackArgs, range_um: [f64; 2], controller: &Controller) -> Result<(), CliError> {
     let mut covered = controller.model.covered.clone();
-    beyond::granted(
-        &mut covered,
-        &[Asked::position(&range_um, "--range LOW,HIGH")],
-        args.beyond_records,
-    )
+    let asked = [Asked::position(&range_um, "--range LOW,HIGH")];
+    Ok(beyond::granted(&mut covered, &asked, args.beyond_records)?)
 }
 
 fn is_own(controller: &ControllerFigures) -> bool {

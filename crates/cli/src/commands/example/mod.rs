@@ -1,15 +1,13 @@
 //! `hysteron example`: small datasets of simulated stages, for README, book and first steps.
 
-mod catalogue;
-mod scope;
-
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
-pub(crate) use catalogue::paper_stage;
-use catalogue::{ExampleName, Made};
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use hysteron_challenge::examples::{Example, ExampleTruth, Made, import_command};
 use hysteron_data::{Overwrite, write_dataset};
+use hysteron_plant::challenge::Truth;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -21,8 +19,8 @@ use std::path::{Path, PathBuf};
 )]
 pub(crate) struct ExampleArgs {
     /// The example; without a name all of them are listed
-    #[arg(value_enum)]
-    pub name: Option<ExampleName>,
+    #[arg(value_parser = names())]
+    pub name: Option<Example>,
     /// Folder of the new dataset [default: the example's name]
     #[arg(short, long, value_name = "FOLDER", requires = "name")]
     pub output: Option<PathBuf>,
@@ -49,6 +47,12 @@ struct Told {
     truth: Option<String>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     next: Vec<String>,
+}
+
+/// The names on the command line.
+fn names() -> impl TypedValueParser<Value = Example> {
+    let named = |example: Example| PossibleValue::new(example.name()).help(example.about());
+    PossibleValuesParser::new(Example::ALL.map(named)).try_map(|name| name.parse::<Example>())
 }
 
 pub(crate) fn run(args: &ExampleArgs) -> Result<Done, CliError> {
@@ -79,16 +83,17 @@ pub(crate) fn run(args: &ExampleArgs) -> Result<Done, CliError> {
             about: name.about(),
             folder: Some(folder),
             files,
-            truth: Some(truth),
+            truth: Some(in_words(&truth)),
             next,
         })?;
     } else {
         let mut text = format!(
-            "{}: {}\n{} files written to {}\nthe truth: {truth}\nnext:\n",
+            "{}: {}\n{} files written to {}\nthe truth: {}\nnext:\n",
             name.name(),
             name.about(),
             files.len(),
-            folder.display()
+            folder.display(),
+            in_words(&truth)
         );
         for command in next {
             // Writing to a String does not fail.
@@ -101,9 +106,9 @@ pub(crate) fn run(args: &ExampleArgs) -> Result<Done, CliError> {
 
 /// All examples, one a line.
 fn list(json: bool) -> Result<(), CliError> {
-    let all = ExampleName::value_variants();
+    let all = Example::ALL;
     if json {
-        let told = all.iter().map(|example| Told {
+        let told = all.into_iter().map(|example| Told {
             name: example.name().to_owned(),
             about: example.about(),
             folder: None,
@@ -140,16 +145,53 @@ fn write_raw(files: Vec<(String, String)>, folder: &Path, overwrite: bool) -> Re
     Ok(names)
 }
 
-fn next_commands(name: ExampleName, folder: &Path) -> Vec<String> {
+fn next_commands(name: Example, folder: &Path) -> Vec<String> {
     let (program, folder) = (output::program(), folder.display());
     let learned = format!("{program} learn {folder} -o model.toml --page ladder.html");
     let compared = format!("{program} compare {folder} model.toml -o page.html");
     match name {
-        ExampleName::Scope => vec![
-            format!("{program} {}", scope::import_command(&folder.to_string())),
+        Example::Scope => vec![
+            format!("{program} {}", import_command(&folder.to_string())),
             format!("{program} fit stage --model mrpi -o model.toml"),
         ],
-        ExampleName::PaperStage => vec![format!("{program} fit {folder} --model mrpi -o model.toml"), compared],
+        Example::PaperStage => vec![format!("{program} fit {folder} --model mrpi -o model.toml"), compared],
         _ => vec![learned, compared],
     }
+}
+
+/// What was simulated.
+fn in_words(truth: &ExampleTruth) -> String {
+    match truth {
+        ExampleTruth::Said(words) => (*words).to_owned(),
+        ExampleTruth::Case(truth) => case_in_words(truth),
+    }
+}
+
+/// The hidden effects with their parameters.
+fn case_in_words(truth: &Truth) -> String {
+    let mut text = format!(
+        "{:.1} um at {:.0} V, {:.1} nm of noise",
+        truth.stroke_um,
+        truth.full_v,
+        1e3 * truth.noise_rms_um
+    );
+    for hidden in &truth.hidden {
+        let parameters: Vec<String> = hidden
+            .parameters
+            .iter()
+            .map(|p| format!("{} {} {}", p.name, hysteron_report::significant(p.value), p.unit))
+            .collect();
+        // Writing to a String does not fail.
+        let _ = write!(
+            text,
+            "; {} ({}), which alone adds {:.1} % of peak to peak to the error",
+            hidden.effect.name(),
+            parameters.join(", "),
+            hidden.contribution_percent
+        );
+    }
+    if truth.hidden.is_empty() {
+        text.push_str("; nothing is hidden");
+    }
+    text
 }

@@ -1,9 +1,10 @@
 //! The page of `hysteron explain`.
 
-use super::{Explained, OnOwnData, caption, fitted, paragraphs, verdict};
+use super::{Explained, OnOwnData, fitted, verdict};
 use hysteron_data::Role;
 use hysteron_identify::effects::Description;
 use hysteron_identify::illustration::Illustration;
+use hysteron_report::explanation::{caption, paragraphs};
 use hysteron_report::figures::{Line, Lines, LoopData, OverlayData, lines, loop_plot, overlay};
 use hysteron_report::{Block, Cell, Figure, Ink, Page, Picture, Section, Size, Table, Tile, significant};
 

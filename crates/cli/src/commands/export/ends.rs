@@ -1,11 +1,11 @@
 //! Converters, amplifier and rate of a table: where each comes from, and what the records behind it cover.
 
 use super::ExportArgs;
-use crate::commands::control::beyond::{self, Asked};
 use crate::error::CliError;
 use hysteron_identify::Covered;
 use hysteron_identify::covered::ToldBy;
 use hysteron_plant::{Amplifier, Converter, Sensor, StageConfig};
+use hysteron_tracking::design::beyond::{self, Asked};
 use std::fmt::Write;
 
 /// Converters and amplifier, in volts at the stack and micrometres.

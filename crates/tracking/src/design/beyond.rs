@@ -1,11 +1,11 @@
 //! Nothing leaves the records that were taken, unless `--beyond-records` says so: then the file remembers it.
 
-use crate::error::CliError;
+use crate::error::TrackingError;
 use hysteron_identify::Covered;
 use hysteron_identify::covered::{Envelope, Field};
 
 /// Values that are asked for, and the option that asks.
-pub(crate) struct Asked<'a> {
+pub struct Asked<'a> {
     field: Field,
     values: Vec<f64>,
     option: &'a str,
@@ -13,17 +13,17 @@ pub(crate) struct Asked<'a> {
 
 impl<'a> Asked<'a> {
     /// Limits of the command, volts.
-    pub(crate) fn voltage(values: &[f64], option: &'a str) -> Self {
+    pub fn voltage(values: &[f64], option: &'a str) -> Self {
         Self::new(Field::Voltage, values, option)
     }
 
     /// References, micrometres.
-    pub(crate) fn position(values: &[f64], option: &'a str) -> Self {
+    pub fn position(values: &[f64], option: &'a str) -> Self {
         Self::new(Field::Position, values, option)
     }
 
     /// The rate, hertz.
-    pub(crate) fn rate(value: f64, option: &'a str) -> Self {
+    pub fn rate(value: f64, option: &'a str) -> Self {
         Self::new(Field::SampleRate, &[value], option)
     }
 
@@ -45,14 +45,17 @@ impl<'a> Asked<'a> {
 }
 
 /// Refuses what leaves the records; where that is granted, it is kept in them. A field of which the records say nothing is not checked.
-pub(crate) fn granted(covered: &mut Covered, asked: &[Asked<'_>], beyond_records: bool) -> Result<(), CliError> {
+///
+/// # Errors
+/// [`TrackingError::Wish`] for what leaves the records without being granted.
+pub fn granted(covered: &mut Covered, asked: &[Asked<'_>], beyond_records: bool) -> Result<(), TrackingError> {
     for asked in asked {
         let envelope = asked.envelope(covered);
         let Some(beyond) = envelope.and_then(|envelope| envelope.left_by(&asked.values)) else {
             continue;
         };
         if !beyond_records {
-            return Err(CliError::Option(format!(
+            return Err(TrackingError::Wish(format!(
                 "{beyond}; stay within with {}, or {}; --beyond-records leaves them all the same, and the file says so",
                 asked.option,
                 beyond.field.widen()

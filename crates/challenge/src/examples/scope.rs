@@ -1,8 +1,7 @@
 //! Captures of an oscilloscope: two monitor outputs, a header, a trigger, 12 bits, noise.
 
-use crate::error::CliError;
 use hysteron_plant::excitation::{Excitation, MultiHarmonic, Sine, Triangle};
-use hysteron_plant::{Stage, preset};
+use hysteron_plant::{Stage, StageError, preset};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -26,7 +25,7 @@ pub(super) const TRUTH: &str = "the paper's stage, 2.6 um at 26 V; CH1 is the am
     sensor's, 1 V for 2 um, with 4 nm of noise";
 
 /// Command and arguments that import the captures of a folder.
-pub(super) fn import_command(folder: &str) -> String {
+pub fn import_command(folder: &str) -> String {
     format!(
         "import {folder}/slow.csv {folder}/fast.csv --validate {folder}/mixed.csv \
          --column 'voltage=CH1:V*{AMPLIFIER_V_PER_V}' --column 'position=CH2:um*{SENSOR_UM_PER_V}' -o stage"
@@ -34,7 +33,7 @@ pub(super) fn import_command(folder: &str) -> String {
 }
 
 /// The files: name and text. `progress` gets the share done.
-pub(super) fn captures(seed: u64, progress: &dyn Fn(f64)) -> Result<Vec<(String, String)>, CliError> {
+pub(super) fn captures(seed: u64, progress: &dyn Fn(f64)) -> Result<Vec<(String, String)>, StageError> {
     let triangle = Triangle {
         frequency_hz: 13.0,
         low_v: 0.0,
@@ -62,7 +61,7 @@ pub(super) fn captures(seed: u64, progress: &dyn Fn(f64)) -> Result<Vec<(String,
     Ok(files)
 }
 
-fn capture(excitation: &dyn Excitation, seed: u64) -> Result<String, CliError> {
+fn capture(excitation: &dyn Excitation, seed: u64) -> Result<String, StageError> {
     let command_v = excitation.samples(PERIOD_S)?;
     let mut stage = Stage::new(&preset::paper_rate(), seed)?;
     // One pass unseen: the capture begins in periodic state, as with a generator that runs freely.

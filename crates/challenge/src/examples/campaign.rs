@@ -1,12 +1,11 @@
 //! Records taken on a simulated stage: which excitations, in which role, at which rate.
 
-use crate::error::CliError;
 use hysteron_data::{Dataset, Known, Record, Role};
 use hysteron_plant::excitation::{BandNoise, Excitation, MultiHarmonic, Multisine, Sine, Steps, Triangle, with_rise};
-use hysteron_plant::{Stage, StageConfig};
+use hysteron_plant::{Stage, StageConfig, StageError};
 
 /// An excitation to record.
-pub(crate) struct Planned {
+pub struct Planned {
     /// Name of the record's file without its ending.
     pub name: String,
     /// What the record is for.
@@ -26,7 +25,7 @@ const RISE_S: f64 = 0.02;
 /// What is recorded when nothing is asked for: three decades of rate at full stroke, small loops, a rich signal, a rest;
 /// and for judging, other waveforms at other frequencies and strokes. Frequencies are no divisors of mains or of each
 /// other. `full_v` is the highest voltage.
-pub(crate) fn default_campaign(full_v: f64, seed: u64) -> Vec<Planned> {
+pub fn default_campaign(full_v: f64, seed: u64) -> Vec<Planned> {
     // Written for the paper's 26 V.
     let scale = full_v / 26.0;
     let sine = |frequency_hz: f64, low_v: f64, high_v: f64, seconds: f64| Sine {
@@ -91,14 +90,17 @@ fn planned(name: &str, role: Role, periodic: bool, excitation: impl Excitation +
 }
 
 /// Takes the records one after the other, each on a stage that was cycled and rests at 0 V. `progress` gets the share done.
-pub(crate) fn record(
+///
+/// # Errors
+/// A stage or an excitation that is refused.
+pub fn record(
     name: &str,
     stage: &StageConfig,
     plan: &[Planned],
     sample_period_s: f64,
     seed: u64,
     progress: &dyn Fn(f64),
-) -> Result<Dataset, CliError> {
+) -> Result<Dataset, StageError> {
     let mut dataset = Dataset {
         name: name.to_owned(),
         description: format!("simulated stage {name}, seed {seed}"),
@@ -142,13 +144,13 @@ pub(crate) fn record(
 }
 
 /// A rise to the command and the whole command, as often as settling takes; it ends where the command begins.
-fn lead_in(command_v: &[f64], sample_period_s: f64) -> Result<Vec<f64>, CliError> {
+fn lead_in(command_v: &[f64], sample_period_s: f64) -> Result<Vec<f64>, StageError> {
     let times = (SETTLING_S / (sample_period_s * command_v.len() as f64))
         .ceil()
         .max(1.0);
-    Ok(with_rise(
+    with_rise(
         &command_v.repeat(times as usize),
         RISE_S.max(sample_period_s),
         sample_period_s,
-    )?)
+    )
 }

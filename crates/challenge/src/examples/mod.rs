@@ -1,59 +1,83 @@
-//! The examples: what is simulated, and what is true of it.
+//! The examples: what is simulated, and what is true of it. Made from a fixed seed: the same records on every machine.
 
-use super::scope;
-use crate::commands::campaign::{default_campaign, record};
-use crate::error::CliError;
-use clap::ValueEnum;
+mod campaign;
+mod scope;
+
+use crate::ChallengeError;
+pub use campaign::{Planned, default_campaign, record};
 use hysteron_data::Dataset;
 use hysteron_plant::challenge::{Asked, Effect, Spec, StageFamily, Strength, Truth, generate};
-use hysteron_plant::{StageConfig, preset};
-use std::fmt::Write;
+use hysteron_plant::{StageConfig, StageError, preset};
+pub use scope::import_command;
 
 /// Seed of every example: stage, programme and noise.
 const SEED: u64 = 1;
 
 /// The datasets that `hysteron example` makes.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-pub(crate) enum ExampleName {
-    /// The stage of the paper: hysteresis whose loops widen with the frequency
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Example {
+    /// The stage of the paper: hysteresis whose loops widen with the frequency.
     PaperStage,
-    /// A stage that goes on moving for seconds after each step
+    /// A stage that goes on moving for seconds after each step.
     HiddenCreep,
-    /// A stage whose position arrives late
+    /// A stage whose position arrives late.
     HiddenDelay,
-    /// A stage that rings
+    /// A stage that rings.
     HiddenResonance,
-    /// A stage that rings and creeps
+    /// A stage that rings and creeps.
     TwoEffects,
-    /// A stage with hysteresis and nothing else
+    /// A stage with hysteresis and nothing else.
     NothingHidden,
-    /// A stage shaken by its surroundings, which no effect of the catalogue describes
+    /// A stage shaken by its surroundings, which no effect of the catalogue describes.
     OutsideCatalogue,
-    /// A slow, lightly damped stage: first mode at 739 Hz, creep, 16-bit converters
-    #[value(name = "stage-739hz")]
+    /// A slow, lightly damped stage: first mode at 739 Hz, creep, 16-bit converters.
     Stage739hz,
-    /// Three noisy captures of an oscilloscope as CSV files with its header, for `import`
+    /// Three noisy captures of an oscilloscope as CSV files with its header, for `import`.
     Scope,
 }
 
 /// What an example consists of.
-pub(super) enum Made {
+pub enum Made {
     /// A dataset of ours.
     Dataset {
+        /// The records.
         dataset: Box<Dataset>,
-        /// What was simulated, in words.
-        truth: String,
+        /// What was simulated.
+        truth: ExampleTruth,
     },
-    /// Files as an instrument writes them: name and text.
+    /// Files as an instrument writes them.
     Files {
+        /// Name and text of each.
         files: Vec<(String, String)>,
-        truth: String,
+        /// What was simulated.
+        truth: ExampleTruth,
     },
 }
 
-impl ExampleName {
+/// What is true of an example.
+pub enum ExampleTruth {
+    /// In words.
+    Said(&'static str),
+    /// A case of the simulated laboratory.
+    Case(Box<Truth>),
+}
+
+impl Example {
+    /// All of them, in the order of the list.
+    pub const ALL: [Self; 9] = [
+        Self::PaperStage,
+        Self::HiddenCreep,
+        Self::HiddenDelay,
+        Self::HiddenResonance,
+        Self::TwoEffects,
+        Self::NothingHidden,
+        Self::OutsideCatalogue,
+        Self::Stage739hz,
+        Self::Scope,
+    ];
+
     /// Its name on the command line.
-    pub(crate) fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             Self::PaperStage => "paper-stage",
             Self::HiddenCreep => "hidden-creep",
@@ -68,7 +92,7 @@ impl ExampleName {
     }
 
     /// One line for people.
-    pub(super) fn about(self) -> &'static str {
+    pub fn about(self) -> &'static str {
         match self {
             Self::PaperStage => {
                 "the paper's stage: 2.6 um at 26 V, loops that open from 16 % at 10 Hz to 46 % at 500 Hz"
@@ -90,16 +114,19 @@ impl ExampleName {
     ///
     /// # Errors
     /// As the simulated stage; none for the fixed seed.
-    pub(super) fn make(self, progress: &dyn Fn(f64)) -> Result<Made, CliError> {
+    pub fn make(self, progress: &dyn Fn(f64)) -> Result<Made, ChallengeError> {
         match self {
             Self::PaperStage => Ok(Made::Dataset {
                 dataset: Box::new(paper_stage(progress)?),
-                truth: "rate-dependent hysteresis, amplifier lag of 20 us, mode at 8 kHz, 0.8 nm of noise".to_owned(),
+                truth: ExampleTruth::Said(
+                    "rate-dependent hysteresis, amplifier lag of 20 us, mode at 8 kHz, 0.8 nm of noise",
+                ),
             }),
             Self::Stage739hz => Ok(Made::Dataset {
                 dataset: Box::new(of_preset(self, &preset::tracking_739(), progress)?),
-                truth: "amplifier lag of 60 us, creep of 1.5 % a decade, modes at 739 Hz and 2.29 kHz, 1 nm of noise"
-                    .to_owned(),
+                truth: ExampleTruth::Said(
+                    "amplifier lag of 60 us, creep of 1.5 % a decade, modes at 739 Hz and 2.29 kHz, 1 nm of noise",
+                ),
             }),
             Self::HiddenCreep => hidden(self, &[Effect::Creep]),
             Self::HiddenDelay => hidden(self, &[Effect::Delay]),
@@ -109,24 +136,27 @@ impl ExampleName {
             Self::OutsideCatalogue => hidden(self, &[Effect::Vibration]),
             Self::Scope => Ok(Made::Files {
                 files: scope::captures(SEED, progress)?,
-                truth: scope::TRUTH.to_owned(),
+                truth: ExampleTruth::Said(scope::TRUTH),
             }),
         }
     }
 }
 
-/// The dataset of [`ExampleName::PaperStage`]; the workbench begins with it as well.
-pub(crate) fn paper_stage(progress: &dyn Fn(f64)) -> Result<Dataset, CliError> {
-    of_preset(ExampleName::PaperStage, &preset::paper_rate(), progress)
+/// The dataset of [`Example::PaperStage`]; the workbench begins with it as well.
+///
+/// # Errors
+/// As the simulated stage; none for the fixed seed.
+pub fn paper_stage(progress: &dyn Fn(f64)) -> Result<Dataset, StageError> {
+    of_preset(Example::PaperStage, &preset::paper_rate(), progress)
 }
 
-fn of_preset(example: ExampleName, stage: &StageConfig, progress: &dyn Fn(f64)) -> Result<Dataset, CliError> {
+fn of_preset(example: Example, stage: &StageConfig, progress: &dyn Fn(f64)) -> Result<Dataset, StageError> {
     let plan = default_campaign(stage.hysteresis.reference_v, SEED);
     record(example.name(), stage, &plan, stage.sample_period_s, SEED, progress)
 }
 
 /// A stage of the challenges with these effects, strong, in plays with sigmoid outputs, which no model here has.
-fn hidden(example: ExampleName, effects: &[Effect]) -> Result<Made, CliError> {
+fn hidden(example: Example, effects: &[Effect]) -> Result<Made, ChallengeError> {
     let strong = |&effect: &Effect| Asked {
         effect,
         strength: Strength::Strong,
@@ -138,36 +168,21 @@ fn hidden(example: ExampleName, effects: &[Effect]) -> Result<Made, CliError> {
     };
     let (case, truth) = generate(SEED, &spec)?;
     Ok(Made::Dataset {
-        dataset: Box::new(hysteron_challenge::dataset(case, example.name())),
-        truth: in_words(&truth),
+        dataset: Box::new(crate::dataset(case, example.name())),
+        truth: ExampleTruth::Case(Box::new(truth)),
     })
 }
 
-/// The hidden effects with their parameters.
-fn in_words(truth: &Truth) -> String {
-    let mut text = format!(
-        "{:.1} um at {:.0} V, {:.1} nm of noise",
-        truth.stroke_um,
-        truth.full_v,
-        1e3 * truth.noise_rms_um
-    );
-    for hidden in &truth.hidden {
-        let parameters: Vec<String> = hidden
-            .parameters
-            .iter()
-            .map(|p| format!("{} {} {}", p.name, hysteron_report::significant(p.value), p.unit))
-            .collect();
-        // Writing to a String does not fail.
-        let _ = write!(
-            text,
-            "; {} ({}), which alone adds {:.1} % of peak to peak to the error",
-            hidden.effect.name(),
-            parameters.join(", "),
-            hidden.contribution_percent
-        );
+impl std::str::FromStr for Example {
+    type Err = ChallengeError;
+
+    fn from_str(name: &str) -> Result<Self, ChallengeError> {
+        Self::ALL
+            .into_iter()
+            .find(|example| example.name() == name)
+            .ok_or_else(|| {
+                let names = Self::ALL.map(Self::name).join(", ");
+                ChallengeError::Refused(format!("there is no example `{name}`; there are {names}"))
+            })
     }
-    if truth.hidden.is_empty() {
-        text.push_str("; nothing is hidden");
-    }
-    text
 }

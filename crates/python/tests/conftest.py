@@ -1,0 +1,36 @@
+"""What the tests share: the example of the paper's stage, and the program beside the package."""
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import hysteron
+
+
+@pytest.fixture(scope="session")
+def stage():
+    return hysteron.example("paper-stage")
+
+
+@pytest.fixture(scope="session")
+def model(stage):
+    return hysteron.fit(stage, "mpi")
+
+
+@pytest.fixture(scope="session")
+def program():
+    """Runs the program `hysteron` in a folder and gives its answer as JSON."""
+    path = os.environ.get("HYSTERON_PROGRAM")
+    if path is None:
+        pytest.skip("HYSTERON_PROGRAM names no program; `cargo xtask python` does")
+
+    def run(folder: Path, *arguments: str):
+        done = subprocess.run([path, *arguments], cwd=folder, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    run.path = path
+    return run

@@ -1,0 +1,101 @@
+//! The Python package: built with the workspace, laid out under `target/python`, and tested there by pytest.
+
+use crate::tests::Counts;
+use crate::{cargo, install_packages, output, run, targets};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Where the package is.
+const PACKAGE: &str = "crates/python";
+
+/// What the tests need. Pictures and tables are tested with the libraries that draw and hold them.
+const NEEDED: [&str; 6] = ["numpy", "pytest", "matplotlib", "pandas", "pyarrow", "tqdm"];
+
+/// What fleets on a cluster need.
+const CLUSTERS: [&str; 2] = ["ray", "distributed"];
+
+/// Builds and tests the package alone.
+pub(crate) fn python(words: &[String]) -> Result<(), String> {
+    let fleet = match words {
+        [] => false,
+        [word] if word == "--fleet" => true,
+        other => return Err(format!("python: {other:?} is not known; there is --fleet")),
+    };
+    install_python()?;
+    cargo(&["build", "--workspace", "--locked"])?;
+    let mut counts = Counts::default();
+    test(fleet, &mut counts)?;
+    counts.close()
+}
+
+/// Installs the interpreter, which also plays a stage in another program, and its environments where they are absent.
+pub(crate) fn install_python() -> Result<(), String> {
+    // Debian packs the interpreter and its environments apart.
+    if output("python3", &["-c", "import venv, ensurepip"]).is_ok() {
+        return Ok(());
+    }
+    install_packages(&["python3", "python3-venv"])
+}
+
+/// Builds the package's module beside the tests of the workspace, with what is compiled for them, and counts its own tests.
+pub(crate) fn beside_tests(counts: &mut Counts) -> Result<(), String> {
+    // The same targets give the same features to every dependency: nothing is compiled anew but the module.
+    cargo(&["build", "--workspace", "--lib", "--tests", "--locked"])?;
+    test(false, counts)
+}
+
+/// Runs pytest on the module and the program that were built.
+fn test(fleet: bool, counts: &mut Counts) -> Result<(), String> {
+    let python = environment(fleet)?;
+    let package = lay_out()?;
+    let mut pytest = Command::new(python);
+    pytest
+        .args(["-m", "pytest", "--quiet", "--no-header", "-rs", "--color=no"])
+        .args(["-m", if fleet { "cluster" } else { "not cluster" }])
+        .env("HYSTERON_PROGRAM", absolute(&targets().join("debug/hysteron"))?)
+        .env("PYTHONPATH", package)
+        .current_dir(PACKAGE);
+    counts.pytest(pytest);
+    Ok(())
+}
+
+/// The interpreter of an environment with what the tests need; what is there already is not fetched again.
+fn environment(fleet: bool) -> Result<PathBuf, String> {
+    let folder = targets().join("python");
+    let python = absolute(&folder.join("bin/python"))?;
+    if !python.exists() {
+        run("python3", &["-m", "venv", &folder.display().to_string()])?;
+    }
+    let mut arguments = vec!["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+    arguments.extend(NEEDED);
+    if fleet {
+        arguments.extend(CLUSTERS);
+    }
+    run(&python.display().to_string(), &arguments)?;
+    Ok(python)
+}
+
+/// The package as a wheel has it: its Python files, and the module beside them.
+fn lay_out() -> Result<PathBuf, String> {
+    let package = absolute(&targets().join("python/package"))?;
+    let folder = package.join("hysteron");
+    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+    std::fs::create_dir_all(&folder).map_err(failed)?;
+    for entry in std::fs::read_dir(Path::new(PACKAGE).join("python/hysteron")).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if let (Some(name), true) = (path.file_name(), path.is_file()) {
+            std::fs::copy(&path, folder.join(name)).map_err(failed)?;
+        }
+    }
+    let built = targets().join("debug").join(format!(
+        "{}_hysteron{}",
+        std::env::consts::DLL_PREFIX,
+        std::env::consts::DLL_SUFFIX
+    ));
+    std::fs::copy(built, folder.join("_hysteron.abi3.so")).map_err(failed)?;
+    Ok(package)
+}
+
+fn absolute(path: &Path) -> Result<PathBuf, String> {
+    std::path::absolute(path).map_err(|error| format!("{}: {error}", path.display()))
+}
