@@ -185,7 +185,7 @@ fn beside(y: &[f64], end: f64, stroke: f64) -> usize {
         .count()
 }
 
-/// Whether the loops run round as those of a position that is ahead.
+/// Whether the loops run round as those of a position that is ahead; where the position falls with the voltage, the other way round.
 fn leads(u: &[f64], y: &[f64], drive: f64, stroke: f64) -> bool {
     let reversals = reversals(u, REVERSAL * drive);
     if reversals < LEAST_REVERSALS || u.len() < SAMPLES_A_LOOP * reversals / 2 {
@@ -198,7 +198,10 @@ fn leads(u: &[f64], y: &[f64], drive: f64, stroke: f64) -> bool {
             (u[k] - u[0]) * (y[next] - y[0]) - (u[next] - u[0]) * (y[k] - y[0])
         })
         .sum();
-    twice / 2.0 < -LEAST_AREA * drive * stroke * (reversals / 2) as f64
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let (u_mean, y_mean) = (mean(u), mean(y));
+    let along: f64 = u.iter().zip(y).map(|(u, y)| (u - u_mean) * (y - y_mean)).sum();
+    along.signum() * twice / 2.0 < -LEAST_AREA * drive * stroke * (reversals / 2) as f64
 }
 
 /// How often a column turns round by more than so much.
@@ -271,6 +274,8 @@ mod tests {
     #[test]
     fn val_errors_of_laboratories_are_seen() {
         check(|_| {}, &[]);
+        // A stage whose position falls with the voltage has its loops the other way round.
+        check(|r| r.position_um.iter_mut().for_each(|y| *y = 1.0 - *y), &[]);
         check(
             |r| std::mem::swap(&mut r.voltage_v, &mut r.position_um),
             &[Suspicion::Leads],

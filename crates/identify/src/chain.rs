@@ -532,11 +532,11 @@ impl<V: Visit> pulp::NullaryFnOnce for Moving<'_, V> {
             last = input;
             let speed = self.law.of(rate.abs());
             let (left, right) = (input - alpha_s * speed, input + beta_s * speed);
-            for l in 0..LANES {
+            for (w, threshold) in w.iter_mut().zip(self.thresholds) {
                 // Comparisons compile to selections where `max` and `min` must think of NaN.
-                let held = if w[l] > right { right } else { w[l] };
-                let left = left - self.thresholds[l];
-                w[l] = if held < left { left } else { held };
+                let held = if *w > right { right } else { *w };
+                let left = left - threshold;
+                *w = if held < left { left } else { held };
             }
             rate
         };
