@@ -122,7 +122,7 @@ fn refuse_with_file_field_and_what_is_allowed() {
         (&["explain", "nowhere.toml"], "nowhere.toml"),
         (
             &["learn", "stage", "--effect", "good.toml", "--effect", "good.toml"],
-            "another --effect is named",
+            "another effect file names its effect",
         ),
         (&["learn", "stage", "--effect", "name.toml"], "unknown name"),
     ] {

@@ -8,6 +8,7 @@ use clap::Args;
 use hysteron_data::Dataset;
 use hysteron_diagnose::Signature;
 use hysteron_diagnose::diagnosis::Diagnosis;
+use hysteron_identify::effects::UserEffect;
 use hysteron_identify::{Direction, Model};
 use hysteron_report::{Context, diagnosis_page, diagnosis_text, facts};
 use std::fmt::Write;
@@ -44,7 +45,7 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<Done, CliError> {
             args.model.display()
         )));
     }
-    let own = load::effect_files(&args.effect)?;
+    let own = UserEffect::read_all(&args.effect)?;
     let dataset = load::dataset(&args.data)?;
     let bar = progress::bar("diagnosing");
     let mut diagnosis = hysteron_diagnose::diagnose_with(&dataset, &model, &own, &|share, effect| {

@@ -7,6 +7,7 @@ use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_identify::FitOptions;
+use hysteron_identify::effects::UserEffect;
 use hysteron_report::{ladder_text, learned_text};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -40,7 +41,7 @@ pub(crate) struct LearnArgs {
 }
 
 pub(crate) fn run(args: &LearnArgs) -> Result<Done, CliError> {
-    let own = load::effect_files(&args.effect)?;
+    let own = UserEffect::read_all(&args.effect)?;
     let dataset = load::dataset(&args.data)?;
     let options = FitOptions {
         plays: args.plays,

@@ -7,7 +7,7 @@ use hysteron_data::{Dataset, Notice, read_dataset_with_progress};
 use hysteron_identify::effects::{Effect, UserEffect};
 use hysteron_identify::{EffectId, Model};
 use std::io::{Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// What a path is, told by its name and first lines before it is read as what a command wants.
@@ -157,21 +157,4 @@ impl NamedEffect {
             Self::Own(own) => own.effect(),
         }
     }
-}
-
-/// The effects of several files, each under a name of its own.
-pub(crate) fn effect_files(paths: &[PathBuf]) -> Result<Vec<UserEffect>, CliError> {
-    let mut effects: Vec<UserEffect> = Vec::new();
-    for path in paths {
-        let effect = UserEffect::read(path)?;
-        if effects.iter().any(|other| other.name() == effect.name()) {
-            return Err(CliError::Option(format!(
-                "{}: another --effect is named `{}` as well; give each a name of its own",
-                path.display(),
-                effect.name()
-            )));
-        }
-        effects.push(effect);
-    }
-    Ok(effects)
 }
