@@ -19,6 +19,15 @@ fn facts() -> Facts {
     }
 }
 
+/// Records of some milliseconds tell creep from no lag.
+#[test]
+fn bva_creep_needs_a_record_on_both_sides() {
+    let creep = hysteron_effects::find(EffectId::Creep);
+    let of = |longest_s: f64| creep.bounds(&Facts { longest_s, ..facts() });
+    assert!(of(0.31).is_ok());
+    assert!(of(0.29).unwrap_err().contains("0.290 s"));
+}
+
 /// Words, bounds, starts and compensator of every effect fit each other.
 #[test]
 fn val_every_effect_is_complete() {

@@ -52,6 +52,9 @@ static DESCRIPTION: Description = Description {
 
 const ELEMENTS: usize = 4;
 
+/// A record of this length shows more than one decade above the fastest element, seconds; in shorter ones nothing tells creep from a lag.
+const SHORTEST_RECORD_S: f64 = 0.3;
+
 impl Effect for Creep {
     fn name(&self) -> EffectName {
         EffectId::Creep.into()
@@ -65,7 +68,13 @@ impl Effect for Creep {
         &DESCRIPTION
     }
 
-    fn bounds(&self, _: &Facts) -> Result<Vec<Bounds>, String> {
+    fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
+        if facts.longest_s < SHORTEST_RECORD_S {
+            return Err(format!(
+                "the longest record lasts {:.3} s; creep is told from a lag in records of {SHORTEST_RECORD_S} s and longer",
+                facts.longest_s
+            ));
+        }
         let mut bounds = vec![Bounds::new(0.01, 1.0, 0.05, 0.1)];
         bounds.extend([Bounds::new(0.0, 0.2, 0.005, 0.0); ELEMENTS]);
         Ok(bounds)
