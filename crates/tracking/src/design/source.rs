@@ -53,6 +53,22 @@ impl Default for Wishes {
     }
 }
 
+impl Wishes {
+    /// Refuses what makes no sense whatever the source is.
+    ///
+    /// # Errors
+    /// [`TrackingError::Wish`] for a margin outside of its range.
+    pub fn check(&self) -> Result<(), TrackingError> {
+        let margin = self.margin;
+        if (1.2..=4.0).contains(&margin) {
+            return Ok(());
+        }
+        Err(TrackingError::Wish(format!(
+            "--margin {margin}: a peak of the sensitivity from 1.2 (hardly any feedback) to 4 (a quarter of its size from instability)"
+        )))
+    }
+}
+
 /// A controller, and what is known beside its numbers.
 pub struct Designed {
     /// The controller.
@@ -71,12 +87,7 @@ const LOWEST_RIGID_HZ: f64 = 10.0;
 /// # Errors
 /// [`TrackingError::Wish`] for a wish that makes no sense or leaves the records; a chain that cannot be undone.
 pub fn design(source: &Source<'_>, wishes: &Wishes) -> Result<Designed, TrackingError> {
-    let margin = wishes.margin;
-    if !(1.2..=4.0).contains(&margin) {
-        return Err(TrackingError::Wish(format!(
-            "--margin {margin}: a peak of the sensitivity from 1.2 (hardly any feedback) to 4 (a quarter of its size from instability)"
-        )));
-    }
+    wishes.check()?;
     let (mut chain, undone) = match source {
         Source::Records(dataset) => (from_records(dataset, wishes)?, Vec::new()),
         Source::Model { model, along } => from_model(model, along, wishes)?,
@@ -91,7 +102,7 @@ pub fn design(source: &Source<'_>, wishes: &Wishes) -> Result<Designed, Tracking
     let controller = if wishes.open {
         controller
     } else {
-        controller.with_feedback_within(margin, Effort::Whole)?
+        controller.with_feedback_within(wishes.margin, Effort::Whole)?
     };
     let last = match source {
         Source::Model { model, .. } => model.history.last(),

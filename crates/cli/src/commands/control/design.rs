@@ -99,6 +99,8 @@ pub(crate) fn run(args: &DesignArgs) -> Result<Done, CliError> {
         beyond_records: args.beyond_records,
         open: args.open,
     };
+    // Before a file is read: what is wrong with the options is said whatever the file is.
+    wishes.check()?;
     let (designed, tracked_on) = if args.source.extension().is_some_and(|ending| ending == "toml") {
         from_model(args, &wishes)?
     } else {
