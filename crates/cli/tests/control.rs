@@ -20,7 +20,7 @@ use hysteron_tracking::design::Controller;
 use hysteron_tracking::reference::Reference;
 use small_board::SmallBoard;
 use std::collections::BTreeMap;
-use three_plays::{Named, RISING, model};
+use three_plays::{HUM, Named, RISING, model};
 
 /// Runs the binary; it must end with 2 and say all of the words.
 fn refused(args: &[&str], words: &[&str]) {
@@ -226,14 +226,6 @@ fn val_design_from_a_model_names_every_effect() {
         ("share_3", 0.01, ""),
         ("share_4", 0.01, ""),
     ];
-    let hum: [Named; 6] = [
-        ("frequency", 50.0, "Hz"),
-        ("amplitude_1", 0.02, "um"),
-        ("amplitude_2", 0.0, "um"),
-        ("amplitude_3", 0.01, "um"),
-        ("amplitude_4", 0.0, "um"),
-        ("amplitude_5", 0.0, "um"),
-    ];
     let coupling = [
         ("gain", 0.003, "um/V"),
         ("lead", -1e-7, "um s/V"),
@@ -258,7 +250,7 @@ fn val_design_from_a_model_names_every_effect() {
         ("first-order-lag", &lag, "lead, and reference through the sensor's lag"),
         ("resonance", &mode(800.0, 0.02), "resonance inverse"),
         ("creep", &creep, "creep inverse"),
-        ("mains-hum", &hum, "hum learned in the loop"),
+        ("mains-hum", &HUM, "hum learned in the loop"),
         ("cross-coupling", &coupling, "decoupling"),
         ("sensor-nonlinearity", &sensor, "sensor polynomial"),
         ("thermal-drift", &heat, "thermal gain"),

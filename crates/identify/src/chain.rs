@@ -4,8 +4,8 @@ use crate::basis::{Basis, PlayScales};
 use crate::chain_trace::Trace;
 use crate::columns::Design;
 use crate::effects::{Acts, Effect, EffectName, RateLaw, Signals};
+use crate::moving_plays::{Cells, LANES, Moving, Sums, Visit};
 use crate::start_state::InitialState;
-use hysteron_core::envelope::Envelope;
 use hysteron_data::{Record, Role};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -52,9 +52,6 @@ pub(crate) struct Stroke {
     pub stack_v: Vec<f64>,
     pub position_um: Vec<f64>,
 }
-
-/// Plays that move side by side: each one's next output waits for its last.
-const LANES: usize = 8;
 
 impl Chain {
     pub(crate) fn new(design: Design, mut links: Vec<Link>, range_v: [f64; 2]) -> Self {
@@ -448,106 +445,6 @@ impl Passing<'_> {
             return column;
         }
         self.at.iter().map(|&k| column[k]).collect()
-    }
-}
-
-/// Plays on their way along a voltage.
-struct Moving<'m, V> {
-    thresholds: [f64; LANES],
-    outputs: [f64; LANES],
-    envelope: Envelope<f64>,
-    law: RateLaw,
-    stack_v: &'m [f64],
-    run_in: usize,
-    /// Samples of the grid a second.
-    per_s: f64,
-    visit: V,
-}
-
-/// What looks at plays on their way; compiled into the loop that moves them.
-trait Visit {
-    /// Outputs at a sample of the grid, and the voltage's rate there, volts per second.
-    fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]);
-}
-
-/// Adds the plays' part of the position; nothing where there is nothing to add it to.
-struct Sums<'v> {
-    basis: &'v Basis,
-    scales: &'v PlayScales<LANES>,
-    weights: &'v [[f64; LANES]; 3],
-    into: &'v mut [f64],
-}
-
-impl Visit for Sums<'_> {
-    #[inline(always)]
-    fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]) {
-        if let Some(sum) = self.into.get_mut(sample) {
-            let parts = self.basis.weighed(self.scales, self.weights, w, rate);
-            // In pairs, so that no sum waits for all the others.
-            let four: [f64; LANES / 2] = std::array::from_fn(|l| parts[l] + parts[l + LANES / 2]);
-            *sum += (four[0] + four[2]) + (four[1] + four[3]);
-        }
-    }
-}
-
-/// The same, and keeps all functions of the plays.
-struct Cells<'v> {
-    sums: Sums<'v>,
-    /// The samples that are kept, ascending; `None`: all.
-    only: Option<&'v [usize]>,
-    next: usize,
-    /// Plays that there are.
-    count: usize,
-    /// A series for each play and power, power by power.
-    series: &'v mut [Vec<f64>],
-}
-
-impl Visit for Cells<'_> {
-    #[inline(always)]
-    fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]) {
-        self.sums.at(sample, rate, w);
-        if self.only.is_some_and(|only| only.get(self.next) != Some(&sample)) {
-            return;
-        }
-        let functions = self.sums.basis.plays(self.sums.scales, w, rate);
-        for (of_power, own) in self.series.chunks_exact_mut(self.count).zip(functions) {
-            for (cells, value) in of_power.iter_mut().zip(own) {
-                cells[self.next] = value;
-            }
-        }
-        self.next += 1;
-    }
-}
-
-impl<V: Visit> pulp::NullaryFnOnce for Moving<'_, V> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(mut self) {
-        let Envelope { alpha_s, beta_s } = self.envelope;
-        let mut last = self.stack_v.first().copied().unwrap_or(0.0);
-        let mut w = self.outputs;
-        let mut advance = |input: f64, w: &mut [f64; LANES]| {
-            let rate = (input - last) * self.per_s;
-            last = input;
-            let speed = self.law.of(rate.abs());
-            let (left, right) = (input - alpha_s * speed, input + beta_s * speed);
-            for (w, threshold) in w.iter_mut().zip(self.thresholds) {
-                // Comparisons compile to selections where `max` and `min` must think of NaN.
-                let held = if *w > right { right } else { *w };
-                let left = left - threshold;
-                *w = if held < left { left } else { held };
-            }
-            rate
-        };
-        // After one whole period both extremes have been passed, and all memory from before is wiped out.
-        for &input in &self.stack_v[..self.run_in] {
-            advance(input, &mut w);
-        }
-        for (k, &input) in self.stack_v.iter().enumerate() {
-            let rate = advance(input, &mut w);
-            self.visit.at(k, rate, &w);
-        }
     }
 }
 

@@ -24,6 +24,7 @@ pub mod initial;
 pub mod loop_opening;
 pub mod model;
 mod model_file;
+mod moving_plays;
 pub mod mpso;
 mod normal;
 pub mod objective;

@@ -8,7 +8,7 @@ mod unit;
 use assert_cmd::Command;
 use std::path::Path;
 use std::sync::LazyLock;
-use three_plays::{Named, RISING, model};
+use three_plays::{HUM, Named, RISING, model};
 
 /// Whether Python is there. `cargo xtask test` installs it and sets `HYSTERON_PYTHON`, with which nothing is left out.
 fn python() -> bool {
@@ -46,6 +46,17 @@ static CLOSED: LazyLock<Folder> = LazyLock::new(|| {
     folder.write("stage.py", STAGE);
     folder
 });
+
+/// The commands along the scan, and where the model goes with them.
+const ON_MODEL: [&str; 7] = [
+    "drive",
+    "controller.toml",
+    "scan.csv",
+    "--model",
+    "model.toml",
+    "-o",
+    "on.csv",
+];
 
 impl Folder {
     fn empty() -> Self {
@@ -167,15 +178,7 @@ fn val_commands_of_a_table_bring_the_stage_to_the_reference() {
     assert!(off < 0.08, "{off}");
 
     // On the model, in open loop: the same commands, and the positions of that stage.
-    let said = folder.said(&[
-        "drive",
-        "controller.toml",
-        "scan.csv",
-        "--model",
-        "model.toml",
-        "-o",
-        "on.csv",
-    ]);
+    let said = folder.said(&ON_MODEL);
     assert!(
         said.contains("open loop on the model: reference minus position"),
         "{said}"
@@ -197,15 +200,7 @@ fn val_a_loop_on_the_model_gets_nearer() {
     );
     let [due_um, volts] = folder.columns("volts.csv", ["reference_um", "voltage_v"]);
     let open = rms(&due_um[1..], &stage(&volts));
-    let said = folder.said(&[
-        "drive",
-        "controller.toml",
-        "scan.csv",
-        "--model",
-        "model.toml",
-        "-o",
-        "on.csv",
-    ]);
+    let said = folder.said(&ON_MODEL);
     assert!(said.contains("closed loop on the model"), "{said}");
     let [modelled] = folder.columns("on.csv", ["model_um"]);
     let closed = rms(&due_um, &modelled);
@@ -220,14 +215,6 @@ fn rms(a: &[f64], b: &[f64]) -> f64 {
 /// Without a sensor and a thermometer, hum is not learned and heat moves nothing: the commands are those without either.
 #[test]
 fn regress_commands_without_a_sensor_learn_nothing_from_it() {
-    let hum: [Named; 6] = [
-        ("frequency", 50.0, "Hz"),
-        ("amplitude_1", 0.02, "um"),
-        ("amplitude_2", 0.0, "um"),
-        ("amplitude_3", 0.01, "um"),
-        ("amplitude_4", 0.0, "um"),
-        ("amplitude_5", 0.0, "um"),
-    ];
     let heat = [
         ("reference", 22.0, "degC"),
         ("tau", 100.0, "s"),
@@ -243,7 +230,7 @@ fn regress_commands_without_a_sensor_learn_nothing_from_it() {
         volts
     };
     let plain = volts("", &[]);
-    assert_eq!(volts("mains-hum", &hum), plain);
+    assert_eq!(volts("mains-hum", &HUM), plain);
     assert_eq!(volts("thermal-drift", &heat), plain);
 }
 

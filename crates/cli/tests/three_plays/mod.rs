@@ -37,3 +37,13 @@ pub(crate) fn model(weights: [f64; 3], effect: &str, parameters: &[Named]) -> St
 
 /// Weights whose loop rises everywhere, um/V.
 pub(crate) const RISING: [f64; 3] = [0.02, 0.02, 0.02];
+
+/// Hum of 20 nm with a third harmonic.
+pub(crate) const HUM: [Named; 6] = [
+    ("frequency", 50.0, "Hz"),
+    ("amplitude_1", 0.02, "um"),
+    ("amplitude_2", 0.0, "um"),
+    ("amplitude_3", 0.01, "um"),
+    ("amplitude_4", 0.0, "um"),
+    ("amplitude_5", 0.0, "um"),
+];

@@ -1,0 +1,108 @@
+//! Plays on their way along a voltage, by the widest vectors of the processor.
+
+use crate::basis::{Basis, PlayScales};
+use crate::effects::RateLaw;
+use hysteron_core::envelope::Envelope;
+
+/// Plays that move side by side: each one's next output waits for its last.
+pub(crate) const LANES: usize = 8;
+
+/// Plays on their way along a voltage.
+pub(crate) struct Moving<'m, V> {
+    pub thresholds: [f64; LANES],
+    pub outputs: [f64; LANES],
+    pub envelope: Envelope<f64>,
+    pub law: RateLaw,
+    pub stack_v: &'m [f64],
+    pub run_in: usize,
+    /// Samples of the grid a second.
+    pub per_s: f64,
+    pub visit: V,
+}
+
+/// What looks at plays on their way; compiled into the loop that moves them.
+pub(crate) trait Visit {
+    /// Outputs at a sample of the grid, and the voltage's rate there, volts per second.
+    fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]);
+}
+
+/// Adds the plays' part of the position; nothing where there is nothing to add it to.
+pub(crate) struct Sums<'v> {
+    pub basis: &'v Basis,
+    pub scales: &'v PlayScales<LANES>,
+    pub weights: &'v [[f64; LANES]; 3],
+    pub into: &'v mut [f64],
+}
+
+impl Visit for Sums<'_> {
+    #[inline(always)]
+    fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]) {
+        if let Some(sum) = self.into.get_mut(sample) {
+            let parts = self.basis.weighed(self.scales, self.weights, w, rate);
+            // In pairs, so that no sum waits for all the others.
+            let four: [f64; LANES / 2] = std::array::from_fn(|l| parts[l] + parts[l + LANES / 2]);
+            *sum += (four[0] + four[2]) + (four[1] + four[3]);
+        }
+    }
+}
+
+/// The same, and keeps all functions of the plays.
+pub(crate) struct Cells<'v> {
+    pub sums: Sums<'v>,
+    /// The samples that are kept, ascending; `None`: all.
+    pub only: Option<&'v [usize]>,
+    pub next: usize,
+    /// Plays that there are.
+    pub count: usize,
+    /// A series for each play and power, power by power.
+    pub series: &'v mut [Vec<f64>],
+}
+
+impl Visit for Cells<'_> {
+    #[inline(always)]
+    fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]) {
+        self.sums.at(sample, rate, w);
+        if self.only.is_some_and(|only| only.get(self.next) != Some(&sample)) {
+            return;
+        }
+        let functions = self.sums.basis.plays(self.sums.scales, w, rate);
+        for (of_power, own) in self.series.chunks_exact_mut(self.count).zip(functions) {
+            for (cells, value) in of_power.iter_mut().zip(own) {
+                cells[self.next] = value;
+            }
+        }
+        self.next += 1;
+    }
+}
+
+impl<V: Visit> pulp::NullaryFnOnce for Moving<'_, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(mut self) {
+        let Envelope { alpha_s, beta_s } = self.envelope;
+        let mut last = self.stack_v.first().copied().unwrap_or(0.0);
+        let mut w = self.outputs;
+        let mut advance = |input: f64, w: &mut [f64; LANES]| {
+            let rate = (input - last) * self.per_s;
+            last = input;
+            let speed = self.law.of(rate.abs());
+            let (left, right) = (input - alpha_s * speed, input + beta_s * speed);
+            for (w, threshold) in w.iter_mut().zip(self.thresholds) {
+                // Comparisons compile to selections where `max` and `min` must think of NaN.
+                let held = if *w > right { right } else { *w };
+                let left = left - threshold;
+                *w = if held < left { left } else { held };
+            }
+            rate
+        };
+        // After one whole period both extremes have been passed, and all memory from before is wiped out.
+        for &input in &self.stack_v[..self.run_in] {
+            advance(input, &mut w);
+        }
+        for (k, &input) in self.stack_v.iter().enumerate() {
+            let rate = advance(input, &mut w);
+            self.visit.at(k, rate, &w);
+        }
+    }
+}
