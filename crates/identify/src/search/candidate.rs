@@ -73,6 +73,10 @@ const HALVED: usize = 3;
 /// by a tenth.
 const LEAST_FALL: f64 = 0.1;
 
+/// A record without part in the fit is looked at from its start anew where a candidate leaves so many times the square that the chain
+/// without it leaves.
+const WORSE: f64 = 1.1;
+
 /// Records that are left with so many times their noise may have ended in another valley than the effect's.
 const MUCH: f64 = 10.0;
 
@@ -258,7 +262,7 @@ impl Search<'_> {
             // What outlasts records is taken for the state of the plays where it is missing: with it that is another.
             for _ in 0..effort.turns() {
                 let records = other_states.get_or_insert_with(|| self.records.clone());
-                let chosen = chosen_states(records, &best.fitted);
+                let chosen = chosen_states(records, &best.fitted, |_, record| record.fits);
                 if !start_in(records, &chosen) {
                     break;
                 }
@@ -267,13 +271,13 @@ impl Search<'_> {
             }
         }
         let records = other_states.as_deref().unwrap_or(&self.records);
-        let states = other_states
-            .is_some()
-            .then(|| records.iter().map(Prepared::initial).collect());
         let mut point = best.fitted;
         point.ridge = self.standing.fitted.ridge;
         let mut trial = judge(records, point, &self.standing.weights, self.noise_um, false);
-        trial.states = states;
+        let before = trial.left_um2.clone();
+        let worse = |i: usize| before[i] > WORSE * self.standing.left_um2[i];
+        let states = trial.start_held_out(records, |i| effect.outlasts_records() || worse(i));
+        trial.states = (states != self.states()).then_some(states);
         Ok(trial)
     }
 

@@ -83,10 +83,11 @@ impl<'a> Search<'a> {
         };
         let point = search.settled_point();
         search.standing = search.judged(point);
-        if search.choose_states() {
-            let point = search.settled_point();
-            search.standing = search.judged(point);
-        }
+        // Once more: the weights go by what is left, and the states by the plays.
+        search.choose_states();
+        let point = search.settled_point();
+        search.standing = search.judged(point);
+        search.start_held_out();
         Ok(search)
     }
 
@@ -154,6 +155,7 @@ impl<'a> Search<'a> {
             let point = self.settled_point();
             self.standing = self.judged(point);
         }
+        self.start_held_out();
     }
 
     fn descent(&self) -> Descent<'_> {
@@ -186,28 +188,39 @@ impl<'a> Search<'a> {
         trial::judge(&self.records, point, &self.standing.weights, self.noise_um, false)
     }
 
-    /// Chooses the state in which each record finds the plays under the standing chain; whether any changed.
+    /// Chooses the state in which each fitted record finds the plays under the standing chain; whether any changed.
     fn choose_states(&mut self) -> bool {
-        let chosen = chosen_states(&self.records, &self.standing.fitted);
+        let chosen = chosen_states(&self.records, &self.standing.fitted, |_, record| record.fits);
         start_in(&mut self.records, &chosen)
+    }
+
+    /// Puts the records without part in the fit into the states that the standing chain gives them.
+    fn start_held_out(&mut self) {
+        let states = self.standing.start_held_out(&self.records, |_| true);
+        start_in(&mut self.records, &states);
     }
 }
 
-/// The state in which each record finds the plays under a chain.
-fn chosen_states(records: &[Prepared<'_>], fitted: &Fitted) -> Vec<InitialState> {
+/// The state in which each record that is asked for finds the plays under a chain; the others stay in theirs.
+fn chosen_states(
+    records: &[Prepared<'_>],
+    fitted: &Fitted,
+    asked: impl Fn(usize, &Prepared<'_>) -> bool + Sync,
+) -> Vec<InitialState> {
     let dynamic = fitted.chain.dynamic();
-    records
-        .par_iter()
-        .map(|prepared| {
-            let record = prepared.record();
-            let guess = initial::guess(&record.voltage_v, &record.position_um);
-            initial::choose_by(guess, &record.position_um, |state| {
-                let trace = prepared.trace(dynamic).starting_at(state, dynamic);
-                let own = fitted.chain.settle(&fitted.coefficients, &trace);
-                fitted.chain.respond(&fitted.coefficients, &trace, &own)
-            })
+    let chosen = |(i, prepared): (usize, &Prepared<'_>)| {
+        if !asked(i, prepared) {
+            return prepared.initial();
+        }
+        let record = prepared.record();
+        let guess = initial::guess(&record.voltage_v, &record.position_um);
+        initial::choose_by(guess, &record.position_um, |state| {
+            let trace = prepared.trace(dynamic).starting_at(state, dynamic);
+            let own = fitted.chain.settle(&fitted.coefficients, &trace);
+            fitted.chain.respond(&fitted.coefficients, &trace, &own)
         })
-        .collect()
+    };
+    records.par_iter().enumerate().map(chosen).collect()
 }
 
 /// Puts records into states; whether any changed.

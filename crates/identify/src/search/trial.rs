@@ -1,5 +1,6 @@
 //! A fitted chain judged: what it leaves of each record, and what it would leave of a part that took no part in the fit.
 
+use super::chosen_states;
 use super::fitted::{Fitted, Look, Tangent};
 use super::records::Prepared;
 use super::system::within_bounds;
@@ -158,13 +159,14 @@ fn mean_square(residual: &DVector<f64>) -> f64 {
 /// Measured minus modelled at the rows of each record.
 fn residuals(records: &[Prepared<'_>], fitted: &Fitted) -> Vec<DVector<f64>> {
     let each = records.par_iter().enumerate();
-    each.map(|(i, record)| {
-        let modelled = fitted.modelled(record, i);
-        let measured = &record.record().position_um;
-        let left = record.rows.iter().map(|&k| measured[k] - modelled[k]);
-        DVector::from_iterator(record.rows.len(), left)
-    })
-    .collect()
+    each.map(|(i, record)| residual(record, i, fitted)).collect()
+}
+
+fn residual(record: &Prepared<'_>, i: usize, fitted: &Fitted) -> DVector<f64> {
+    let modelled = fitted.modelled(record, i);
+    let measured = &record.record().position_um;
+    let left = record.rows.iter().map(|&k| measured[k] - modelled[k]);
+    DVector::from_iterator(record.rows.len(), left)
 }
 
 fn conclude(
@@ -359,6 +361,31 @@ fn independent(residual: &[f64]) -> f64 {
 }
 
 impl Trial {
+    /// Chooses the states of the records without part in the fit under the chain of this trial, where they are asked for, and judges
+    /// these records in them; the states of all. Plays that a state of other coefficients has set aside shift such a record as a whole.
+    pub(super) fn start_held_out(
+        &mut self,
+        records: &[Prepared<'_>],
+        asked: impl Fn(usize) -> bool + Sync,
+    ) -> Vec<InitialState> {
+        let states = chosen_states(records, &self.fitted, |i, record| !record.fits && asked(i));
+        for (i, (record, &state)) in records.iter().zip(&states).enumerate() {
+            if state == record.initial() {
+                continue;
+            }
+            let mut record = record.clone();
+            record.start_in(state);
+            let residual = residual(&record, i, &self.fitted);
+            self.left_um2[i] = mean_square(&residual);
+            for part in self.parts.iter_mut().filter(|part| part.record == i) {
+                part.fitted_um2 = self.left_um2[i];
+                part.held_out_um2 = self.left_um2[i];
+                part.independent = independent(residual.as_slice());
+            }
+        }
+        states
+    }
+
     /// Family of the hysteresis.
     pub fn family(&self) -> Family {
         self.fitted.chain.design.family
