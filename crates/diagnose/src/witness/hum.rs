@@ -67,7 +67,9 @@ pub(crate) fn find(traces: &Traces, residuals: &[Vec<f64>], noise_um: f64) -> Op
         let t = &traces.each[i];
         let taken = lines(i, frequency_hz).of_the_mains();
         let length_s = (t.len() - t.from) as f64 * t.period_s;
-        let beside = beside(|f| lines(i, f).taken(), frequency_hz, length_s);
+        let aside =
+            |shift_hz: f64| Lines::fit_aside(&residuals[i][t.from..], t.period_s, frequency_hz, shift_hz).taken();
+        let beside = beside(aside, frequency_hz, length_s);
         let ratio = taken / beside.max(1e-3 * noise_um * noise_um);
         if ratio > CONTRAST {
             seen += 1;
@@ -99,12 +101,13 @@ fn candidates() -> impl Iterator<Item = f64> {
     [50.0, 60.0].into_iter().flat_map(nearby)
 }
 
-/// The largest power beside the lines by two resolutions of the record, on both sides: what is there without hum.
-fn beside(power: impl Fn(f64) -> f64, frequency_hz: f64, length_s: f64) -> f64 {
-    let aside = (2.0 / length_s).max(2.0);
-    [-2.0, -1.0, 1.0, 2.0]
-        .iter()
-        .map(|s| power(frequency_hz + s * aside))
+/// The largest power of the lines moved aside by two resolutions of the record and twice that, on both sides: what is there without hum.
+/// Half way between the lines is as far as they go: a short record's resolution reaches from one line to the next.
+fn beside(aside: impl Fn(f64) -> f64, frequency_hz: f64, length_s: f64) -> f64 {
+    let shift_hz = |times: f64| (times * (2.0 / length_s).max(2.0)).min(0.5 * frequency_hz);
+    [-shift_hz(2.0), -shift_hz(1.0), shift_hz(1.0), shift_hz(2.0)]
+        .into_iter()
+        .map(aside)
         .fold(0.0, f64::max)
 }
 
@@ -112,6 +115,8 @@ fn beside(power: impl Fn(f64) -> f64, frequency_hz: f64, length_s: f64) -> f64 {
 struct Lines {
     /// Angle of the fundamental a sample.
     omega: f64,
+    /// Angle a sample by which all lines are moved aside.
+    shift: f64,
     /// Cosine and sine of each harmonic.
     amplitudes: Vec<f64>,
     rows: usize,
@@ -122,6 +127,11 @@ struct Lines {
 
 impl Lines {
     fn fit(own: &[f64], period_s: f64, f: f64) -> Self {
+        Self::fit_aside(own, period_s, f, 0.0)
+    }
+
+    /// As [`Self::fit`], every line moved by the same frequency.
+    fn fit_aside(own: &[f64], period_s: f64, f: f64, shift_hz: f64) -> Self {
         // No more than 4000 rows, but at least 12 samples a period of the fundamental.
         let stride = (own.len() / 4000).clamp(1, ((1.0 / (12.0 * 60.0)) / period_s).max(1.0) as usize);
         let rows: Vec<usize> = (0..own.len()).step_by(stride).collect();
@@ -129,6 +139,7 @@ impl Lines {
         let mean = y.mean();
         let mut lines = Self {
             omega: std::f64::consts::TAU * f * period_s,
+            shift: std::f64::consts::TAU * shift_hz * period_s,
             amplitudes: Vec::new(),
             rows: rows.len(),
             stride,
@@ -160,7 +171,8 @@ impl Lines {
     /// Cosine and sine of each harmonic at a sample, each from the one before it.
     fn waves(&self, k: f64) -> impl Iterator<Item = f64> {
         let (sin, cos) = (self.omega * k).sin_cos();
-        std::iter::successors(Some((cos, sin)), move |&(c, s)| {
+        let (first_sin, first_cos) = ((self.omega + self.shift) * k).sin_cos();
+        std::iter::successors(Some((first_cos, first_sin)), move |&(c, s)| {
             Some((c * cos - s * sin, s * cos + c * sin))
         })
         .take(HARMONICS)
@@ -206,8 +218,8 @@ mod tests {
             return;
         }
         let lines = Lines::fit(own, period_s, frequency_hz);
-        let power = |f: f64| Lines::fit(own, period_s, f).taken();
-        if lines.of_the_mains() > CONTRAST * beside(power, frequency_hz, length_s) {
+        let aside = |shift_hz: f64| Lines::fit_aside(own, period_s, frequency_hz, shift_hz).taken();
+        if lines.of_the_mains() > CONTRAST * beside(aside, frequency_hz, length_s) {
             own.iter_mut().enumerate().for_each(|(k, y)| *y -= lines.at(k as f64));
         }
     }
@@ -237,6 +249,24 @@ mod tests {
         assert!(rms < 0.004, "{rms}");
         let quiet: Vec<f64> = (0..2500).map(noise).collect();
         assert_eq!(taken_out(&quiet, 2e-4), quiet);
+    }
+
+    /// Five periods of the mains tell its lines from those half way between them; noise shows none.
+    #[test]
+    fn val_a_hum_of_a_tenth_of_a_second_is_taken_out() {
+        let noise = |k: usize| ((k * 7919) % 1000) as f64 * 1e-5;
+        let hum = |k: usize| {
+            let t = k as f64 * 1e-4;
+            0.2 * (TAU * 50.02 * t + 0.4).sin() + 0.05 * (TAU * 100.04 * t).cos()
+        };
+        let spread = |own: &[f64]| {
+            let mean = own.iter().sum::<f64>() / own.len() as f64;
+            (own.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / own.len() as f64).sqrt()
+        };
+        let own: Vec<f64> = (0..1000).map(|k| noise(k) + hum(k)).collect();
+        assert!(spread(&taken_out(&own, 1e-4)) < 0.004);
+        let quiet: Vec<f64> = (0..1000).map(noise).collect();
+        assert_eq!(taken_out(&quiet, 1e-4), quiet);
     }
 
     /// 12 020 turns a minute are four times 50.08 Hz.
