@@ -59,6 +59,7 @@ pub fn decide(evidence: &Evidence, thresholds: &Thresholds) -> Decision {
         decision.share = found.map(|bend| bend.candidate.share.min(1.0));
         decision.verdict = Verdict::Effect(first.clone());
         decision.further = further.to_vec();
+        decision.set = alike_by_loops(evidence, first, thresholds);
         return decision;
     }
     if !named.is_empty() {
@@ -221,6 +222,17 @@ fn bent(evidence: &Evidence, thresholds: &Thresholds) -> Vec<EffectName> {
         return vec![EffectId::SensorNonlinearity.into()];
     }
     found.iter().map(|bend| bend.candidate.effect.clone()).collect()
+}
+
+/// What a bend cannot be told from by loops alone: another shape of them, and the other bend where it explains as much. Minor loops that
+/// are not congruent are a second witness of a bent position; a bent voltage has none.
+fn alike_by_loops(evidence: &Evidence, bend: &EffectName, thresholds: &Thresholds) -> Vec<EffectName> {
+    if *bend == EffectId::SensorNonlinearity && not_congruent(evidence, thresholds) {
+        return Vec::new();
+    }
+    let mut alike = vec![EffectId::HysteresisShape.into()];
+    alike.extend(bends(evidence, thresholds).into_iter().filter(|other| other != bend));
+    alike
 }
 
 /// Whether a bend of the position takes what the model's plays lack, and foretells besides what no hysteresis with congruent minor loops
@@ -488,28 +500,32 @@ mod tests {
         assert_eq!(of(2.0, 0.1, 0.45).verdict, Verdict::Nothing);
     }
 
+    /// Nothing but bends, and what minor loops say of a bent position.
+    fn bent_by(lacks: f64, each: [Bend; 2], congruent: Option<f64>) -> Evidence {
+        let errors = Before {
+            identify_percent: Some(0.1),
+            validate_percent: Some(0.1),
+        };
+        let mut evidence = evidence();
+        evidence.rounds = vec![Round::default()];
+        evidence.shape = Bends {
+            lacks_percent: Some(2.0),
+            fine_lacks_percent: lacks,
+            free_percent: 0.1,
+            each: each.into(),
+            both: None,
+            not_congruent: congruent.map(|statistic| Candidate {
+                errors,
+                ..candidate(EffectId::SensorNonlinearity, statistic, 0.5)
+            }),
+        };
+        evidence
+    }
+
     /// A bend of two numbers that foretells as the free shape does is more than a shape; each threshold on both sides.
     #[test]
     fn bva_bends_are_named_on_both_sides() {
-        let of = |lacks: f64, each: [Bend; 2], congruent: Option<f64>| {
-            let mut evidence = evidence();
-            evidence.rounds = vec![Round::default()];
-            evidence.shape = Bends {
-                lacks_percent: Some(2.0),
-                fine_lacks_percent: lacks,
-                free_percent: 0.1,
-                each: each.to_vec(),
-                both: None,
-                not_congruent: congruent.map(|statistic| Candidate {
-                    errors: Before {
-                        identify_percent: Some(0.1),
-                        validate_percent: Some(0.1),
-                    },
-                    ..candidate(EffectId::SensorNonlinearity, statistic, 0.5)
-                }),
-            };
-            verdict(&evidence)
-        };
+        let of = |lacks, each, congruent| verdict(&bent_by(lacks, each, congruent));
         let voltage = |left_percent: f64, over_free: f64| Bend {
             left_percent,
             ..bend(EffectId::Asymmetry, 0.99, over_free)
@@ -555,6 +571,29 @@ mod tests {
         // A bend of the voltage that foretells as the free shape does leaves no question to the minor loops.
         let told = [voltage(0.12, 1.0), position(0.96, -42.0)];
         assert_eq!(of(1.0, told, Some(0.6)), asymmetry);
+    }
+
+    /// A bend stands alone only where minor loops are its second witness.
+    #[test]
+    fn bva_a_bend_is_named_alone_with_a_second_witness_on_both_sides() {
+        let of = |each, congruent| {
+            let decision = decide(&bent_by(1.0, each, congruent), &Thresholds::DEFAULT);
+            (decision.verdict, decision.set)
+        };
+        let shape: EffectName = EffectId::HysteresisShape.into();
+        let position = || bend(EffectId::SensorNonlinearity, 0.95, 0.3);
+        let poor = || bend(EffectId::Asymmetry, 0.5, -9.0);
+        let sensor = named(EffectId::SensorNonlinearity);
+        assert_eq!(of([poor(), position()], Some(0.6)), (sensor.clone(), vec![]));
+        assert_eq!(
+            of([poor(), position()], Some(0.4)),
+            (sensor.clone(), vec![shape.clone()])
+        );
+        assert_eq!(of([poor(), position()], None), (sensor, vec![shape.clone()]));
+        let voltage = bend(EffectId::Asymmetry, 0.99, 0.5);
+        let as_good = bend(EffectId::SensorNonlinearity, 0.91, -9.0);
+        let both = vec![shape, EffectId::SensorNonlinearity.into()];
+        assert_eq!(of([voltage, as_good], None), (named(EffectId::Asymmetry), both));
     }
 
     #[test]
