@@ -225,12 +225,13 @@ fn bent(evidence: &Evidence, thresholds: &Thresholds) -> Vec<EffectName> {
 }
 
 /// What a bend cannot be told from by loops alone: another shape of them, and the other bend where it explains as much. Minor loops that
-/// are not congruent are a second witness of a bent position; a bent voltage has none.
+/// are not congruent are a second witness of a bent position against another shape; a bent voltage has none.
 fn alike_by_loops(evidence: &Evidence, bend: &EffectName, thresholds: &Thresholds) -> Vec<EffectName> {
-    if *bend == EffectId::SensorNonlinearity && not_congruent(evidence, thresholds) {
-        return Vec::new();
+    let witnessed = *bend == EffectId::SensorNonlinearity && not_congruent(evidence, thresholds);
+    let mut alike: Vec<EffectName> = Vec::new();
+    if !witnessed {
+        alike.push(EffectId::HysteresisShape.into());
     }
-    let mut alike = vec![EffectId::HysteresisShape.into()];
     alike.extend(bends(evidence, thresholds).into_iter().filter(|other| other != bend));
     alike
 }
@@ -590,6 +591,12 @@ mod tests {
             (sensor.clone(), vec![shape.clone()])
         );
         assert_eq!(of([poor(), position()], None), (sensor, vec![shape.clone()]));
+        let equal = || bend(EffectId::Asymmetry, 0.91, -9.0);
+        let asymmetry = vec![EffectId::Asymmetry.into()];
+        assert_eq!(
+            of([equal(), position()], Some(0.6)),
+            (named(EffectId::SensorNonlinearity), asymmetry)
+        );
         let voltage = bend(EffectId::Asymmetry, 0.99, 0.5);
         let as_good = bend(EffectId::SensorNonlinearity, 0.91, -9.0);
         let both = vec![shape, EffectId::SensorNonlinearity.into()];
