@@ -1,11 +1,13 @@
 //! The experiment protocol: the commands whose records a stage is identified for control from, and those records taken on a simulated
-//! stage.
+//! stage, or on one in a process.
 
 use crate::complete;
 use crate::design::{Controller, ReferenceKind};
 use crate::error::TrackingError;
+use crate::process::{self, ProcessStage};
 use crate::reference::{Reference, Shape, noise};
 use crate::run::seed_of;
+use crate::usable::usable;
 use hysteron_data::{Dataset, Known, Record, Role};
 use hysteron_identify::control::{self, ControlModel};
 use hysteron_plant::excitation::{BandNoise, Excitation, Multisine, Sine, with_rise};
@@ -46,7 +48,7 @@ pub fn campaign(
     seed: u64,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Campaign, TrackingError> {
-    let mut records = Dataset {
+    let records = Dataset {
         name: name.to_owned(),
         description: format!("campaign for control on the simulated stage {name}, seed {seed}"),
         known: Known {
@@ -64,19 +66,61 @@ pub fn campaign(
         top_v: stage.hysteresis.reference_v.min(stage.amplifier.max_v),
         seed,
     };
-    let play = |commands: Vec<Command>| -> Result<Vec<Record>, TrackingError> {
+    let play = |commands: Vec<Command>, _: &dyn Fn(f64)| -> Result<Vec<Record>, TrackingError> {
         commands.into_par_iter().map(|command| command.play(stage)).collect()
     };
-    records.records.extend(play(protocol.first()?)?);
-    progress(0.3);
-    let mut model = control::identify(&records)?;
-    for pass in 1..=TRAINING_PASSES {
-        records.records.extend(play(protocol.training(&model, pass)?)?);
-        model = control::identify(&records)?;
-        progress(0.3 + 0.7 * pass as f64 / TRAINING_PASSES as f64);
-    }
-    Ok(Campaign { records, model })
+    protocol.play(records, &play, progress)
 }
+
+/// Plays the protocol on a stage in a process, which each command starts anew; what comes back is checked before it is used.
+///
+/// `latency_s` is what the process lets pass between a command and its effect because a controller would; the half sample for which a
+/// command is held on average is added to it.
+///
+/// # Errors
+/// A process that cannot be started, falls silent, ends or answers with anything but a number; positions that are of no use, each with its
+/// reason; records from which the stage cannot be identified.
+///
+/// # Cost
+/// At 50 kHz 0.8 million answers of the process; three identifications of about a second each.
+pub fn on_process(
+    stage: &ProcessStage,
+    protocol: &Protocol,
+    latency_s: f64,
+    progress: &dyn Fn(f64),
+) -> Result<Campaign, TrackingError> {
+    let records = Dataset {
+        name: "process".to_owned(),
+        description: format!(
+            "campaign for control on the process `{}`, seed {}",
+            stage.command, protocol.seed
+        ),
+        known: Known {
+            delay_s: Some(latency_s + 0.5 * protocol.period_s),
+            voltage_min_v: Some(0.0),
+            voltage_max_v: Some(protocol.top_v),
+            ..Known::default()
+        },
+        ..Dataset::default()
+    };
+    let play = |commands: Vec<Command>, progress: &dyn Fn(f64)| -> Result<Vec<Record>, TrackingError> {
+        let total = commands.len() as f64;
+        let mut came_back = Dataset::default();
+        // One after the other: behind the process there may be a stage that is there once.
+        for command in &commands {
+            came_back.records.push(command.on_process(stage)?);
+            progress(came_back.records.len() as f64 / total);
+        }
+        usable(&commands, &came_back).map_err(|wrong| TrackingError::Unusable {
+            wrong,
+            asked: commands.len(),
+        })
+    };
+    protocol.play(records, &play, progress)
+}
+
+/// What takes the records of commands, and says how far it is.
+type Play<'a> = dyn Fn(Vec<Command>, &dyn Fn(f64)) -> Result<Vec<Record>, TrackingError> + 'a;
 
 /// A command, to be played to a stage that was cycled and rests at 0 V.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,6 +158,22 @@ impl Command {
             voltage2_v: None,
         })
     }
+
+    /// What a process answers to all of it: beside each command the reading of the instant at which it goes out.
+    fn on_process(&self, stage: &ProcessStage) -> Result<Record, TrackingError> {
+        Ok(Record {
+            file: self.file.clone(),
+            role: Role::Identify,
+            excitation: self.words.clone(),
+            start_s: 0.0,
+            period_s: self.period_s,
+            voltage_v: self.voltage_v.clone(),
+            position_um: process::readings(stage, self.period_s, &self.voltage_v)?,
+            reference_um: None,
+            temperature_c: None,
+            voltage2_v: None,
+        })
+    }
 }
 
 /// What the commands are made for.
@@ -128,6 +188,26 @@ pub struct Protocol {
 }
 
 impl Protocol {
+    /// What is played before anything is known, then the passes of training, each with the inverse identified so far.
+    fn play(&self, mut records: Dataset, play: &Play<'_>, progress: &dyn Fn(f64)) -> Result<Campaign, TrackingError> {
+        const FIRST: f64 = 0.3;
+        records
+            .records
+            .extend(play(self.first()?, &|share| progress(FIRST * share))?);
+        progress(FIRST);
+        let mut model = control::identify(&records)?;
+        for pass in 1..=TRAINING_PASSES {
+            let so_far = |share: f64| FIRST + (1.0 - FIRST) * (pass as f64 - 1.0 + share) / TRAINING_PASSES as f64;
+            let commands = self.training(&model, pass)?;
+            records
+                .records
+                .extend(play(commands, &|share| progress(so_far(share)))?);
+            model = control::identify(&records)?;
+            progress(so_far(1.0));
+        }
+        Ok(Campaign { records, model })
+    }
+
     /// A seed of its own for each record.
     fn seed_of(&self, number: u64) -> u64 {
         seed_of(self.seed, number)

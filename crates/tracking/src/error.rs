@@ -39,6 +39,14 @@ pub enum TrackingError {
     /// A wish for a design that makes no sense, in words.
     #[error("{0}")]
     Wish(String),
+    /// Records that cannot be used.
+    #[error("{} of {asked} records cannot be used:\n{}", wrong.len(), wrong.join("\n"))]
+    Unusable {
+        /// A sentence for each.
+        wrong: Vec<String>,
+        /// How many commands were played.
+        asked: usize,
+    },
     /// A reference that is not finite.
     #[error("reference_um[{index}] = {value} is not finite; give micrometres")]
     Reference {

@@ -238,6 +238,21 @@ fn shown(found: &str) -> String {
     found.chars().take(40).flat_map(char::escape_debug).collect()
 }
 
+/// The readings of a stage in a process that rests at 0 V and then gets these commands: each of the instant at which its command goes out.
+///
+/// # Errors
+/// A process that cannot be started, falls silent, ends or answers with anything but a number.
+pub(crate) fn readings(stage: &ProcessStage, period_s: f64, voltage_v: &[f64]) -> Result<Vec<f64>, ProcessError> {
+    let (mut process, mut measured) = Process::start(stage, period_s)?;
+    let mut position_um = Vec::with_capacity(voltage_v.len());
+    for &command_v in voltage_v {
+        position_um.push(measured);
+        measured = process.step(command_v)?;
+    }
+    process.finish()?;
+    Ok(position_um)
+}
+
 /// Runs a controller, open and closed, on a stage in a process along the references that repeat; each run starts the process anew.
 ///
 /// # Errors

@@ -300,6 +300,110 @@ fn val_a_stage_in_a_process_is_tracked_as_its_model_is() {
     }
 }
 
+/// The whole campaign on another program's stage: the records are its answers, and the chain identified from them tracks on it.
+#[test]
+fn val_a_stage_in_a_process_is_recorded_and_tracked() {
+    if !python() {
+        return;
+    }
+    let folder = Folder::empty();
+    // A first-order lag behind the plays: 100 us.
+    let lagged = STAGE
+        .replace("import sys\n", "import sys, math\n")
+        .replace(
+            "plays =",
+            "share = 1.0 - math.exp(-period_s / 100e-6)\nat = 0.0\nplays =",
+        )
+        .replace("print(y, flush", "at += share * (y - at)\n    print(at, flush");
+    folder.write("stage.py", &lagged);
+    let campaign = [
+        "campaign",
+        "--process",
+        "python3 stage.py",
+        "--timeout",
+        "30",
+        "--top-v",
+        "100",
+        "--rate-hz",
+        "10000",
+        "-o",
+        "records",
+    ];
+    let said = folder.said(&campaign);
+    assert!(
+        said.contains("frf-small.csv") && said.contains("training2-harmonics-079hz.csv"),
+        "{said}"
+    );
+    let misses = said.split("misses the commands by ").nth(1).unwrap();
+    let misses: f64 = misses.split_whitespace().next().unwrap().parse().unwrap();
+    // Twelve plays stand for three: the sixth of a play's width that is left is 0.2 % of the range.
+    assert!(misses < 0.5, "{said}");
+    let [volts, positions] = folder.columns("records/large-023hz.csv", ["voltage_v", "position_um"]);
+    let (mut plays, mut at_um) = ([0.0_f64; 3], 0.0);
+    for (k, (&volts, &position_um)) in volts.iter().zip(&positions).enumerate() {
+        // A reading, then the command of the same instant.
+        assert!((position_um - at_um).abs() < 1e-6, "row {k}: {position_um}, {at_um}");
+        let mut due_um = 0.06 * volts;
+        for (play, half_width_v) in plays.iter_mut().zip([4.0, 15.0, 40.0]) {
+            *play = (volts - half_width_v).max(play.min(volts + half_width_v));
+            due_um += 0.02 * *play;
+        }
+        at_um += -(-1e-4_f64 / 100e-6).exp_m1() * (due_um - at_um);
+    }
+    let manifest = std::fs::read_to_string(folder.path().join("records/dataset.toml")).unwrap();
+    // Half a sample: for so long a command is held on average.
+    assert!(
+        manifest.contains("delay_s = 0.00005") || manifest.contains("delay_s = 5e-5"),
+        "{manifest}"
+    );
+    folder.refuses(&campaign, &["already", "records"]);
+    folder.said(&["design", "records", "--open", "-o", "controller.toml"]);
+    let answer = folder.said(&["track", "controller.toml", "--json", "--process", "python3 stage.py"]);
+    let answer: serde_json::Value = serde_json::from_str(&answer).unwrap();
+    let slow = &answer["rows"][0];
+    assert!(slow["found_percent"].as_f64().unwrap() < 0.5, "{answer}");
+}
+
+/// A sensor at its end, one that stands still, and options that do not go together.
+#[test]
+fn refuse_campaigns_on_processes_that_tell_nothing() {
+    if !python() {
+        return;
+    }
+    let folder = Folder::empty();
+    let asked = |file: &str| {
+        [
+            "campaign",
+            "--process",
+            &format!("python3 {file}"),
+            "--timeout",
+            "30",
+            "--top-v",
+            "100",
+            "--rate-hz",
+            "1000",
+            "-o",
+            "records",
+        ]
+        .map(str::to_owned)
+    };
+    for (file, last, words) in [
+        ("still.py", "print(1.5, flush", ["7 of 7 records cannot be used"]),
+        ("clipped.py", "print(min(y, 3.0), flush", ["stands at 3 um for"]),
+    ] {
+        folder.write(file, &STAGE.replace("print(y, flush", last));
+        let asked = asked(file);
+        folder.refuses(&asked.iter().map(String::as_str).collect::<Vec<_>>(), &words);
+        assert!(!folder.path().join("records").exists());
+    }
+    let options = ["campaign", "--top-v", "100", "--rate-hz", "1000", "-o", "records"];
+    folder.refuses(
+        &[&options[..], &["--latency-us", "3"]].concat(),
+        &["--recorded DATASET or --process COMMAND"],
+    );
+    folder.refuses(&["campaign", "--process", "python3", "-o", "records"], &["--top-v"]);
+}
+
 /// Processes that are none: what is wrong, at which line, and what to do.
 #[test]
 fn refuse_processes_that_do_not_answer() {

@@ -1,8 +1,8 @@
-//! `hysteron campaign`: on a simulated stage, by a board at a real one, or as files for one's own.
+//! `hysteron campaign`: on a simulated stage, by a board at a real one, on a stage in a process, or as files for one's own.
 
 use crate::commands::board::known_delay_line;
 use crate::commands::control::campaign_on_board::{self, Asked};
-use crate::commands::control::{range_um, stage};
+use crate::commands::control::{on_process::stage as process_stage, range_um, stage};
 use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
@@ -10,7 +10,8 @@ use crate::{output, progress};
 use clap::Args;
 use hysteron_data::{Dataset, Overwrite, Record, write_dataset};
 use hysteron_identify::control::identify;
-use hysteron_tracking::campaign::{Command, Protocol, TRAINING_PASSES, campaign};
+use hysteron_tracking::TrackingError;
+use hysteron_tracking::campaign::{Campaign, Command, Protocol, TRAINING_PASSES, campaign, on_process};
 use hysteron_tracking::usable::usable;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -26,6 +27,8 @@ use std::path::{Path, PathBuf};
     hysteron import recorded/*.csv -o back                                 # same names, with position_um\n  \
     hysteron campaign --top-v 150 --rate-hz 50000 --recorded back --latency-us 30 -o records    # checks; writes records/next\n\n\
     Play what is in records/next, import all of it again, and so on until nothing more is asked for.\n\n\
+    On a stage of your own as a process that reads volts and writes positions, all of it at once:\n  \
+    hysteron campaign --process 'python3 stage.py' --top-v 150 --rate-hz 50000 -o records\n\n\
     By a board that runs this firmware, with any table, at a stage that has rested at 0 V; sines, minor loops, multisine, noise, holds\n\
     in references of 256 points, 48 s of records and the rests between them:\n  \
     hysteron campaign --board localhost:9090 --range 0.5,14 -o records\n  \
@@ -44,6 +47,13 @@ pub(crate) struct CampaignArgs {
     /// A board instead, which plays the references and reads the sensor: server of its telemetry's RTT channel 1
     #[arg(long, value_name = "HOST:PORT", conflicts_with = "top_v")]
     pub board: Option<String>,
+    /// A stage of your own in any language instead: a program, with its arguments, that reads volts and writes positions, a line each; see
+    /// docs/reference/process.md
+    #[arg(long, value_name = "COMMAND", conflicts_with_all = ["stage", "board", "recorded"], requires = "top_v")]
+    pub process: Option<String>,
+    /// Longest wait for an answer of the process, seconds
+    #[arg(long, value_name = "S", default_value_t = 10.0, requires = "process")]
+    pub timeout: f64,
     /// Which of the board's tables runs, from 0 on; 0 where it is not given
     #[arg(long, requires_all = ["board", "range"])]
     pub bank: Option<u8>,
@@ -72,8 +82,8 @@ pub(crate) struct CampaignArgs {
     /// What came back: a dataset with a record of each command, under the command's name
     #[arg(long, value_name = "DATASET", requires = "top_v")]
     pub recorded: Option<PathBuf>,
-    /// Latency of your controller from reading to command, microseconds, where the dataset does not say it
-    #[arg(long, value_name = "US", requires = "recorded")]
+    /// Latency of your controller from reading to command, microseconds: where the dataset does not say it, or where the process has it
+    #[arg(long, value_name = "US", requires = "top_v")]
     pub latency_us: Option<f64>,
     /// Seed of the noise, and of excitations that are random
     #[arg(long, default_value_t = 1)]
@@ -100,9 +110,14 @@ pub(crate) fn run(args: &CampaignArgs) -> Result<Done, CliError> {
                 top_v,
                 seed: args.seed,
             };
-            match &args.recorded {
-                None => plan(args, &protocol),
-                Some(recorded) => came_back(args, &protocol, recorded),
+            match (&args.process, &args.recorded) {
+                (Some(command), _) => in_a_process(args, &protocol, command),
+                (None, Some(recorded)) => came_back(args, &protocol, recorded),
+                (None, None) if args.latency_us.is_some() => Err(CliError::Option(
+                    "--latency-us belongs to what was recorded: give --recorded DATASET or --process COMMAND"
+                        .to_owned(),
+                )),
+                (None, None) => plan(args, &protocol),
             }
         }
         // What clap has refused already.
@@ -127,6 +142,21 @@ fn simulated(args: &CampaignArgs, name: &str) -> Result<Done, CliError> {
     let bar = progress::bar("recording");
     let done = campaign(name, &stage, args.seed, &|share| progress::advance(&bar, share))?;
     bar.finish_and_clear();
+    complete(args, &done)
+}
+
+fn in_a_process(args: &CampaignArgs, protocol: &Protocol, command: &str) -> Result<Done, CliError> {
+    let latency_s = latency_s(args)?.unwrap_or(0.0);
+    output::refuse_to_replace(&args.output, args.overwrite)?;
+    let stage = process_stage(command, args.timeout)?;
+    let bar = progress::bar("recording on the process");
+    let done = on_process(&stage, protocol, latency_s, &|share| progress::advance(&bar, share))?;
+    bar.finish_and_clear();
+    complete(args, &done)
+}
+
+/// Writes a campaign with all its passes.
+fn complete(args: &CampaignArgs, done: &Campaign) -> Result<Done, CliError> {
     write_dataset(&done.records, &args.output, overwrite(args))?;
     let folder = args.output.display();
     output::print(&format!(
@@ -135,6 +165,14 @@ fn simulated(args: &CampaignArgs, name: &str) -> Result<Done, CliError> {
         misses(done.model.misfit_percent)
     ))?;
     Ok(Done::Answered)
+}
+
+/// The latency that was given.
+fn latency_s(args: &CampaignArgs) -> Result<Option<f64>, CliError> {
+    if let Some(latency_us) = args.latency_us {
+        within("--latency-us", latency_us, [0.0, 1e4], "us")?;
+    }
+    Ok(args.latency_us.map(|latency_us| 1e-6 * latency_us))
 }
 
 fn by_a_board(args: &CampaignArgs, from: &str) -> Result<Done, CliError> {
@@ -219,18 +257,12 @@ fn again(args: &CampaignArgs, recorded: &str) -> String {
 
 /// Checks what came back, identifies, and asks for the next pass until both are there.
 fn came_back(args: &CampaignArgs, protocol: &Protocol, folder: &Path) -> Result<Done, CliError> {
-    if let Some(latency_us) = args.latency_us {
-        within("--latency-us", latency_us, [0.0, 1e4], "us")?;
-    }
+    let latency_s = latency_s(args)?;
     let recorded = load::dataset(folder)?;
     let checked = |commands: &[Command]| {
-        usable(commands, &recorded).map_err(|wrong| {
-            CliError::Option(format!(
-                "{} of {} records cannot be used:\n{}",
-                wrong.len(),
-                commands.len(),
-                wrong.join("\n")
-            ))
+        usable(commands, &recorded).map_err(|wrong| TrackingError::Unusable {
+            wrong,
+            asked: commands.len(),
         })
     };
     let mut dataset = Dataset {
@@ -240,9 +272,7 @@ fn came_back(args: &CampaignArgs, protocol: &Protocol, folder: &Path) -> Result<
         records: checked(&protocol.first()?)?,
         ..Dataset::default()
     };
-    if let Some(latency_us) = args.latency_us {
-        dataset.known.delay_s = Some(1e-6 * latency_us);
-    }
+    dataset.known.delay_s = latency_s.or(dataset.known.delay_s);
     if dataset.known.delay_s.is_none() {
         return Err(CliError::Option(
             "the latency of your controller, from reading to command, is not known: give --latency-us, or delay_s under [known] in \
