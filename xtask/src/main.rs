@@ -23,8 +23,10 @@ usage: cargo xtask <command>
           mdbook in target/book; --write brings the output in the pages up to date, --fast leaves slow blocks out, --no-html
           builds no book, --program FILE takes this program instead of building it
   prose   print how README, ARCHITECTURE and book read: what, it, that in 1000 words, sentences above 30 and 40 words; takes files
-  python  build the Python package into target/python and run its tests; --fleet runs those on a local Ray and Dask cluster
+  python  build the Python package into target/python and run its tests; --fleet runs those on a local Ray and Dask cluster,
+          --wheel builds the wheel for release, installs it into an empty environment and runs the README's session there
   msrv    check the workspace with the oldest Rust that it promises, which rustup installs
+  package pack the crates that others can build on as a registry takes them
   dist    build the program without debugging information and pack it with licences and README in target/dist
   bench   print the figures of the book: cargo bench over the workspace
   calibrate   verdicts on hundreds of simulated stages with hidden effects, as the book quotes them; takes cases an
@@ -61,6 +63,7 @@ fn main() -> ExitCode {
         Some("prose") => prose::prose(&words.collect::<Vec<_>>()),
         Some("python") => python::python(&words.collect::<Vec<_>>()),
         Some("msrv") => release::msrv(),
+        Some("package") => release::package(),
         Some("dist") => release::dist(),
         Some("benchmark") => example("benchmark", &words.collect::<Vec<_>>()),
         Some("firmware") => firmware(words.next().as_deref(), &words.collect::<Vec<_>>()),
@@ -147,6 +150,7 @@ fn test() -> Result<(), String> {
     firmware_boards::boards()?;
     // No member of the workspace: its tests run on the host all the same.
     cargo(&["test", "--package", "hysteron-firmware", "--locked"])?;
+    release::package()?;
     tests::tests()?;
     docs::check()
 }

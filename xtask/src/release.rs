@@ -1,4 +1,4 @@
-//! `cargo xtask msrv` and `cargo xtask dist`: the oldest Rust, and an archive of the program.
+//! `cargo xtask msrv`, `package` and `dist`: the oldest Rust, the crates for a registry, and an archive of the program.
 
 use crate::{cargo, output, run, targets};
 use std::fs;
@@ -15,6 +15,64 @@ pub(crate) fn msrv() -> Result<(), String> {
         "rustup",
         &["run", &version, "cargo", "check", "--workspace", "--locked"],
     )
+}
+
+/// The crates that others can build on, each after those that it needs: the core, the records, the fit, and what the wheel is made of.
+const CRATES: [&str; 13] = [
+    "core",
+    "data",
+    "effects",
+    "acquisition",
+    "plant",
+    "identify",
+    "table",
+    "diagnose",
+    "challenge",
+    "report",
+    "tracking",
+    "capi",
+    "python",
+];
+
+/// Packs the crates as a registry takes them, and checks that each says what it is.
+///
+/// What is packed is not built again: until the first of them is in a registry, cargo finds the others by their folders only.
+pub(crate) fn package() -> Result<(), String> {
+    let metadata = output("cargo", &["metadata", "--format-version", "1", "--no-deps", "--locked"])?;
+    let metadata: serde_json::Value = serde_json::from_str(&metadata).map_err(|error| format!("cargo: {error}"))?;
+    let mut command = vec![
+        "package",
+        "--no-verify",
+        "--exclude-lockfile",
+        "--allow-dirty",
+        "--quiet",
+    ];
+    let names = CRATES.map(|name| format!("hysteron-{name}"));
+    for name in &names {
+        let packages = metadata["packages"].as_array().into_iter().flatten();
+        let about = packages.into_iter().find(|package| package["name"] == name.as_str());
+        let about = about.ok_or_else(|| format!("{name}: no such crate"))?;
+        for field in [
+            "description",
+            "license",
+            "readme",
+            "keywords",
+            "categories",
+            "rust_version",
+        ] {
+            if about[field].as_str().is_none_or(str::is_empty) && about[field].as_array().is_none_or(Vec::is_empty) {
+                return Err(format!("{name}: its manifest says no {field}"));
+            }
+        }
+        command.extend(["--package", name]);
+    }
+    cargo(&command)?;
+    println!(
+        "{} crates packed in {}",
+        names.len(),
+        targets().join("package").display()
+    );
+    Ok(())
 }
 
 /// Builds the profile `dist`, packs it, and writes the archive's SHA-256 beside it.
