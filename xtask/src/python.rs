@@ -9,17 +9,30 @@ use std::process::Command;
 const PACKAGE: &str = "crates/python";
 
 /// What the tests need. Pictures and tables are tested with the libraries that draw and hold them.
-const NEEDED: [&str; 6] = ["numpy", "pytest", "matplotlib", "pandas", "pyarrow", "tqdm"];
+const NEEDED: [&str; 8] = [
+    "numpy",
+    "pytest",
+    "matplotlib",
+    "pandas",
+    "pyarrow",
+    "tqdm",
+    "nbclient",
+    "ipykernel",
+];
 
 /// What fleets on a cluster need.
 const CLUSTERS: [&str; 2] = ["ray", "distributed"];
+
+/// What builds a wheel.
+const BUILDER: &str = "maturin>=1.9,<2";
 
 /// Builds and tests the package alone.
 pub(crate) fn python(words: &[String]) -> Result<(), String> {
     let fleet = match words {
         [] => false,
         [word] if word == "--fleet" => true,
-        other => return Err(format!("python: {other:?} is not known; there is --fleet")),
+        [word] if word == "--wheel" => return wheel(),
+        other => return Err(format!("python: {other:?} is not known; there are --fleet and --wheel")),
     };
     install_python()?;
     cargo(&["build", "--workspace", "--locked"])?;
@@ -53,6 +66,7 @@ fn test(fleet: bool, counts: &mut Counts) -> Result<(), String> {
         .args(["-m", "pytest", "--quiet", "--no-header", "-rs", "--color=no"])
         .args(["-m", if fleet { "cluster" } else { "not cluster" }])
         .env("HYSTERON_PROGRAM", absolute(&targets().join("debug/hysteron"))?)
+        .env("HYSTERON_CAPI", absolute(&library("hysteron_capi"))?)
         .env("PYTHONPATH", package)
         .current_dir(PACKAGE);
     counts.pytest(pytest);
@@ -75,6 +89,65 @@ fn environment(fleet: bool) -> Result<PathBuf, String> {
     Ok(python)
 }
 
+/// Builds the wheel as users get it, installs it into an empty environment, and runs the README's session there.
+///
+/// A release build of what the package is made of: minutes, so that the tests of every change run what [`lay_out`] lays out.
+fn wheel() -> Result<(), String> {
+    install_python()?;
+    let builder = environment(false)?.display().to_string();
+    run(
+        &builder,
+        &[
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            BUILDER,
+        ],
+    )?;
+    let folder = absolute(&targets().join("wheel"))?;
+    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+    // The environment of the last time, and its wheel.
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder).map_err(failed)?;
+    }
+    let folder_text = folder.display().to_string();
+    let manifest = format!("{PACKAGE}/Cargo.toml");
+    run(
+        &builder,
+        &[
+            "-m",
+            "maturin",
+            "build",
+            "--locked",
+            "-m",
+            &manifest,
+            "-o",
+            &folder_text,
+        ],
+    )?;
+    let built = std::fs::read_dir(&folder).map_err(failed)?.next();
+    let built = built.ok_or("maturin built no wheel")?.map_err(failed)?.path();
+    let empty = folder.join("empty");
+    run("python3", &["-m", "venv", &empty.display().to_string()])?;
+    let python = empty.join("bin/python").display().to_string();
+    let with_pictures = format!("{}[plot]", built.display());
+    run(
+        &python,
+        &[
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            &with_pictures,
+        ],
+    )?;
+    let session = format!("{PACKAGE}/tests/first_session.py");
+    run(&python, &[&session, "README.md", "LICENSE-MIT", "LICENSE-APACHE"])
+}
+
 /// The package as a wheel has it: its Python files, and the module beside them.
 fn lay_out() -> Result<PathBuf, String> {
     let package = absolute(&targets().join("python/package"))?;
@@ -87,13 +160,14 @@ fn lay_out() -> Result<PathBuf, String> {
             std::fs::copy(&path, folder.join(name)).map_err(failed)?;
         }
     }
-    let built = targets().join("debug").join(format!(
-        "{}_hysteron{}",
-        std::env::consts::DLL_PREFIX,
-        std::env::consts::DLL_SUFFIX
-    ));
-    std::fs::copy(built, folder.join("_hysteron.abi3.so")).map_err(failed)?;
+    std::fs::copy(library("_hysteron"), folder.join("_hysteron.abi3.so")).map_err(failed)?;
     Ok(package)
+}
+
+/// A library that cargo built for other languages.
+fn library(name: &str) -> PathBuf {
+    let (prefix, suffix) = (std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
+    targets().join("debug").join(format!("{prefix}{name}{suffix}"))
 }
 
 fn absolute(path: &Path) -> Result<PathBuf, String> {

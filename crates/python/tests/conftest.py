@@ -5,6 +5,7 @@ import os
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import hysteron
@@ -18,6 +19,16 @@ def stage():
 @pytest.fixture(scope="session")
 def model(stage):
     return hysteron.fit(stage, "mpi")
+
+
+@pytest.fixture(scope="session")
+def loop_model():
+    """Of two slow records, whose hysteresis inverts."""
+    fs = 50e3
+    u = 13 - 13 * np.cos(2 * np.pi * 20 * np.arange(7500) / fs)
+    data = hysteron.simulate("paper-rate", u, fs)
+    data.append(0.5 * u, hysteron.simulate("paper-rate", 0.5 * u, fs)[0].y, fs)
+    return hysteron.fit(data, "mpi")
 
 
 @pytest.fixture(scope="session")

@@ -7,18 +7,8 @@ import hysteron
 
 
 @pytest.fixture(scope="module")
-def model():
-    """Of two slow records, whose hysteresis inverts."""
-    fs = 50e3
-    u = 13 - 13 * np.cos(2 * np.pi * 20 * np.arange(7500) / fs)
-    data = hysteron.simulate("paper-rate", u, fs)
-    data.append(0.5 * u, hysteron.simulate("paper-rate", 0.5 * u, fs)[0].y, fs)
-    return hysteron.fit(data, "mpi")
-
-
-@pytest.fixture(scope="module")
-def controller(model):
-    return hysteron.design(model, volts=(0.0, 26.0), open=True)
+def controller(loop_model):
+    return hysteron.design(loop_model, volts=(0.0, 26.0), open=True)
 
 
 @pytest.fixture(scope="module")
@@ -62,14 +52,14 @@ def test_val_a_file_is_the_same_controller(controller, reference, tmp_path):
     assert "open loop" in repr(again) and again.feedback is None and again.volts == (0.0, 26.0)
 
 
-def test_val_a_design_is_the_programs(controller, model, program, tmp_path):
-    model.save(tmp_path / "model.toml")
+def test_val_a_design_is_the_programs(controller, loop_model, program, tmp_path):
+    loop_model.save(tmp_path / "model.toml")
     program(tmp_path, "design", "model.toml", "--volts", "0,26", "--open", "-o", "program.toml", "--json")
     controller.save(tmp_path / "package.toml")
     assert (tmp_path / "package.toml").read_bytes() == (tmp_path / "program.toml").read_bytes()
 
 
-def test_refuse_designs_and_inputs_in_words(controller, model, tmp_path):
+def test_refuse_designs_and_inputs_in_words(controller, loop_model, tmp_path):
     for words, wish in [
         ("margin 9", {"margin": 9.0}),
         ("two voltages, the lower first", {"volts": (5.0, 1.0)}),
@@ -77,7 +67,7 @@ def test_refuse_designs_and_inputs_in_words(controller, model, tmp_path):
         ("leaves|beyond", {"volts": (0.0, 200.0)}),
     ]:
         with pytest.raises(hysteron.Error, match=words):
-            hysteron.design(model, **wish)
+            hysteron.design(loop_model, **wish)
     with pytest.raises(hysteron.Error, match='law "f16": there are "f32" and "f64"'):
         controller.law("f16")
     with pytest.raises(hysteron.Error, match="arrays of 2 and of 3 samples"):

@@ -14,6 +14,7 @@ import uuid
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Literal
@@ -21,7 +22,10 @@ from typing import Any, Literal
 from ._hysteron import Error, Model, __version__, compare, diagnose, fit, learn, read
 
 Engine = Literal["local", "ray", "dask"]
-Work = Literal["learn", "diagnose"]
+Work = Literal["learn", "diagnose", "fit"]
+
+# Tasks that a cluster holds at a time: enough for hundreds of workers, few enough for any scheduler's memory.
+IN_FLIGHT = 2000
 
 # Columns of the table.
 COLUMNS = (
@@ -47,14 +51,14 @@ def run(
     address: str | None = None,
     **options: Any,
 ) -> Path:
-    """Learns or diagnoses each dataset, and gives the path of the table with a row for each.
+    """Learns, diagnoses or fits each dataset, and gives the path of the table with a row for each.
 
     ``out`` is a folder that all workers see. ``workers`` is the number of processes here; ``address`` is that of a
-    cluster, else one is started on this machine. ``options`` go to `hysteron.learn`, or, with ``work="diagnose"``, to
-    `hysteron.fit` for the model that is diagnosed. A dataset that cannot be read or fitted is a row with its error.
+    cluster, else one is started on this machine. ``options`` go to `hysteron.learn`, or, with ``work="diagnose"`` and
+    ``work="fit"``, to `hysteron.fit`. A dataset that cannot be read or fitted is a row with its error.
     """
-    if work not in ("learn", "diagnose"):
-        raise Error(f"work {work!r}: there are 'learn' and 'diagnose'")
+    if work not in ("learn", "diagnose", "fit"):
+        raise Error(f"work {work!r}: there are 'learn', 'diagnose' and 'fit'")
     engines = {"local": _local, "ray": _ray, "dask": _dask}
     if engine not in engines:
         raise Error(f"engine {engine!r}: there are {', '.join(map(repr, engines))}")
@@ -129,11 +133,10 @@ def _answer(path: str, work: str, options: dict[str, Any]) -> dict[str, Any]:
         answer = learned.to_dict()
         return {"diagnosis": answer.pop("diagnosis"), "learned": answer, "model": learned.model.to_toml()}
     model: Model = fit(dataset, progress=False, **options)
-    return {
-        "compared": compare(dataset, model, progress=False).to_dict(),
-        "diagnosis": diagnose(dataset, model, progress=False).to_dict(),
-        "model": model.to_toml(),
-    }
+    answer = {"compared": compare(dataset, model, progress=False).to_dict(), "model": model.to_toml()}
+    if work == "diagnose":
+        answer["diagnosis"] = diagnose(dataset, model, progress=False).to_dict()
+    return answer
 
 
 def _local(tasks: list[Any], workers: int | None, address: str | None) -> Iterator[str]:
@@ -154,9 +157,11 @@ def _ray(tasks: list[Any], workers: int | None, address: str | None) -> Iterator
     if not ray.is_initialized():
         ray.init(address=address, num_cpus=None if address else workers, include_dashboard=False)
     remote = ray.remote(max_retries=3)(_do)
-    waiting = [remote.remote(task) for task in tasks]
+    to_come = iter(tasks)
+    waiting = [remote.remote(task) for task in islice(to_come, IN_FLIGHT)]
     while waiting:
         done, waiting = ray.wait(waiting)
+        waiting += [remote.remote(task) for task in islice(to_come, len(done))]
         yield from ray.get(done)
 
 
@@ -166,8 +171,12 @@ def _dask(tasks: list[Any], workers: int | None, address: str | None) -> Iterato
     from distributed import as_completed as completed
 
     if address:
+        to_come = iter(tasks)
         with Client(address) as client:
-            for done in completed(client.map(_do, tasks, pure=False)):
+            going = completed(client.map(_do, list(islice(to_come, IN_FLIGHT)), pure=False))
+            for done in going:
+                for task in islice(to_come, 1):
+                    going.add(client.submit(_do, task, pure=False))
                 yield done.result()
         return
     with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster:
@@ -180,10 +189,15 @@ def _row(path: str, name: str, file: Path) -> dict[str, Any]:
     row: dict[str, Any] = dict.fromkeys(COLUMNS) | {"path": path, "key": name, "error": answer.get("error")}
     if row["error"] is not None:
         return row
-    diagnosis = answer["diagnosis"]
-    row["verdict"] = diagnosis["verdict"]
-    row["noise_rms_um"] = diagnosis["noise_rms_um"]
-    row["first_percent"] = row["last_percent"] = _counts(diagnosis["before"])
+    if diagnosis := answer.get("diagnosis"):
+        row["verdict"] = diagnosis["verdict"]
+        row["noise_rms_um"] = diagnosis["noise_rms_um"]
+        row["first_percent"] = row["last_percent"] = _counts(diagnosis["before"])
+    else:
+        compared = answer["compared"]
+        row["noise_rms_um"] = compared["noise_rms_um"]
+        judged = compared["validate"] or compared["identify"]
+        row["first_percent"] = row["last_percent"] = judged["nrmse_percent"]
     if learned := answer.get("learned"):
         row["effects"] = " ".join(effect["name"] for effect in learned["effects"])
         row["stop"] = learned["stop"]["why"]
