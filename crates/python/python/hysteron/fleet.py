@@ -13,7 +13,7 @@ import os
 import uuid
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
@@ -66,7 +66,9 @@ def run(
     folder = Path(out).resolve()
     (folder / "results").mkdir(parents=True, exist_ok=True)
     tasks = [(str(Path(path).resolve()), str(folder), work, dict(options)) for path in paths]
-    keys = [key(path, work, options) for path, *_ in tasks]
+    # Reading and hashing leave the interpreter free.
+    with ThreadPoolExecutor() as pool:
+        keys = list(pool.map(lambda task: key(task[0], work, options), tasks))
     # Two paths with the same content are one piece of work.
     open_tasks = {name: task for name, task in zip(keys, tasks) if not _file(folder, name).exists()}
     for _ in engines[engine](list(open_tasks.values()), workers, address):
