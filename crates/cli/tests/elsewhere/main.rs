@@ -381,7 +381,7 @@ fn refuse_campaigns_on_processes_that_tell_nothing() {
             "--top-v",
             "100",
             "--rate-hz",
-            "1000",
+            "2000",
             "-o",
             "records",
         ]
@@ -396,7 +396,7 @@ fn refuse_campaigns_on_processes_that_tell_nothing() {
         folder.refuses(&asked.iter().map(String::as_str).collect::<Vec<_>>(), &words);
         assert!(!folder.path().join("records").exists());
     }
-    let options = ["campaign", "--top-v", "100", "--rate-hz", "1000", "-o", "records"];
+    let options = ["campaign", "--top-v", "100", "--rate-hz", "2000", "-o", "records"];
     folder.refuses(
         &[&options[..], &["--latency-us", "3"]].concat(),
         &["--recorded DATASET or --process COMMAND"],
