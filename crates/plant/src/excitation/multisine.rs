@@ -82,9 +82,17 @@ impl Excitation for Multisine {
     }
 
     fn description(&self) -> String {
+        // A product as people write it: 0.24 of 50 kHz is 12000 Hz, not 11999.999999999998 Hz.
+        let written = |value: f64| (1e6 * value).round() / 1e6;
         format!(
             "odd random-phase multisine {} to {} Hz, period {} s, {} periods, {} V about {} V, seed {}",
-            self.low_hz, self.high_hz, self.period_s, self.periods, self.peak_v, self.bias_v, self.seed
+            written(self.low_hz),
+            written(self.high_hz),
+            self.period_s,
+            self.periods,
+            written(self.peak_v),
+            written(self.bias_v),
+            self.seed
         )
     }
 }
