@@ -228,6 +228,11 @@ fn refuse_columns_and_units_that_are_not_clear() {
             "run.csv: no time, no voltage, no position; the 3 columns have no names; say which they are, as in `--column \
              time=1:s --column voltage=2:V --column position=3:um`, or the sample rate with `--rate HZ`",
         ),
+        (
+            "0,1\n1,2\n",
+            "run.csv: no time, no voltage, no position; the 2 columns have no names; say which they are, as in `--rate HZ \
+             --column voltage=1:V --column position=2:um`",
+        ),
     ] {
         refuse(text, &default, expect);
     }

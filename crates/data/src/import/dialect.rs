@@ -260,13 +260,26 @@ fn names(line: &[u8], separator: Separator, encoding: Encoding, columns: usize) 
 }
 
 fn is_units(cells: &[String]) -> bool {
-    cells.iter().all(|cell| cell.is_empty() || spelling::is_unit(cell))
+    cells.iter().all(|cell| is_no_unit(cell) || spelling::is_unit(cell)) && !cells.iter().all(|cell| is_dash(cell))
+}
+
+/// An empty cell, or the dash that stands for a pure number.
+fn is_no_unit(cell: &str) -> bool {
+    cell.is_empty() || is_dash(cell)
+}
+
+fn is_dash(cell: &str) -> bool {
+    ["-", "[-]", "(-)", "–"].contains(&cell.trim())
 }
 
 fn bare_units(cells: Vec<String>) -> Vec<String> {
     cells
         .into_iter()
-        .map(|cell| spelling::unbracketed(&cell).map(str::to_owned).unwrap_or(cell))
+        .map(|cell| match spelling::unbracketed(&cell) {
+            _ if is_dash(&cell) => String::new(),
+            Some(unit) => unit.to_owned(),
+            None => cell,
+        })
         .collect()
 }
 
@@ -444,6 +457,18 @@ mod tests {
         check(
             "Time,Channel A\n(ms),(V)\n\n0,1.5\n1,2.5\n",
             (Comma, DP, Some(1), Some(2), 4, &["Time", "Channel A"]),
+        );
+        // a dash where a quantity has no unit
+        check(
+            "Zeit;Spannung;Weg;Trigger\nms;V;nm;-\n0;1,5;2;0\n1;2,5;3;0\n",
+            (
+                Semicolon,
+                DC,
+                Some(1),
+                Some(2),
+                3,
+                &["Zeit", "Spannung", "Weg", "Trigger"],
+            ),
         );
         // Keysight
         check(

@@ -101,13 +101,19 @@ pub(crate) fn refuse(offer: &Offer, mut doubts: Vec<Doubt>, taken: &[usize]) -> 
     // columns whose units are asked for are theirs; what is missing gets others
     let (missing, here): (Vec<&Doubt>, Vec<&Doubt>) =
         doubts.iter().partition(|doubt| matches!(doubt, Doubt::Missing(_)));
+    // Too few columns for all: the time is none of them.
+    let timeless = doubts.contains(&Doubt::Missing(Quantity::Time)) && offer.names.len() < taken.len() + doubts.len();
     let mut options: Vec<(Quantity, String)> = here
         .into_iter()
         .chain(missing)
+        .filter(|doubt| !(timeless && **doubt == Doubt::Missing(Quantity::Time)))
         .map(|doubt| (doubt.quantity(), doubt.option(offer, &mut taken)))
         .collect();
     options.sort_by_key(|(quantity, _)| *quantity);
-    let options: Vec<String> = options.into_iter().map(|(_, option)| option).collect();
+    let mut options: Vec<String> = options.into_iter().map(|(_, option)| option).collect();
+    if timeless {
+        options.insert(0, "--rate HZ".to_owned());
+    }
     let time = doubts.contains(&Doubt::Missing(Quantity::Time));
     let words: Vec<String> = doubts.iter().map(|doubt| doubt.words(offer)).collect();
     DataError::Unclear {
@@ -121,7 +127,11 @@ pub(crate) fn refuse(offer: &Offer, mut doubts: Vec<Doubt>, taken: &[usize]) -> 
         what_to_do: format!(
             "say which they are, as in `{}`{}",
             options.join(" "),
-            rate(if time { Quantity::Time } else { Quantity::Voltage })
+            rate(if time && !timeless {
+                Quantity::Time
+            } else {
+                Quantity::Voltage
+            })
         ),
     }
 }
