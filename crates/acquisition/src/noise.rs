@@ -98,9 +98,28 @@ impl NoiseFloor {
         format!("{}, {}", self.basis, self.source)
     }
 
-    /// The floor in words where the output is not in micrometres: `2.000e-3 V rms (estimate, from ...)`.
+    /// The floor in words where the output is not in micrometres: `2.00 mV rms (estimate, from ...)`.
     pub fn in_words(&self, rms: f64, unit: &str) -> String {
-        format!("{rms:.3e} {unit} rms ({})", self.basis_in_words())
+        let finer: &[(f64, &str)] = match unit {
+            "um" => &[(1.0, "um"), (1e3, "nm"), (1e6, "pm")],
+            "V" => &[(1.0, "V"), (1e3, "mV"), (1e6, "uV")],
+            _ => &[(1.0, unit)],
+        };
+        let (factor, unit) = finer
+            .iter()
+            .find(|(factor, _)| rms * factor >= 0.1)
+            .or(finer.last())
+            .map_or((1.0, unit), |&(factor, unit)| (factor, unit));
+        // Three significant digits down to a thousandth.
+        let value = rms * factor;
+        let decimals = match value {
+            100.0.. => 0,
+            10.0.. => 1,
+            1.0.. => 2,
+            0.0.. => 3,
+            _ => 0,
+        };
+        format!("{value:.decimals$} {unit} rms ({})", self.basis_in_words())
     }
 }
 

@@ -177,7 +177,7 @@ fn val_noise_is_never_larger_than_what_is_left() {
         (left.rms_um, left.basis, left.source),
         (1e-3, Basis::UpperBound, NoiseSource::LeftByTheModel)
     );
-    assert_eq!(left.to_string(), "1.000e-3 um rms (upper bound, what the model leaves)");
+    assert_eq!(left.to_string(), "1.00 nm rms (upper bound, what the model leaves)");
 }
 
 /// What goes with a drive that reaches half the sampling rate is no noise; what hysteresis makes of such a drive looks like it.

@@ -6,7 +6,7 @@ use hysteron_diagnose::{Bin, Breakdown, Comparison, Pooled, RecordComparison};
 use crate::canvas::{LegendEntry, Size, Swatch};
 use crate::figures::{Bar, ErrorMapData, SpectrumData, bars, error_map, spectrum};
 use crate::headline::{direction, headline, quantity_name, range};
-use crate::number::{count, percent as percent_text, quantity, readable_unit, unit_text};
+use crate::number::{count, percent as percent_text, quantity, readable_unit, signed, unit_text};
 use crate::page::{Block, Figure, Page, Section, Tile};
 use crate::palette::Ink;
 use crate::record_pictures::{record_pictures, role};
@@ -182,8 +182,15 @@ fn role_ink(role: Role) -> Ink {
 }
 
 fn record_table(comparison: &Comparison) -> Table {
-    let unit = unit_text(comparison.output_unit);
+    let worst = comparison
+        .records
+        .iter()
+        .map(|record| record.rms_um)
+        .fold(0.0, f64::max);
+    let (factor, unit) = readable_unit(comparison.output_unit, worst);
     let (rms, largest) = (format!("rms, {unit}"), format!("Largest, {unit}"));
+    let fit =
+        |percent: Option<f64>| Cell::Number(percent.map_or_else(|| "–".to_owned(), |v| signed(&format!("{v:.2}"))));
     let columns = [
         "Record",
         "Role",
@@ -202,9 +209,9 @@ fn record_table(comparison: &Comparison) -> Table {
                 Cell::text(&record.file),
                 Cell::text(role(record.role)),
                 Cell::number(record.nrmse_percent),
-                Cell::number(record.fit_percent),
-                Cell::number(record.rms_um),
-                Cell::number(record.max_um),
+                fit(record.fit_percent),
+                Cell::number(factor * record.rms_um),
+                Cell::number(factor * record.max_um),
                 Cell::number(record.noise_ratio),
                 Cell::Number(count(record.samples)),
                 Cell::text(&record.initial_state),

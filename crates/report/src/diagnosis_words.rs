@@ -26,7 +26,7 @@ pub fn verdict_sentence(diagnosis: &Diagnosis) -> String {
         });
     match &diagnosis.verdict {
         Verdict::Nothing => {
-            "Nothing is missing: what is left is sensor noise and the known coarseness of the model.".to_owned()
+            "Nothing is missing: the rest is sensor noise and the known coarseness of the model.".to_owned()
         }
         Verdict::Unknown if diagnosis.also_possible.is_empty() => {
             "Structure remains that no effect of the catalogue explains.".to_owned()
@@ -59,6 +59,14 @@ pub fn verdict_sentence(diagnosis: &Diagnosis) -> String {
 
 /// Everything a diagnosis says besides its verdict and its figures, a sentence each.
 pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut lines = remarks(diagnosis);
+    lines.extend(left_line(diagnosis));
+    lines.extend(next_line(diagnosis));
+    lines
+}
+
+/// What limits a verdict or stands beside it, a sentence each.
+pub(crate) fn remarks(diagnosis: &Diagnosis) -> Vec<String> {
     let mut lines: Vec<String> = diagnosis
         .cannot_answer
         .iter()
@@ -113,23 +121,35 @@ pub fn diagnosis_lines(diagnosis: &Diagnosis) -> Vec<String> {
                 .to_owned(),
         );
     }
-    lines.extend(left_line(diagnosis));
-    if let Some(next) = &diagnosis.next_record {
-        let mut line = format!("Record to take next: {}", next.excitation);
-        if !next.separates.is_empty() {
-            let apart = if next.expected_sigma < 100.0 {
-                format!("{:.1} times", next.expected_sigma)
-            } else {
-                "more than 100 times".to_owned()
-            };
-            let separates = list(&next.separates, "from");
-            line.push_str(&format!(
-                "; it would separate {separates} by {apart} what is left unexplained"
-            ));
-        }
-        lines.push(line + ".");
-    }
     lines
+}
+
+/// Expected difference, in units of the unexplained error, below which a record is no promise.
+const LEAST_APART: f64 = 1.0;
+
+/// The record to take next and what it separates.
+pub(crate) fn next_line(diagnosis: &Diagnosis) -> Option<String> {
+    let next = diagnosis.next_record.as_ref()?;
+    if !next.separates.is_empty() && next.expected_sigma < LEAST_APART {
+        return Some(format!(
+            "No record was found that would separate {} well. The best of those tried: {}.",
+            list(&next.separates, "from"),
+            next.excitation
+        ));
+    }
+    let mut line = format!("Record to take next: {}", next.excitation);
+    if !next.separates.is_empty() {
+        let apart = if next.expected_sigma < 100.0 {
+            format!("{:.1} times", next.expected_sigma)
+        } else {
+            "more than 100 times".to_owned()
+        };
+        let separates = list(&next.separates, "from");
+        line.push_str(&format!(
+            "; it would separate {separates} by {apart} the unexplained error"
+        ));
+    }
+    Some(line + ".")
 }
 
 /// A drift without a temperature, in words.

@@ -1,5 +1,6 @@
 //! The answer in plain sentences.
 
+use hysteron_data::Role;
 use hysteron_diagnose::{Breakdown, Comparison, Pooled};
 
 use crate::number::{count, edge, percent, significant, unit_text};
@@ -10,14 +11,15 @@ const AT_NOISE: f64 = 1.2;
 const MOST: f64 = 50.0;
 
 /// Ratio of a share of the error to the share of the samples from which a place stands out; as the findings judge it.
-const OUT_OF_PROPORTION: f64 = 2.0;
+pub(crate) const OUT_OF_PROPORTION: f64 = 2.0;
 
 /// The first sentences of a comparison: how far off the model is, and where; on validation records where there are any.
 pub fn headline(comparison: &Comparison) -> Vec<String> {
     let mut sentences = Vec::new();
     match (&comparison.validate, &comparison.identify) {
         (Some(validate), identify) => {
-            sentences.push(sentence("On records it was not fitted to", validate, comparison));
+            let opening = "On records it was not fitted to";
+            sentences.push(sentence(opening, validate, Role::Validate, comparison));
             if let Some(identify) = identify {
                 sentences.push(format!(
                     "On the {} it was fitted to, it is off by {}.",
@@ -27,7 +29,12 @@ pub fn headline(comparison: &Comparison) -> Vec<String> {
             }
         }
         (None, Some(identify)) => {
-            sentences.push(sentence("On the records it was fitted to", identify, comparison));
+            sentences.push(sentence(
+                "On the records it was fitted to",
+                identify,
+                Role::Identify,
+                comparison,
+            ));
             sentences.push("No record was kept to judge it on: give some the role validate.".to_owned());
         }
         (None, None) => sentences.push("No record moves, so there is no error in percent of peak to peak.".to_owned()),
@@ -43,12 +50,24 @@ fn records(number: usize) -> String {
     }
 }
 
-fn sentence(opening: &str, pooled: &Pooled, comparison: &Comparison) -> String {
+/// The pooled error over the noise floor on the same records, both in percent of peak to peak: as a ladder counts it.
+pub(crate) fn pooled_over_noise(comparison: &Comparison, pooled: &Pooled, role: Role) -> f64 {
+    let moving = comparison
+        .records
+        .iter()
+        .filter(|record| record.role == role && record.rms_um > 0.0);
+    let squares: Vec<f64> = moving
+        .filter_map(|record| Some((record.nrmse_percent? * comparison.noise_rms_um / record.rms_um).powi(2)))
+        .collect();
+    pooled.nrmse_percent / (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+fn sentence(opening: &str, pooled: &Pooled, role: Role, comparison: &Comparison) -> String {
     let mut text = format!(
         "{opening} the model is off by {} of peak to peak",
         percent(pooled.nrmse_percent)
     );
-    let ratio = pooled.rms_um / comparison.noise_rms_um;
+    let ratio = pooled_over_noise(comparison, pooled, role);
     if ratio.is_finite() {
         if ratio <= AT_NOISE {
             text.push_str(", which is the noise floor");
@@ -69,6 +88,7 @@ fn sentence(opening: &str, pooled: &Pooled, comparison: &Comparison) -> String {
 fn place(breakdowns: &[Breakdown]) -> Option<String> {
     let (breakdown, bin) = breakdowns
         .iter()
+        .filter(|breakdown| tells(breakdown))
         .flat_map(|breakdown| breakdown.bins.iter().map(move |bin| (breakdown, bin)))
         .filter(|(_, bin)| bin.share_percent >= MOST && bin.share_percent > OUT_OF_PROPORTION * bin.samples_percent)
         .max_by(|a, b| {
@@ -83,6 +103,16 @@ fn place(breakdowns: &[Breakdown]) -> Option<String> {
     }
     let range = range(bin.from, bin.to, breakdown.unit);
     Some(format!("{share} is at {} {range}", quantity_name(breakdown)))
+}
+
+/// Least range of temperatures that an error can be said to depend on, kelvin.
+const LEAST_KELVIN: f64 = 1.0;
+
+/// Whether the records cover enough of a quantity for a place in it to mean anything.
+pub(crate) fn tells(breakdown: &Breakdown) -> bool {
+    let (first, last) = (breakdown.bins.first(), breakdown.bins.last());
+    let covered = last.map_or(0.0, |bin| bin.to) - first.map_or(0.0, |bin| bin.from);
+    breakdown.by != "temperature" || covered >= LEAST_KELVIN
 }
 
 /// A bin's range in words, with its unit.

@@ -142,7 +142,7 @@ pub(crate) fn steps(ladder: &Ladder) -> Section {
     Section::new("How the error fell, step by step")
         .with_picture(
             bars(&rows, "error, % of peak to peak", legend, 1080),
-            "Pooled error after each step. What is left of the last bar beyond the stroke is still unexplained.",
+            "Pooled error after each step. The part of the last bar beyond the black mark is unexplained.",
         )
         .with(Block::Table(table))
 }
@@ -155,7 +155,7 @@ fn by_record(ladder: &Ladder) -> Section {
     let names: Vec<String> = ladder.steps.iter().map(Rung::name).collect();
     let mut columns = vec!["Record", "Role"];
     columns.extend(names.iter().map(String::as_str));
-    let mut table = Table::new("rms of the error, % of the output's rms", &columns);
+    let mut table = Table::new("Error, % of peak to peak", &columns);
     let (judged, mut series) = (judged(ladder), Vec::new());
     for (i, record) in last.step.records.iter().enumerate() {
         let errors: Vec<Option<f64>> = ladder
@@ -163,7 +163,7 @@ fn by_record(ladder: &Ladder) -> Section {
             .iter()
             .map(|rung| {
                 let there = rung.step.records.get(i).filter(|r| r.file == record.file);
-                there.and_then(|r| r.relative_percent)
+                there.and_then(|r| r.percent)
             })
             .collect();
         let mut cells = vec![Cell::text(&record.file), Cell::text(role(record.role))];
@@ -181,7 +181,7 @@ fn by_record(ladder: &Ladder) -> Section {
     }
     let axes = Lines {
         x_title: "step",
-        y_title: "error, % of output's rms",
+        y_title: "error, % of peak to peak",
         x_log: false,
         y_log: true,
         description: "Error of single records after each step",

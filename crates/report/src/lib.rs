@@ -41,4 +41,7 @@ pub use palette::Ink;
 pub use provenance::{facts, frozen, hashes};
 pub use report_page::{Findings, report_page};
 pub use table::{Cell, PaperFigure, Table, paper_table};
-pub use text::{comparison_text, diagnosis_text, explanation, ladder_text, learned_text, model_text};
+pub use text::{
+    amounts, comparison_text, diagnosis_details, diagnosis_text, explanation, ladder_details, ladder_text,
+    learned_text, model_text,
+};

@@ -64,7 +64,7 @@ pub(crate) fn left_line(diagnosis: &Diagnosis) -> Option<String> {
         .first()
         .filter(|_| diagnosis.verdict == Verdict::Unknown)
         .map_or(String::new(), |lock| format!(": {}", where_to_look(lock)));
-    Some(format!("What is left unexplained goes with {names}{look}."))
+    Some(format!("The unexplained error goes with {names}{look}."))
 }
 
 fn locked(locks: &[Lock]) -> Option<String> {

@@ -145,7 +145,7 @@ fn golden_the_headline_and_the_figures_are_said() {
     assert_eq!(
         texts(&html, "p.lead"),
         [
-            "On records it was not fitted to the model is off by 1.30\u{a0}% of peak to peak, 40.0 times the noise \
+            "On records it was not fitted to the model is off by 1.30\u{a0}% of peak to peak, 130 times the noise \
           floor; over all records, 71\u{a0}% of the squared error is at frequency 300 to 1000\u{a0}Hz."
         ]
     );

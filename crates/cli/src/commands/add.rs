@@ -6,7 +6,8 @@ use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_data::Role;
-use hysteron_identify::{Added, EffectName, FittedEffect, RecordError, Step};
+use hysteron_identify::{Added, EffectName, FittedEffect, Step};
+use hysteron_report::amounts::{Amount, written};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -85,14 +86,23 @@ fn text(args: &AddArgs, name: &EffectName, added: &Added) -> String {
 }
 
 fn parameters(text: &mut String, effect: &FittedEffect) {
-    let _ = writeln!(
-        text,
-        "  {:<16} {:>13}  {:>11}  unit",
-        "parameter", "value", "std. error"
-    );
-    for p in &effect.parameters {
-        let error = p.standard_error.map_or_else(|| "-".to_owned(), |e| format!("{e:.2e}"));
-        let _ = writeln!(text, "  {:<16} {:>13.5e}  {error:>11}  {}", p.name, p.value, p.unit);
+    let amounts: Vec<Amount<'_>> = effect
+        .parameters
+        .iter()
+        .map(|p| Amount {
+            name: &p.name,
+            value: p.value,
+            standard_error: p.standard_error,
+            unit: &p.unit,
+        })
+        .collect();
+    let _ = writeln!(text, "  {:<16} {:>12} {:>11}  unit", "parameter", "value", "std. error");
+    for row in written(&amounts) {
+        let line = format!(
+            "  {:<16} {:>12} {:>11}  {}",
+            row.name, row.value, row.standard_error, row.unit
+        );
+        let _ = writeln!(text, "{}", line.trim_end());
     }
 }
 
@@ -105,31 +115,17 @@ pub(super) fn errors(text: &mut String, before: &Step, after: &Step) {
         .max()
         .unwrap_or(0)
         .max(18);
+    let _ = writeln!(text, "\n{:<9} {:<widest$} {:>17}", "", "error:", "% of peak to peak");
     let _ = writeln!(
         text,
-        "\n{:<9} {:<widest$} {:>17}  {:>21}",
-        "", "error:", "% of peak to peak", "rms, % of output's rms"
+        "{:<9} {:<widest$} {:>8} {:>8}",
+        "role", "record", "before", "after"
     );
-    let _ = writeln!(
-        text,
-        "{:<9} {:<widest$} {:>8} {:>8}  {:>12} {:>9}",
-        "role", "record", "before", "after", "before", "after"
-    );
-    let figure = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
-    let absolute = |r: &RecordError| format!("{:.2e} um", r.rms);
     for (b, a) in before.records.iter().zip(&after.records) {
-        let (pb, pa) = match (b.percent, a.percent) {
-            (None, None) => (absolute(b), absolute(a)),
-            _ => (figure(b.percent), figure(a.percent)),
-        };
-        let _ = writeln!(
-            text,
-            "{:<9} {:<widest$} {pb:>8} {pa:>8}  {:>12} {:>9}",
-            role(b.role),
-            b.file,
-            figure(b.relative_percent),
-            figure(a.relative_percent)
-        );
+        // A record that stands still has no such figure.
+        if let (Some(pb), Some(pa)) = (b.percent, a.percent) {
+            let _ = writeln!(text, "{:<9} {:<widest$} {pb:>8.2} {pa:>8.2}", role(b.role), b.file);
+        }
     }
     text.push('\n');
     for (name, b, a) in [

@@ -10,7 +10,7 @@ use hysteron_diagnose::Signature;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_identify::effects::UserEffect;
 use hysteron_identify::{Direction, Model};
-use hysteron_report::{Context, diagnosis_page, diagnosis_text, facts};
+use hysteron_report::{Context, diagnosis_details, diagnosis_page, diagnosis_text, facts};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -32,6 +32,9 @@ pub(crate) struct DiagnoseArgs {
     /// An effect file of your own, among the candidates; may be repeated
     #[arg(long, value_name = "FILE.toml")]
     pub effect: Vec<PathBuf>,
+    /// Print what the verdict rests on as well: where the model fails, and every candidate
+    #[arg(short, long)]
+    pub verbose: bool,
     /// Print the answer as JSON
     #[arg(long)]
     pub json: bool,
@@ -69,14 +72,36 @@ pub(crate) fn run(args: &DiagnoseArgs) -> Result<Done, CliError> {
     if args.json {
         output::print_json(&diagnosis)?;
     } else {
-        let mut text = diagnosis_text(&diagnosis);
-        if let Some(path) = &args.page {
-            // Writing to a String does not fail.
-            let _ = writeln!(text, "\npage with pictures: {}", path.display());
-        }
-        output::print(&text)?;
+        output::print(&text(args, &diagnosis))?;
     }
     Ok(Done::Answered)
+}
+
+fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis) -> String {
+    let mut text = diagnosis_text(diagnosis);
+    // Writing to a String does not fail.
+    if args.verbose {
+        let _ = write!(text, "\n{}", diagnosis_details(diagnosis));
+    } else {
+        text.push_str("  - Every candidate, and where the model fails: --verbose\n");
+    }
+    if let Some(path) = &args.page {
+        let _ = writeln!(text, "page with pictures: {}", path.display());
+    }
+    let blocked = diagnosis.cannot_answer.iter().any(|reason| reason.blocks());
+    if let Some(effect) = diagnosis.verdict.effect().filter(|_| !blocked) {
+        let own = |path: &&PathBuf| UserEffect::read(path).is_ok_and(|own| own.effect().name() == *effect);
+        let named = args
+            .effect
+            .iter()
+            .find(own)
+            .map_or_else(|| effect.to_string(), |path| path.display().to_string());
+        let stem = args.model.file_stem().unwrap_or_default().to_string_lossy();
+        let next = args.model.with_file_name(format!("{stem}-{effect}.toml"));
+        let (data, model) = (args.data.display(), args.model.display());
+        let _ = writeln!(text, "next: hysteron add {named} {data} {model} -o {}", next.display());
+    }
+    text
 }
 
 /// The page with pictures.
@@ -99,6 +124,6 @@ fn page(
         command: &format!("hysteron diagnose {data} {model_file}{own} --page {}", file.display()),
         version: env!("CARGO_PKG_VERSION"),
     };
-    let title = format!("What {} lacks on {}", model.family, dataset.name);
+    let title = format!("The effect missing from {} on {}", model.family, dataset.name);
     diagnosis_page(&title, diagnosis, shown, &context)
 }

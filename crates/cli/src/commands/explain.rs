@@ -12,6 +12,7 @@ use hysteron_diagnose::{add, add_own};
 use hysteron_identify::effects::{self, Description};
 use hysteron_identify::illustration::{Illustration, illustrate};
 use hysteron_identify::{Added, Model};
+use hysteron_report::amounts::{Amount, plain};
 use hysteron_report::explanation::{CHAIN, explanation_text, wrapped};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -141,8 +142,16 @@ fn own_text(text: &mut String, own: &OnOwnData, d: &Description) {
     ] {
         let _ = writeln!(text, "  {name:<24} {:>10} {:>10}", percent(before), percent(after));
     }
-    for p in fitted(own, d) {
-        let _ = writeln!(text, "  {:<14} {:.4e} {}", p.name, p.value, p.unit);
+    let parameters = fitted(own, d);
+    let names: Vec<String> = parameters.iter().map(|p| format!("{:<14}", p.name)).collect();
+    let amounts = parameters.iter().zip(&names).map(|(p, name)| Amount {
+        name,
+        value: p.value,
+        standard_error: None,
+        unit: &p.unit,
+    });
+    for line in plain(&amounts.collect::<Vec<_>>()) {
+        let _ = writeln!(text, "  {line}");
     }
     text.push_str(&wrapped(&verdict(own)));
 }

@@ -6,7 +6,7 @@ use crate::exit::Done;
 use crate::output;
 use clap::Args;
 use hysteron_diagnose::Ladder;
-use hysteron_report::{Context, ladder_page, ladder_text};
+use hysteron_report::{Context, ladder_details, ladder_page, ladder_text};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -17,6 +17,9 @@ pub(crate) struct LadderArgs {
     /// Write a page with pictures
     #[arg(short, long, value_name = "PAGE.html")]
     pub output: Option<PathBuf>,
+    /// Print the errors by other measures as well: percent of the output's rms, and of the last period
+    #[arg(short, long)]
+    pub verbose: bool,
     /// Print the answer as JSON
     #[arg(long)]
     pub json: bool,
@@ -36,7 +39,11 @@ pub(crate) fn run(args: &LadderArgs) -> Result<Done, CliError> {
     if args.json {
         output::print_json(&ladder)?;
     } else {
-        output::print(&ladder_text(&ladder))?;
+        let mut text = ladder_text(&ladder);
+        if args.verbose {
+            text.push_str(&ladder_details(&ladder));
+        }
+        output::print(&text)?;
     }
     Ok(Done::Answered)
 }

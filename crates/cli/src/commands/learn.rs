@@ -8,7 +8,7 @@ use crate::{output, progress};
 use clap::Args;
 use hysteron_identify::FitOptions;
 use hysteron_identify::effects::UserEffect;
-use hysteron_report::{ladder_text, learned_text};
+use hysteron_report::{ladder_details, ladder_text, learned_text};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -35,6 +35,9 @@ pub(crate) struct LearnArgs {
     /// An effect file of your own, among the candidates; may be repeated
     #[arg(long, value_name = "FILE.toml")]
     pub effect: Vec<PathBuf>,
+    /// Print the errors by other measures as well: percent of the output's rms, and of the last period
+    #[arg(short, long)]
+    pub verbose: bool,
     /// Print the answer as JSON
     #[arg(long)]
     pub json: bool,
@@ -75,6 +78,9 @@ pub(crate) fn run(args: &LearnArgs) -> Result<Done, CliError> {
         let mut text = learned_text(args.model.into(), &learned);
         if let Some(ladder) = &ladder {
             let _ = write!(text, "\n{}", ladder_text(ladder));
+            if args.verbose {
+                text.push_str(&ladder_details(ladder));
+            }
         } else if args.page.is_some() {
             text.push_str("\nno step was kept, so there is no ladder and no page\n");
         }

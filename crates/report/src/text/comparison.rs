@@ -1,12 +1,21 @@
 //! A comparison in words and tables.
 
+use super::amounts::prefixed;
 use super::role;
-use hysteron_diagnose::{Comparison, Pooled};
+use crate::headline::{OUT_OF_PROPORTION, direction, pooled_over_noise, range, tells};
+use hysteron_data::Role;
+use hysteron_diagnose::{Bin, Breakdown, Comparison, Pooled};
 use std::fmt::Write;
 
 /// The answer in words and a table.
 pub fn comparison_text(comparison: &Comparison) -> String {
-    let unit = comparison.output_unit;
+    let largest = comparison
+        .records
+        .iter()
+        .map(|record| record.max_um)
+        .fold(0.0, f64::max);
+    let (factor, unit) = prefixed(comparison.output_unit, largest);
+    let decimals = if factor > 1.0 { 1 } else { 4 };
     let mut text = String::new();
     // Writing to a String does not fail.
     let _ = writeln!(text, "noise floor {}\n", comparison.noise_in_words());
@@ -23,40 +32,43 @@ pub fn comparison_text(comparison: &Comparison) -> String {
         let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
         let _ = writeln!(
             text,
-            "{:<9} {:<widest$} {:>11} {:>7} {:>8.4} {:>8.4} {:>9.1}",
+            "{:<9} {:<widest$} {:>11} {:>7} {:>8.decimals$} {:>8.decimals$} {:>9.1}",
             role(record.role),
             record.file,
             percent(record.nrmse_percent),
             percent(record.fit_percent),
-            record.rms_um,
-            record.max_um,
+            factor * record.rms_um,
+            factor * record.max_um,
             record.noise_ratio
         );
     }
     text.push('\n');
-    for (name, pooled) in [("identify", comparison.identify), ("validate", comparison.validate)] {
-        if let Some(Pooled {
-            nrmse_percent,
-            fit_percent,
-            rms_um,
-            records,
-        }) = pooled
-        {
+    for (role_of, pooled) in [
+        (Role::Identify, comparison.identify),
+        (Role::Validate, comparison.validate),
+    ] {
+        let name = role(role_of);
+        if let Some(all) = pooled {
+            let Pooled {
+                nrmse_percent,
+                fit_percent,
+                rms_um,
+                records,
+            } = all;
             let _ = writeln!(
                 text,
-                "pooled over {records} {name} records: {nrmse_percent:.2} % of peak to peak, fit {fit_percent:.2} %, \
-                 {rms_um:.4} {unit} rms, {:.1} times the noise floor",
-                rms_um / comparison.noise_rms_um
+                "pooled over {records} {name} record{}: {nrmse_percent:.2} % of peak to peak, fit {fit_percent:.2} %, \
+                 {:.decimals$} {unit} rms, {:.1} times the noise floor",
+                if records == 1 { "" } else { "s" },
+                factor * rms_um,
+                pooled_over_noise(comparison, &all, role_of)
             );
         }
     }
     if let Some(sentence) = comparison.beside_a_straight_line() {
         let _ = writeln!(text, "{sentence}");
     }
-    text.push_str("\nwhere the error is:\n");
-    for breakdown in &comparison.r#where {
-        let _ = writeln!(text, "  by {:<12} {}", breakdown.by, breakdown.finding);
-    }
+    where_it_is(&mut text, &comparison.r#where);
     for notice in &comparison.notices {
         let _ = write!(text, "\nnote: {notice}");
     }
@@ -64,4 +76,51 @@ pub fn comparison_text(comparison: &Comparison) -> String {
         text.push('\n');
     }
     text
+}
+
+/// Share of the squared error from which a place is named, percent.
+const NAMED: f64 = 20.0;
+
+/// The places that hold the error out of proportion, a line for each quantity that has one.
+fn where_it_is(text: &mut String, breakdowns: &[Breakdown]) {
+    let found: Vec<(&Breakdown, &Bin)> = breakdowns
+        .iter()
+        .filter(|breakdown| tells(breakdown))
+        .filter_map(|breakdown| {
+            let out = breakdown.bins.iter().filter(|bin| {
+                bin.share_percent >= NAMED && bin.share_percent > OUT_OF_PROPORTION * bin.samples_percent
+            });
+            let most = out.max_by(|a, b| a.share_percent.total_cmp(&b.share_percent))?;
+            Some((breakdown, most))
+        })
+        .collect();
+    if breakdowns.is_empty() {
+        return;
+    }
+    if found.is_empty() {
+        text.push_str(
+            "\nwhere the error is: spread as the samples are; no frequency, position, speed or time stands out\n",
+        );
+        return;
+    }
+    text.push_str("\nwhere the error is, out of proportion:\n");
+    for (breakdown, bin) in found {
+        let at = if breakdown.by == "direction" {
+            direction(bin.from, bin.to).to_owned()
+        } else {
+            // ASCII, as everything else in a terminal
+            range(bin.from, bin.to, breakdown.unit).replace('µ', "u")
+        };
+        let presence = if breakdown.by == "frequency" {
+            "of the motion's power"
+        } else {
+            "of the samples"
+        };
+        // Writing to a String does not fail.
+        let _ = writeln!(
+            text,
+            "  by {:<12} {at}: {:.0} % of the squared error, {:.0} % {presence}",
+            breakdown.by, bin.share_percent, bin.samples_percent
+        );
+    }
 }

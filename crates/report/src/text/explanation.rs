@@ -1,5 +1,6 @@
 //! An effect in words.
 
+use super::amounts::{Amount, plain};
 use crate::{equation, significant};
 use hysteron_identify::effects::{Description, Place};
 use hysteron_identify::illustration::Illustration;
@@ -81,8 +82,21 @@ pub fn explanation_text(d: &Description, shown: &Result<Illustration, String>) -
                 "\nAn example (pictures: -o page.html)\n{}",
                 wrapped(&caption(shown))
             );
-            for (p, value) in d.parameters.iter().zip(&shown.values) {
-                let _ = writeln!(text, "  {:<14} {value:.4e} {}", p.name, p.unit);
+            let names: Vec<String> = d.parameters.iter().map(|p| format!("{:<14}", p.name)).collect();
+            let amounts: Vec<Amount<'_>> = d
+                .parameters
+                .iter()
+                .zip(&names)
+                .zip(&shown.values)
+                .map(|((p, name), &value)| Amount {
+                    name,
+                    value,
+                    standard_error: None,
+                    unit: p.unit,
+                })
+                .collect();
+            for line in plain(&amounts) {
+                let _ = writeln!(text, "  {line}");
             }
         }
         Err(reason) => {

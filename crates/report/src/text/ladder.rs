@@ -1,6 +1,6 @@
 //! A ladder as tables.
 
-use super::role;
+use super::{percent, role};
 use hysteron_diagnose::{Ladder, Rung};
 use hysteron_identify::RecordError;
 use std::fmt::Write;
@@ -11,7 +11,6 @@ pub fn ladder_text(ladder: &Ladder) -> String {
         "how the error on {} fell, percent of peak to peak\n\n{:<22} {:>9} {:>13} {:>12} {:>8}\n",
         ladder.dataset, "step", "fitted to", "not fitted to", "of the last", "x noise"
     );
-    let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.3}"));
     for rung in &ladder.steps {
         let of_before = rung
             .of_before
@@ -29,15 +28,26 @@ pub fn ladder_text(ladder: &Ladder) -> String {
     if let Some(noise) = &ladder.noise {
         let _ = writeln!(
             text,
-            "{:<22} {:>9} {:>13} {:>12} {:>8}",
+            "{:<22} {:>9} {:>13} {:>12} {:>8}  {noise}",
             "noise floor",
             percent(ladder.noise_identify_percent),
             percent(ladder.noise_validate_percent),
             "",
             "1.0"
         );
-        let _ = writeln!(text, "noise floor {noise}");
     }
+    records(
+        &mut text,
+        ladder,
+        "error of each record, % of peak to peak",
+        &|record| record.percent,
+    );
+    text
+}
+
+/// The same errors by other measures: percent of the output's rms, over the whole record and over its last period.
+pub fn ladder_details(ladder: &Ladder) -> String {
+    let mut text = String::new();
     records(
         &mut text,
         ladder,
@@ -45,17 +55,27 @@ pub fn ladder_text(ladder: &Ladder) -> String {
         &|record| record.relative_percent,
     );
     let last_period = |record: &RecordError| record.last_period_percent;
-    let periodic = |rung: &Rung| rung.step.records.iter().any(|record| last_period(record).is_some());
-    if ladder.steps.iter().any(periodic) {
-        let title = "the same of the last period of a periodic drive, error and output each about its mean";
-        records(&mut text, ladder, title, &last_period);
-    }
+    let title = "the same of the last period of a periodic drive, error and output each about its mean";
+    records(&mut text, ladder, title, &last_period);
     text
 }
 
 /// A figure of every record, step by step.
 fn records(text: &mut String, ladder: &Ladder, title: &str, figure: &dyn Fn(&RecordError) -> Option<f64>) {
     let Some(last) = ladder.steps.last() else { return };
+    // Records that stand still, or are not periodic, have no such figure at any step.
+    let told = |file: &str| {
+        let of = |rung: &Rung| {
+            rung.step
+                .records
+                .iter()
+                .any(|record| record.file == file && figure(record).is_some())
+        };
+        ladder.steps.iter().any(of)
+    };
+    if !last.step.records.iter().any(|record| told(&record.file)) {
+        return;
+    }
     let widths: Vec<usize> = ladder
         .steps
         .iter()
@@ -74,7 +94,7 @@ fn records(text: &mut String, ladder: &Ladder, title: &str, figure: &dyn Fn(&Rec
         let _ = write!(text, "  {:>width$}", rung.name());
     }
     text.push('\n');
-    for (i, record) in last.step.records.iter().enumerate() {
+    for (i, record) in last.step.records.iter().enumerate().filter(|(_, r)| told(&r.file)) {
         let role = role(record.role);
         let _ = write!(text, "{role:<9} {:<widest$}", record.file);
         for (rung, &width) in ladder.steps.iter().zip(&widths) {

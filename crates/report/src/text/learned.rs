@@ -1,5 +1,6 @@
 //! What was learned, in words.
 
+use super::percent;
 use crate::{lock_in_words, reason_in_words};
 use hysteron_diagnose::{Attempt, Learned, Stop};
 use hysteron_identify::{Change, EffectName, Family};
@@ -12,7 +13,9 @@ pub fn learned_text(family: Family, learned: &Learned) -> String {
         text.push_str(&told(attempt));
     }
     let _ = writeln!(text, "stopped: {}", why(learned));
-    if let Some(next) = &learned.diagnosis.next_record {
+    if learned.stop != Stop::NothingMissing
+        && let Some(next) = &learned.diagnosis.next_record
+    {
         let _ = writeln!(text, "record to take next: {}", next.excitation);
     }
     text
@@ -20,15 +23,14 @@ pub fn learned_text(family: Family, learned: &Learned) -> String {
 
 /// One attempt in a line.
 fn told(attempt: &Attempt) -> String {
-    let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.3} %"));
     let (before, after) = (percent(attempt.before_percent), percent(attempt.after_percent));
     let what = match (attempt.change, attempt.kept) {
-        (Change::Removed, _) => "taken out again: superfluous since the last step",
-        (_, true) if attempt.uncertain => "helps on what was held out, and stays; its cause is uncertain",
-        (_, true) => "added: what was held out confirms it",
-        (_, false) => "tried and left out: what was held out does not confirm it",
+        (Change::Removed, _) => "taken out again; superfluous since the last step",
+        (_, true) if attempt.uncertain => "kept, as it helps on the records not fitted to; its cause is uncertain",
+        (_, true) => "added; the records not fitted to confirm it",
+        (_, false) => "left out; the records not fitted to do not confirm it",
     };
-    let mut line = format!("{}: {what}, {before} -> {after}\n", attempt.effect);
+    let mut line = format!("{}: {what}, {before} -> {after} %\n", attempt.effect);
     if !attempt.also_possible.is_empty() {
         let _ = writeln!(
             line,
@@ -42,7 +44,7 @@ fn told(attempt: &Attempt) -> String {
 fn why(learned: &Learned) -> String {
     match &learned.stop {
         Stop::NothingMissing => {
-            "nothing more is missing; what is left is sensor noise and the known coarseness of the model".to_owned()
+            "nothing more is missing; the rest is sensor noise and the known coarseness of the model".to_owned()
         }
         Stop::CannotTell { reasons } => {
             let words: Vec<&str> = reasons.iter().map(|reason| reason_in_words(*reason)).collect();
@@ -52,9 +54,9 @@ fn why(learned: &Learned) -> String {
             let before = learned.diagnosis.before;
             let left = before.validate_percent.or(before.identify_percent).unwrap_or(f64::NAN);
             let mut text = format!(
-                "nothing more can be told; of the {left:.3} % of peak to peak that are left, noise explains {:.3} %, and no \
+                "nothing more can be told; of the {left:.3} % of peak to peak that are left, noise explains {} %, and no \
                  effect of the catalogue the rest with certainty",
-                unexplained.noise_percent
+                percent(Some(unexplained.noise_percent))
             );
             if let Some(lock) = unexplained.locked_to.first().filter(|lock| lock.share > 0.1) {
                 let _ = write!(

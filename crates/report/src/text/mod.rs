@@ -1,5 +1,6 @@
 //! Answers as text for a terminal.
 
+pub mod amounts;
 mod comparison;
 mod diagnosis;
 pub mod explanation;
@@ -8,9 +9,9 @@ mod learned;
 mod model;
 
 pub use comparison::comparison_text;
-pub use diagnosis::diagnosis_text;
+pub use diagnosis::{diagnosis_details, diagnosis_text};
 use hysteron_data::Role;
-pub use ladder::ladder_text;
+pub use ladder::{ladder_details, ladder_text};
 pub use learned::learned_text;
 pub use model::model_text;
 
@@ -19,4 +20,19 @@ fn role(role: Role) -> &'static str {
         Role::Identify => "identify",
         Role::Validate => "validate",
     }
+}
+
+/// Percent with three decimals, or two significant digits where these would all be zero.
+fn percent(value: Option<f64>) -> String {
+    value.map_or_else(
+        || "-".to_owned(),
+        |v| {
+            if v > 0.0 && v < 0.000_95 {
+                let decimals = (1 - v.log10().floor() as i32).max(3) as usize;
+                format!("{v:.decimals$}")
+            } else {
+                format!("{v:.3}")
+            }
+        },
+    )
 }

@@ -104,7 +104,8 @@ fn recordings(way: &Way) -> Section {
     if let Some(picture) = of(LOOP_RECORD).and_then(loop_picture) {
         pair.push(Figure::new(
             picture,
-            "A slow sine. The way up is not the way down: that is the hysteresis, and the first model has nothing else.",
+            "A slow sine. See the gap between the way up and the way down: that is the hysteresis, and the first model \
+             has nothing else.",
         ));
     }
     if let Some((record, picture)) = worst.and_then(|record| Some((record, error_picture(way, record)?))) {
@@ -112,7 +113,7 @@ fn recordings(way: &Way) -> Section {
             picture,
             format!(
                 "{}, the recording where the first model fails most ({} % of peak to peak). See the lower panel: the error \
-                 is no noise.",
+                 keeps its shape, so it is no noise.",
                 record.file,
                 significant(percent(record))
             ),
@@ -153,13 +154,13 @@ fn missing(way: &Way) -> Section {
     let pair = [
         (
             candidates_picture(way),
-            "Every effect of the catalogue was fitted in its place, and judged on recordings that it was not fitted to. \
-             See how far the shortest bar stands apart from the others: that is how sure the name is.",
+            "Every effect of the catalogue, fitted in its place and judged on other recordings; the first of them are \
+             shown. See how far the shortest bar stands apart from the others: so sure is the name.",
         ),
         (
             fall_picture(way),
-            "The error after each step, everything fitted anew. See the last step beside the noise of the sensor: \
-             nothing below it can be told.",
+            "The error after each step, everything fitted anew. See the last step beside the noise of the sensor: no \
+             model can fall below it.",
         ),
     ];
     let figures = pair
@@ -282,13 +283,13 @@ fn tracked(way: &Way) -> Section {
     let pair = [
         (
             lines(&series, &axes, HOLD),
-            "One position held for four seconds in open loop: reference minus true position. The line near zero is the \
-             controller that undoes the effect.",
+            "One position held for four seconds in open loop: reference minus true position. See the line near zero: \
+             that controller undoes the effect.",
         ),
         (
             bars(&rows, "tracking error, rms, % of the range", legend, WIDTH),
-            "Four references. Both controllers have the same inverse hysteresis and no feedback; they differ in one \
-             compensator.",
+            "Four references. See each pair: both controllers have the same inverse hysteresis and no feedback, and \
+             differ in one compensator.",
         ),
     ];
     let figures = pair

@@ -25,7 +25,7 @@ pub(super) fn text(rehearsed: &Rehearsed) -> String {
                 Some(errors) => KEYS.iter().for_each(|key| {
                     let _ = write!(text, " {:>8.3}", errors.get(*key).copied().unwrap_or(f64::NAN));
                 }),
-                None => text.push_str(&format!(" {refused}")),
+                None => text.push_str(&format!(" no controller:\n    {refused}")),
             }
             text.push('\n');
         };
