@@ -15,12 +15,12 @@ for stage in paper-rate paper-delay; do
   hysteron fit $stage --model mrpi -o $stage-mrpi.toml
   hysteron compare $stage $stage-mrpi.toml
   hysteron fit $stage --model mpi -o $stage-mpi.toml
-  hysteron diagnose $stage $stage-mpi.toml -o $stage-next.csv
+  hysteron diagnose $stage $stage-mpi.toml --verbose -o $stage-next.csv
   for effect in delay first-order-lag rate-dependence; do
     hysteron add $effect $stage $stage-mpi.toml -o $stage-$effect.toml
   done
   echo "=== $stage, with minor loops and a multisine"
   hysteron simulate --stage $stage --seed 1 --overwrite $sines $inside $wide $judged -o $stage-more
   hysteron fit $stage-more --model mpi -o $stage-more-mpi.toml
-  hysteron diagnose $stage-more $stage-more-mpi.toml
+  hysteron diagnose $stage-more $stage-more-mpi.toml --verbose
 done
