@@ -5,7 +5,7 @@ use crate::error::IdentifyError;
 use crate::family::Direction;
 use crate::history::{self, record_errors};
 use crate::model::{Change, Model, Step, StepSubject};
-use crate::placement::{Placement, thresholds};
+use crate::placement::free_thresholds;
 use crate::search::{Refused, Search, Shape};
 use hysteron_data::{Dataset, Record, Role};
 use std::sync::Arc;
@@ -229,7 +229,7 @@ fn reshaped(dataset: &Dataset, model: &Model, effect: &Arc<dyn Effect>, own: &Se
             .with_role(Role::Identify)
             .map(|record| record.voltage_v.as_slice())
             .collect();
-        thresholds(Placement::Data, plays, &inputs)
+        free_thresholds(plays, &inputs)
     };
     let shape = effect.reshape(
         &Reshaped {

@@ -8,7 +8,7 @@ use crate::history::record_errors;
 use crate::initial;
 use crate::model::{FittedOn, FittedRecord, Method, Model};
 use crate::objective::{Weighting, runs};
-use crate::placement::{Placement, thresholds};
+use crate::placement::{Placement, free_thresholds, thresholds};
 use crate::search::{Search, Shape};
 use crate::separable::{self, Solved};
 use crate::start_state::InitialState;
@@ -97,7 +97,10 @@ pub fn fit(
     let mut runs = runs(dataset, options.direction, options.weighting);
     check(&runs, options)?;
     let inputs: Vec<&[f64]> = runs.iter().map(|run| run.input).collect();
-    let placed = thresholds(options.placement, options.plays, &inputs);
+    let placed = match (options.family, options.placement) {
+        (Family::PlayPolynomial, Placement::Data) => free_thresholds(options.plays, &inputs),
+        (_, placement) => thresholds(placement, options.plays, &inputs),
+    };
     if options.family == Family::PlayPolynomial && options.direction == Direction::Forward {
         return free_shape(dataset, options, &runs, placed, progress);
     }

@@ -12,7 +12,7 @@ pub enum Placement {
     Eq16,
     /// Geometric from a two-hundredth of the span up.
     Log,
-    /// Quantiles of the distance from the last turning point, up to nine tenths of the span: plays stand where the records exercise them.
+    /// Quantiles of the distance from the last turning point: plays stand where the records exercise them.
     Data,
 }
 
@@ -41,18 +41,29 @@ pub fn thresholds(placement: Placement, plays: usize, inputs: &[&[f64]]) -> Vec<
             };
             (0..plays).map(|i| span * LOG_START * (step * i as f64).exp()).collect()
         }
-        Placement::Data => data_quantiles(plays, inputs, span),
+        Placement::Data => data_quantiles(plays, inputs, span, 1.0),
     }
 }
 
-/// Largest threshold of [`Placement::Data`] as a share of the span, that of eq. 16 with ten plays. A wider play hardly moves: its weight
-/// is what a few samples at the ends of the range make of it, and multiplies the voltage at which a record happens to begin.
-const DATA_END: f64 = 0.9;
+/// Largest threshold of a free shape as a share of the span, that of eq. 16 with ten plays. A wider play hardly moves: its cubic is what a
+/// few samples at the ends of the range make of it, and multiplies the voltage at which a record happens to begin.
+const FREE_END: f64 = 0.9;
+
+/// Thresholds of a free shape: as [`Placement::Data`], up to nine tenths of the span.
+pub(crate) fn free_thresholds(plays: usize, inputs: &[&[f64]]) -> Vec<f64> {
+    let (low, high) = range(inputs.iter().flat_map(|input| input.iter().copied()));
+    let span = high - low;
+    if !(span > 0.0 && span.is_finite()) {
+        return Vec::new();
+    }
+    data_quantiles(plays, inputs, span, FREE_END)
+}
 
 /// Number of cells of the histogram of distances; far finer than the spacing of the largest number of plays.
 const CELLS: usize = 4096;
 
-fn data_quantiles(plays: usize, inputs: &[&[f64]], span: f64) -> Vec<f64> {
+/// Quantiles of the distance from the last turning point, up to a share `end` of the span.
+fn data_quantiles(plays: usize, inputs: &[&[f64]], span: f64, end: f64) -> Vec<f64> {
     // Each record counts the same however many samples it has; uniform share keeps empty stretches served.
     let mut histogram = vec![0.0; CELLS];
     for input in inputs {
@@ -70,7 +81,7 @@ fn data_quantiles(plays: usize, inputs: &[&[f64]], span: f64) -> Vec<f64> {
     }
     let total: f64 = histogram.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let mut density: Vec<f64> = histogram.iter().map(|h| 0.5 * h / total + 0.5 / CELLS as f64).collect();
-    density.truncate((DATA_END * CELLS as f64) as usize);
+    density.truncate((end * CELLS as f64) as usize);
     let within: f64 = density.iter().sum();
     density.iter_mut().for_each(|share| *share /= within);
     let mut thresholds = Vec::with_capacity(plays);
@@ -128,9 +139,20 @@ mod tests {
                     "{placement:?} {plays}: {r:?}"
                 );
                 assert!(r[plays - 1] <= 100.0 && r[0] >= 0.0);
-                assert!(placement != Placement::Data || r[plays - 1] <= 90.0);
             }
         }
+    }
+
+    #[test]
+    fn bva_a_free_shape_has_no_play_as_wide_as_the_span() {
+        let input: Vec<f64> = (0..2000).map(|k| 50.0 - 50.0 * (f64::from(k) * 0.01).cos()).collect();
+        for plays in [1, 18, 64] {
+            let free = free_thresholds(plays, &[&input]);
+            assert!(free.len() == plays && free[plays - 1] < 90.0, "{free:?}");
+            assert!(free.windows(2).all(|pair| pair[0] < pair[1]), "{free:?}");
+        }
+        assert!(thresholds(Placement::Data, 64, &[&input])[63] > 95.0);
+        assert!(free_thresholds(18, &[&[1.0, 1.0]]).is_empty());
     }
 
     #[test]

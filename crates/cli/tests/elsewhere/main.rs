@@ -388,7 +388,7 @@ fn refuse_campaigns_on_processes_that_tell_nothing() {
         .map(str::to_owned)
     };
     for (file, last, words) in [
-        ("still.py", "print(1.5, flush", ["7 of 7 records cannot be used"]),
+        ("still.py", "print(1.5, flush", ["6 of 7 records cannot be used"]),
         ("clipped.py", "print(min(y, 3.0), flush", ["stands at 3 um for"]),
     ] {
         folder.write(file, &STAGE.replace("print(y, flush", last));

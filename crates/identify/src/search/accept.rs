@@ -231,7 +231,8 @@ impl Search<'_> {
                     .map(move |p| format!("{}: {}", effect.name, p.name))
             })
             .collect();
-        for group in undetermined {
+        // A number that does nothing where the effect stands (the second mode's, without its share) is no combination.
+        for group in undetermined.iter().filter(|group| group.len() > 1) {
             let members: Vec<&str> = group
                 .iter()
                 .filter(|&&i| i >= linear)

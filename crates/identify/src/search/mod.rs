@@ -21,7 +21,7 @@ use crate::error::IdentifyError;
 use crate::family::FREE_PLAYS;
 use crate::initial;
 use crate::model::Model;
-use crate::placement::{Placement, thresholds};
+use crate::placement::free_thresholds;
 use crate::start_state::InitialState;
 use fitted::{Descent, Fitted, Standing};
 use hysteron_data::{Dataset, Role};
@@ -255,7 +255,7 @@ fn chain_in(dataset: &Dataset, model: &Model, shape: &Shape) -> Result<(Chain, F
     facts.family = family;
     let thresholds = match shape {
         Shape::Own => model.thresholds.clone(),
-        Shape::Free | Shape::Straight => thresholds(Placement::Data, FREE_PLAYS, &fitted),
+        Shape::Free | Shape::Straight => free_thresholds(FREE_PLAYS, &fitted),
     };
     if thresholds.is_empty() {
         return Err(IdentifyError::NoExcitation { input: "voltage" });
