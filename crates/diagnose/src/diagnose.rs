@@ -189,6 +189,7 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, before: Before) ->
         reasons: Vec::new(),
         before,
         base: investigation.base,
+        one_amplitude: reasons::sines_of_one_amplitude(search.dataset()),
         shape_determined: investigation.shape_determined,
         base_excess: investigation.base_excess,
         left_excess: investigation.scale.excess(standing),

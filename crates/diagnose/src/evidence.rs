@@ -96,6 +96,8 @@ pub struct Evidence {
     pub before: Before,
     /// Errors of the free shape before anything is added.
     pub base: Before,
+    /// Whether all that was fitted are sines of one amplitude.
+    pub one_amplitude: bool,
     /// Whether the records determine the free shape; otherwise straight plays stand in for it.
     pub shape_determined: bool,
     /// Excess squared error of that over noise and coarseness, relative to the strokes.

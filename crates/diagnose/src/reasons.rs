@@ -2,7 +2,7 @@
 
 use crate::diagnosis::Reason;
 use crate::rules::{RuleId, Thresholds};
-use hysteron_data::{Dataset, Record};
+use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::family::{peak_to_peak, range};
 use std::f64::consts::TAU;
 
@@ -50,6 +50,17 @@ fn stuck_at_extremes(record: &Record) -> usize {
     } else {
         record.stuck_at(low) + record.stuck_at(high)
     }
+}
+
+/// Whether all records that a fit sees are sines of one amplitude: none of them closes a loop inside of another.
+pub(crate) fn sines_of_one_amplitude(dataset: &Dataset) -> bool {
+    let fits = |record: &&Record| record.role == Role::Identify && peak_to_peak(&record.voltage_v) > 0.0;
+    let sines = dataset.records.iter().filter(fits);
+    let amplitudes: Option<Vec<f64>> = sines.map(|r| Some(sine_of(&r.voltage_v, r.period_s)?.1)).collect();
+    amplitudes.is_some_and(|amplitudes| {
+        let (least, most) = range(amplitudes.iter().copied());
+        !amplitudes.is_empty() && most < 1.02 * least
+    })
 }
 
 /// How many different things were played: sines of one frequency and amplitude count once, anything broad counts as two.

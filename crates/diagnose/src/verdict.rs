@@ -108,6 +108,18 @@ fn of_found(
             .zip(round)
             .is_some_and(|(c, round)| is_a_part(c, round, thresholds));
     decision.set = round.map_or_else(Vec::new, |round| set(round, coarse(evidence, thresholds), thresholds));
+    if evidence.one_amplitude
+        && TURN_THE_PHASE.iter().any(|effect| first == *effect)
+        && let Some(round) = round
+    {
+        let alike = round.candidates.iter().filter(|c| {
+            TURN_THE_PHASE.iter().any(|effect| c.effect == *effect)
+                && c.statistic > thresholds.of(RuleId::Statistic)
+                && !decision.set.contains(&c.effect)
+        });
+        let alike: Vec<EffectName> = alike.map(|c| c.effect.clone()).collect();
+        decision.set.extend(alike);
+    }
     if stands {
         decision.share = candidate.map(|c| c.share);
         decision.set.retain(|name| *name != first);
@@ -119,6 +131,9 @@ fn of_found(
     }
     decision
 }
+
+/// Effects that widen a loop with the rate. Which of them does it, loops inside of others tell; sines of one amplitude close none.
+const TURN_THE_PHASE: [EffectId; 3] = [EffectId::Delay, EffectId::FirstOrderLag, EffectId::RateDependence];
 
 /// Whether what was found takes most of the excess, and so much that no larger thing than itself can be left.
 fn explains_enough(evidence: &Evidence, thresholds: &Thresholds) -> bool {
@@ -601,6 +616,21 @@ mod tests {
         let as_good = bend(EffectId::SensorNonlinearity, 0.91, -9.0);
         let both = vec![shape, EffectId::SensorNonlinearity.into()];
         assert_eq!(of([voltage, as_good], None), (named(EffectId::Asymmetry), both));
+    }
+
+    #[test]
+    fn bva_sines_of_one_amplitude_leave_a_set_on_both_sides() {
+        let set_of = |one_amplitude: bool, statistic: f64| {
+            let mut evidence = Evidence {
+                one_amplitude,
+                ..evidence()
+            };
+            evidence.rounds[0].candidates[1].statistic = statistic;
+            decide(&evidence, &Thresholds::DEFAULT).set
+        };
+        let lag = vec![EffectName::from(EffectId::FirstOrderLag)];
+        assert_eq!([set_of(true, 2.1), set_of(true, 1.9)], [lag, vec![]]);
+        assert!(set_of(false, 2.1).is_empty());
     }
 
     #[test]

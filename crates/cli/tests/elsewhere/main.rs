@@ -344,8 +344,8 @@ fn val_a_stage_in_a_process_is_recorded_and_tracked() {
         // A reading, then the command of the same instant.
         assert!((position_um - at_um).abs() < 1e-6, "row {k}: {position_um}, {at_um}");
         let mut due_um = 0.06 * volts;
-        for (play, half_width_v) in plays.iter_mut().zip([4.0, 15.0, 40.0]) {
-            *play = (volts - half_width_v).max(play.min(volts + half_width_v));
+        for (play, width_v) in plays.iter_mut().zip([4.0, 15.0, 40.0]) {
+            *play = (volts - width_v).max(play.min(volts));
             due_um += 0.02 * *play;
         }
         at_um += -(-1e-4_f64 / 100e-6).exp_m1() * (due_um - at_um);
