@@ -83,10 +83,10 @@ impl<'a> Search<'a> {
         };
         let point = search.settled_point();
         search.standing = search.judged(point);
-        // Once more: the weights go by what is left, and the states by the plays.
-        search.choose_states();
-        let point = search.settled_point();
-        search.standing = search.judged(point);
+        if search.choose_states() {
+            let point = search.settled_point();
+            search.standing = search.judged(point);
+        }
         search.start_held_out();
         Ok(search)
     }
@@ -188,9 +188,9 @@ impl<'a> Search<'a> {
         trial::judge(&self.records, point, &self.standing.weights, self.noise_um, false)
     }
 
-    /// Chooses the state in which each fitted record finds the plays under the standing chain; whether any changed.
+    /// Chooses the state in which each record finds the plays under the standing chain; whether any changed.
     fn choose_states(&mut self) -> bool {
-        let chosen = chosen_states(&self.records, &self.standing.fitted, |_, record| record.fits);
+        let chosen = chosen_states(&self.records, &self.standing.fitted, |_, _| true);
         start_in(&mut self.records, &chosen)
     }
 
