@@ -23,11 +23,7 @@ const LOG_START: f64 = 0.005;
 ///
 /// The span is peak to peak over all records. Returns fewer than `plays` only if the inputs do not move.
 pub fn thresholds(placement: Placement, plays: usize, inputs: &[&[f64]]) -> Vec<f64> {
-    let (low, high) = range(inputs.iter().flat_map(|input| input.iter().copied()));
-    let span = high - low;
-    if !(span > 0.0 && span.is_finite()) {
-        return Vec::new();
-    }
+    let Some(span) = span(inputs) else { return Vec::new() };
     let n = plays as f64;
     match placement {
         Placement::Eq16 => (0..plays).map(|i| i as f64 / n * span).collect(),
@@ -45,17 +41,19 @@ pub fn thresholds(placement: Placement, plays: usize, inputs: &[&[f64]]) -> Vec<
     }
 }
 
+/// Peak to peak over all records; `None` where nothing moves.
+fn span(inputs: &[&[f64]]) -> Option<f64> {
+    let (low, high) = range(inputs.iter().flat_map(|input| input.iter().copied()));
+    Some(high - low).filter(|span| *span > 0.0 && span.is_finite())
+}
+
 /// Largest threshold of a free shape as a share of the span, that of eq. 16 with ten plays. A wider play hardly moves: its cubic is what a
 /// few samples at the ends of the range make of it, and multiplies the voltage at which a record happens to begin.
 const FREE_END: f64 = 0.9;
 
 /// Thresholds of a free shape: as [`Placement::Data`], up to nine tenths of the span.
 pub(crate) fn free_thresholds(plays: usize, inputs: &[&[f64]]) -> Vec<f64> {
-    let (low, high) = range(inputs.iter().flat_map(|input| input.iter().copied()));
-    let span = high - low;
-    if !(span > 0.0 && span.is_finite()) {
-        return Vec::new();
-    }
+    let Some(span) = span(inputs) else { return Vec::new() };
     data_quantiles(plays, inputs, span, FREE_END)
 }
 

@@ -86,16 +86,7 @@ fn text(args: &AddArgs, name: &EffectName, added: &Added) -> String {
 }
 
 fn parameters(text: &mut String, effect: &FittedEffect) {
-    let amounts: Vec<Amount<'_>> = effect
-        .parameters
-        .iter()
-        .map(|p| Amount {
-            name: &p.name,
-            value: p.value,
-            standard_error: p.standard_error,
-            unit: &p.unit,
-        })
-        .collect();
+    let amounts: Vec<Amount<'_>> = effect.parameters.iter().map(Amount::from).collect();
     let _ = writeln!(text, "  {:<16} {:>12} {:>11}  unit", "parameter", "value", "std. error");
     for row in written(&amounts) {
         let line = format!(

@@ -1,5 +1,8 @@
 //! Parameters as people write them: `44.4 nm/V` in place of `4.44e-2 um/V`, with the digits that the standard error allows.
 
+use hysteron_diagnose::diagnosis::EffectParameter;
+use hysteron_identify::Parameter;
+
 /// Significant digits of a value without a standard error.
 const DIGITS: i32 = 4;
 /// Significant digits of a standard error.
@@ -18,6 +21,28 @@ pub struct Amount<'a> {
     pub standard_error: Option<f64>,
     /// Unit, such as `um/V`; empty for a pure number.
     pub unit: &'a str,
+}
+
+impl<'a> From<&'a Parameter> for Amount<'a> {
+    fn from(parameter: &'a Parameter) -> Self {
+        Self {
+            name: &parameter.name,
+            value: parameter.value,
+            standard_error: parameter.standard_error,
+            unit: &parameter.unit,
+        }
+    }
+}
+
+impl<'a> From<&'a EffectParameter> for Amount<'a> {
+    fn from(parameter: &'a EffectParameter) -> Self {
+        Self {
+            name: &parameter.name,
+            value: parameter.value,
+            standard_error: None,
+            unit: &parameter.unit,
+        }
+    }
 }
 
 /// A parameter as printed.

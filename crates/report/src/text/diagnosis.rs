@@ -147,16 +147,7 @@ fn ranking(text: &mut String, diagnosis: &Diagnosis) {
             effect.threshold,
         );
         if effect.significant && !effect.parameters.is_empty() {
-            let parameters: Vec<Amount<'_>> = effect
-                .parameters
-                .iter()
-                .map(|p| Amount {
-                    name: &p.name,
-                    value: p.value,
-                    standard_error: None,
-                    unit: &p.unit,
-                })
-                .collect();
+            let parameters: Vec<Amount<'_>> = effect.parameters.iter().map(Amount::from).collect();
             let parameters = plain(&parameters);
             let _ = writeln!(text, "      {}", parameters.join(", "));
         }

@@ -16,15 +16,7 @@ pub fn model_text(model: &Model) -> String {
         if records == 1 { "" } else { "s" }
     );
     let parameters = model.parameters();
-    let amounts: Vec<Amount<'_>> = parameters
-        .iter()
-        .map(|p| Amount {
-            name: &p.name,
-            value: p.value,
-            standard_error: p.standard_error,
-            unit: &p.unit,
-        })
-        .collect();
+    let amounts: Vec<Amount<'_>> = parameters.iter().map(Amount::from).collect();
     let input = model.direction.input_unit();
     // Writing to a String does not fail.
     let _ = writeln!(
