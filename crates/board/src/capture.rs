@@ -9,7 +9,7 @@ use hysteron_firmware::wire::Order;
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{Read, Write};
-use std::net::{TcpStream, ToSocketAddrs};
+use std::net::{Shutdown, TcpStream, ToSocketAddrs};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
@@ -131,22 +131,25 @@ pub fn capture(
 ) -> Result<Vec<Capture>, BoardError> {
     crate::within("seconds", seconds, 1e-3, 600.0)?;
     let (source, board) = open(from)?;
-    let (mut run, asked) = match (start, board) {
+    let (mut run, asked) = match (start, &board) {
         (Start::Nobody, _) => (Run::Recording, None),
         (_, None) => return Err(BoardError::NotAsked(from.to_owned())),
-        (Start::Host, board) => (Run::Waiting(&[]), board),
-        (Start::Playing(wishes), board) => (Run::Waiting(wishes), board),
+        (Start::Host, board) => (Run::Waiting(&[]), board.as_ref()),
+        (Start::Playing(wishes), board) => (Run::Waiting(wishes), board.as_ref()),
     };
-    let recorded = record(from, source, seconds, progress, &mut |axes| match &asked {
-        Some(board) => run.go_on(axes, &mut |order| {
-            let mut board = board;
+    let recorded = record(from, source, seconds, progress, &mut |axes| match asked {
+        Some(mut board) => run.go_on(axes, &mut |order| {
             board.write_all(&order_packet(order)).map_err(failed(from))
         }),
         None => Ok(true),
     });
+    // The other side may be gone already; what was recorded says whether the loop still ran.
     if let Some(mut board) = asked {
-        // The other side may be gone already; what was recorded says whether the loop still ran.
         let _ = board.write_all(&order_packet(Order::Stop));
+    }
+    // A server that has nothing more to send waits for this end, and the thread that listens to it waits for its end.
+    if let Some(board) = board {
+        let _ = board.shutdown(Shutdown::Write);
     }
     match &run {
         Run::Changing(left, _) if recorded.is_ok() => Err(BoardError::NoAnswer { what: asked_for(left) }),

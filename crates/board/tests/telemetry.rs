@@ -10,7 +10,9 @@ use hysteron_firmware::telemetry::{
 use hysteron_firmware::tuning::Change;
 use hysteron_firmware::wire::{Frame, Hello, Mode, Order, flags};
 use proptest::prelude::*;
-use std::io::Write;
+use std::io::{Read, Write};
+use std::net::TcpListener;
+use std::time::Duration;
 
 fn sample(number: u32) -> Sample {
     Sample {
@@ -272,6 +274,22 @@ fn refuse_sources_that_are_none() {
     file.write_all(&vec![0; 5 << 20]).unwrap();
     // It does not read on for ever.
     assert!(said(&file.path().display().to_string(), 1.0).starts_with("no sample in "));
+}
+
+/// A board that has sent all that it will is told that nobody listens any more; it serves the next one then.
+#[test]
+fn val_a_silent_board_is_let_go() {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let from = server.local_addr().unwrap().to_string();
+    let board = std::thread::spawn(move || {
+        let (mut connection, _) = server.accept().unwrap();
+        connection.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        connection.write_all(&[about(), packets(0..200)].concat()).unwrap();
+        connection.read(&mut [0])
+    });
+    let axes = capture(&from, 100.0 / 50e3, Start::Nobody, &mut |_| ()).unwrap();
+    assert!(axes[0].counts.samples >= 100);
+    assert_eq!(board.join().unwrap().unwrap(), 0);
 }
 
 proptest! {
