@@ -174,9 +174,22 @@ impl Search<'_> {
     /// # Errors
     /// As [`Self::candidate`].
     pub fn candidate_held(&self, effect: &Arc<dyn Effect>, held: &[(&str, f64)]) -> Result<Trial, Refused> {
-        let mut plan = self.plan(effect)?;
-        plan.hold(held);
-        self.candidate_on(effect, plan, &self.basis(), None, Effort::Thorough)
+        let basis = self.basis();
+        let under = |ridge: f64| {
+            let mut plan = self.plan(effect)?;
+            plan.hold(held);
+            plan.point.ridge = ridge;
+            self.candidate_on(effect, plan, &basis, None, Effort::Thorough)
+        };
+        let trial = under(self.standing.ridge())?;
+        // The stiff plays of a chain that lacks an effect hide the valley of one that they can imitate.
+        if trial.ridge() < self.standing.ridge() {
+            let looser = under(trial.ridge())?;
+            if self.foretold(&looser) < self.foretold(&trial) {
+                return Ok(looser);
+            }
+        }
+        Ok(trial)
     }
 
     /// Several candidates, on all cores, in their order; one that adds lines of the mains begins at `line_hz`. `progress` gets the

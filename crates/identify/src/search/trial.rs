@@ -411,6 +411,14 @@ impl super::Search<'_> {
         (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
     }
 
+    /// Sum of the logarithms of what a trial leaves of the fitted parts, each foretold from the others.
+    pub(super) fn foretold(&self, trial: &Trial) -> f64 {
+        let fitted = trial.parts.iter().filter(|part| self.records[part.record].fits);
+        fitted
+            .map(|part| (self.noise_um.powi(2) + part.held_out_um2).ln())
+            .sum()
+    }
+
     /// What an effect does to the position that a trial models, over all records that move, each relative to its stroke, percent;
     /// `None` where the trial does not have it.
     pub fn does_percent(&self, trial: &Trial, effect: &EffectName) -> Option<f64> {
