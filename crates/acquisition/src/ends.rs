@@ -30,6 +30,25 @@ fn runs(values: &[f64]) -> impl Iterator<Item = Range<usize>> {
     })
 }
 
+/// Positions at which the readings of some record are clipped, micrometres: a reading that is one of them says nothing of the stage.
+/// `noise_um` is the sensor's, rms.
+///
+/// # Cost
+/// A few passes over each record.
+pub fn clipped_at(records: &[Record], noise_um: f64) -> Vec<f64> {
+    let mut ends: Vec<f64> = records
+        .iter()
+        .flat_map(|record| {
+            clipped(record, noise_um)
+                .into_iter()
+                .map(|run| record.position_um[run.start])
+        })
+        .collect();
+    ends.sort_by(f64::total_cmp);
+    ends.dedup();
+    ends
+}
+
 /// Samples of a record at which the reading stands at the end of its range while the voltage goes on outward.
 pub(crate) fn clipped(record: &Record, noise_um: f64) -> Vec<Range<usize>> {
     let (v, y) = (&record.voltage_v, &record.position_um);

@@ -21,6 +21,7 @@ mod tones;
 mod turns;
 
 pub use correct::{Correction, corrected};
+pub use ends::clipped_at;
 pub use inspect::inspect;
 pub use noise::{Basis, NoiseFloor, NoiseSource, noise_floor};
 pub use report::{Channel, Figure, Finding, Following, Kind, Quantity, Report, Resolution, Unit};

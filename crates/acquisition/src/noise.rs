@@ -167,20 +167,21 @@ pub fn noise_floor(dataset: &Dataset) -> NoiseFloor {
         };
     }
     let largest_v = dataset.records.iter().map(|r| span(&r.voltage_v)).fold(0.0, f64::max);
-    let each: Vec<Told> = dataset
+    let mut each: Vec<Told> = dataset
         .records
         .par_iter()
         .flat_map_iter(|record| of_record(record, largest_v))
         .collect();
-    let floor = least(&each).unwrap_or_else(|| neighbours(&dataset.records));
-    // A resting sensor may stand on one code: then rounding is the noise.
     let finest = dataset
         .records
         .iter()
         .map(|record| code_width(&record.position_um))
         .filter(|&q| q > 0.0)
         .fold(f64::INFINITY, f64::min);
+    // A resting sensor may stand on one code: then rounding is the noise. Without codes it is clipped, and tells nothing.
     let least_um = if finest.is_finite() { rounding(finest) } else { 0.0 };
+    each.retain(|told| told.variance > 0.0 || least_um > 0.0);
+    let floor = least(&each).unwrap_or_else(|| neighbours(&dataset.records));
     NoiseFloor {
         rms_um: floor.rms_um.max(least_um),
         ..floor

@@ -4,7 +4,7 @@ use crate::breakdown::{Sample, breakdowns};
 use crate::comparison::{Comparison, Pooled, RecordComparison, Series};
 use crate::straight_line::StraightLine;
 use crate::{error_map, noise, spectrum, swing_map};
-use hysteron_acquisition::{Basis, NoiseFloor, NoiseSource};
+use hysteron_acquisition::{Basis, NoiseFloor, NoiseSource, clipped_at};
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::family::peak_to_peak;
 use hysteron_identify::{Direction, Model};
@@ -13,18 +13,24 @@ use rayon::prelude::*;
 /// Compares a model with every record of a dataset. `progress` is called with the share done, 0 to 1.
 ///
 /// Each record is simulated freely from its first sample. Percentages are eq. 19 and those of MATLAB's `compare`;
-/// pooled means root mean square over the records that move.
+/// pooled means root mean square over the records that move. The model is read through the converter of the records: readings that
+/// are clipped at its ends do not count.
 ///
 /// # Cost
 /// Linear in the samples; the series of all records are held for the pictures (4 numbers a sample).
 pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)) -> Comparison {
     let per_um = output_per_um(dataset, model.direction);
+    let told = noise::noise_floor(dataset);
+    let clipped = match model.direction {
+        Direction::Forward => clipped_at(&dataset.records, told.rms_um),
+        Direction::Inverse => Vec::new(),
+    };
     let done = std::sync::atomic::AtomicUsize::new(0);
     let mut records: Vec<RecordComparison> = dataset
         .records
         .par_iter()
         .map(|record| {
-            let compared = compare_record(record, model);
+            let compared = compare_record(record, model, &clipped);
             let count = 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             progress(0.8 * count as f64 / dataset.records.len() as f64);
             compared
@@ -35,7 +41,7 @@ pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)
         .filter(|record| record.samples >= ENOUGH_TO_BOUND_NOISE)
         .map(|record| record.rms_um)
         .fold(f64::INFINITY, f64::min);
-    let floor = noise::noise_floor(dataset).at_most(least_left / per_um);
+    let floor = told.at_most(least_left / per_um);
     let noise_rms = floor.rms_um * per_um;
     records
         .iter_mut()
@@ -57,13 +63,13 @@ pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)
         noise: floor,
         identify: of_role(&records, Role::Identify),
         validate: of_role(&records, Role::Validate),
-        straight_line: line.and_then(|line| line.pooled(&records, judged)),
+        straight_line: line.and_then(|line| line.pooled(&records, judged, &clipped)),
         r#where: breakdowns(&samples, model.direction),
         error_map: error_map::error_map(&samples),
         swing_map: swing_map::swing_map(&samples, noise_rms),
         spectrum: spectrum::spectrum(&records, noise_rms),
         output_unit: model.direction.output_unit(),
-        notices: notices(dataset, model, &records, &floor),
+        notices: notices(dataset, model, (&records, &clipped), &floor),
         records,
     };
     progress(1.0);
@@ -88,12 +94,17 @@ fn output_per_um(dataset: &Dataset, direction: Direction) -> f64 {
     }
 }
 
-fn compare_record(record: &Record, model: &Model) -> RecordComparison {
-    let simulation = model.simulate(record);
+fn compare_record(record: &Record, model: &Model, clipped: &[f64]) -> RecordComparison {
+    let mut simulation = model.simulate(record);
     let measured = model.direction.output(record);
+    for (modelled, y) in simulation.output.iter_mut().zip(measured) {
+        if clipped.contains(y) {
+            *modelled = *y;
+        }
+    }
     // A record at constant voltage has no stroke to be a percentage of, only noise.
     let moves = peak_to_peak(&record.voltage_v) > 0.0;
-    let errors = Errors::new(measured, simulation.output.iter().copied(), moves);
+    let errors = Errors::new((measured, clipped), simulation.output.iter().copied(), moves);
     RecordComparison {
         file: record.file.clone(),
         role: record.role,
@@ -124,13 +135,24 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    pub(crate) fn new(measured: &[f64], modelled: impl Iterator<Item = f64> + Clone, moves: bool) -> Self {
-        let n = measured.len() as f64;
-        let errors = || measured.iter().zip(modelled.clone()).map(|(y, m)| y - m);
+    /// Of the samples that are none of the clipped values.
+    pub(crate) fn new(
+        (measured, clipped): (&[f64], &[f64]),
+        modelled: impl Iterator<Item = f64> + Clone,
+        moves: bool,
+    ) -> Self {
+        let counted = || {
+            measured
+                .iter()
+                .zip(modelled.clone())
+                .filter(|(y, _)| !clipped.contains(y))
+        };
+        let n = (counted().count() as f64).max(1.0);
+        let errors = || counted().map(|(y, m)| y - m);
         let rms = (errors().map(|e| e * e).sum::<f64>() / n).sqrt();
         let stroke = peak_to_peak(measured);
-        let mean = measured.iter().sum::<f64>() / n;
-        let deviation = (measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt();
+        let mean = counted().map(|(y, _)| y).sum::<f64>() / n;
+        let deviation = (counted().map(|(y, _)| (y - mean).powi(2)).sum::<f64>() / n).sqrt();
         Self {
             rms,
             largest: errors().fold(0.0, |largest: f64, e| largest.max(e.abs())),
@@ -168,8 +190,23 @@ fn of_role(records: &[RecordComparison], role: Role) -> Option<Pooled> {
     )
 }
 
-fn notices(dataset: &Dataset, model: &Model, records: &[RecordComparison], floor: &NoiseFloor) -> Vec<String> {
+fn notices(
+    dataset: &Dataset,
+    model: &Model,
+    (records, clipped): (&[RecordComparison], &[f64]),
+    floor: &NoiseFloor,
+) -> Vec<String> {
     let mut notices = Vec::new();
+    if !clipped.is_empty() {
+        let readings = || dataset.records.iter().flat_map(|record| &record.position_um);
+        let (count, all) = (readings().filter(|y| clipped.contains(y)).count(), readings().count());
+        let ends: Vec<String> = clipped.iter().map(|end| format!("{end:.4}")).collect();
+        notices.push(format!(
+            "{count} of {all} readings stand at the end of the sensor's range ({} um): they count in no error and are not fitted; \
+             a larger range or a smaller drive shows the stage there",
+            ends.join(" and ")
+        ));
+    }
     if dataset.with_role(Role::Validate).next().is_none() {
         notices.push(
             "no record has role `validate`: nothing here tests the model on data it was not fitted to; give a record \

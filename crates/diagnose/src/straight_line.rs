@@ -32,12 +32,12 @@ impl StraightLine {
     }
 
     /// Its errors on the records of a role, pooled.
-    pub(crate) fn pooled(self, records: &[RecordComparison], role: Role) -> Option<Pooled> {
+    pub(crate) fn pooled(self, records: &[RecordComparison], role: Role, clipped: &[f64]) -> Option<Pooled> {
         let errors = records.iter().filter(|record| record.role == role).map(|record| {
             let series = &record.series;
             let moves = record.nrmse_percent.is_some();
             Errors::new(
-                &series.measured,
+                (&series.measured, clipped),
                 series.input.iter().map(|u| self.offset + self.slope * u),
                 moves,
             )
@@ -80,9 +80,9 @@ mod tests {
         let records = [there, other];
         let line = StraightLine::fit(&records).unwrap();
         assert!((line.offset - 1.0).abs() < 1e-12 && (line.slope - 2.0).abs() < 1e-12);
-        let fitted = line.pooled(&records, Role::Identify).unwrap();
+        let fitted = line.pooled(&records, Role::Identify, &[]).unwrap();
         assert!((fitted.rms_um - 0.1).abs() < 1e-12 && (fitted.nrmse_percent - 100.0 * 0.1 / 2.2).abs() < 1e-9);
-        let validated = line.pooled(&records, Role::Validate).unwrap();
+        let validated = line.pooled(&records, Role::Validate, &[]).unwrap();
         assert!((validated.rms_um - 0.4 / 2.0_f64.sqrt()).abs() < 1e-12);
     }
 

@@ -20,6 +20,15 @@ pub(crate) struct Run<'a> {
     pub weight: f64,
     /// First sample that is fitted: before it the output depends on a state that is not in the record.
     pub fit_from: usize,
+    /// Outputs at which the readings are clipped: such a sample is not fitted.
+    pub clipped: &'a [f64],
+}
+
+impl Run<'_> {
+    /// Whether a sample is fitted.
+    pub(crate) fn counts(&self, sample: usize) -> bool {
+        sample >= self.fit_from && !self.clipped.contains(&self.output[sample])
+    }
 }
 
 /// A family with its nonlinear parameters fixed: everything the columns depend on.
@@ -49,15 +58,15 @@ impl Design {
         1 + self.family.input_powers().len() + self.family.coefficients_a_play() * self.thresholds.len()
     }
 
-    /// Calls `visit(row, output)` for every `stride`-th sample that is fitted.
-    pub(crate) fn for_each_row(&self, run: &Run<'_>, stride: usize, mut visit: impl FnMut(&[f64], f64)) {
+    /// Calls `visit(sample, row, output)` for every `stride`-th sample that is fitted.
+    pub(crate) fn for_each_row(&self, run: &Run<'_>, stride: usize, mut visit: impl FnMut(usize, &[f64], f64)) {
         let mut row = vec![0.0; self.columns()];
         let mut stepper = Stepper::new(self, run);
         for (k, (&input, &output)) in run.input.iter().zip(run.output).enumerate() {
             let rate = stepper.advance(input);
-            if k >= run.fit_from && k % stride == 0 {
+            if k % stride == 0 && run.counts(k) {
                 fill(self.family, input, rate, &stepper.outputs, &mut row);
-                visit(&row, output);
+                visit(k, &row, output);
             }
         }
     }
@@ -71,11 +80,11 @@ impl Design {
         }
     }
 
-    /// Sum of squared errors of a run from `run.fit_from` on, without its weight.
+    /// Sum of squared errors of a run over the samples that are fitted, without its weight.
     pub(crate) fn squared_error(&self, coefficients: &[f64], run: &Run<'_>) -> f64 {
         let mut sum = 0.0;
         self.simulate(coefficients, run, |k, modelled| {
-            if k >= run.fit_from {
+            if run.counts(k) {
                 sum += (run.output[k] - modelled).powi(2);
             }
         });

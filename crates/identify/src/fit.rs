@@ -7,7 +7,7 @@ use crate::family::{Direction, FREE_PLAYS, Family, MAX_PLAYS, peak_to_peak, rang
 use crate::history::record_errors;
 use crate::initial;
 use crate::model::{FittedOn, FittedRecord, Method, Model};
-use crate::objective::{Weighting, runs};
+use crate::objective::{self, Weighting, runs};
 use crate::placement::{Placement, free_thresholds, thresholds};
 use crate::search::{Search, Shape};
 use crate::separable::{self, Solved};
@@ -94,7 +94,8 @@ pub fn fit(
     options: &FitOptions,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<FitReport, IdentifyError> {
-    let mut runs = runs(dataset, options.direction, options.weighting);
+    let clipped = objective::clipped(dataset, options.direction);
+    let mut runs = runs(dataset, options.direction, options.weighting, &clipped);
     check(&runs, options)?;
     let inputs: Vec<&[f64]> = runs.iter().map(|run| run.input).collect();
     let placed = match (options.family, options.placement) {

@@ -23,11 +23,30 @@ pub enum Weighting {
 /// Strokes below this share of the largest are weighed as if they were this share.
 const SMALLEST_STROKE: f64 = 0.1;
 
-/// The records to fit to, with their weights and first guesses of the initial state.
-pub(crate) fn runs<'a>(dataset: &'a Dataset, direction: Direction, weighting: Weighting) -> Vec<Run<'a>> {
+/// Positions at which readings are clipped; none for an inverse, whose output is the voltage.
+pub(crate) fn clipped(dataset: &Dataset, direction: Direction) -> Vec<f64> {
+    match direction {
+        Direction::Forward => {
+            let noise_um = hysteron_acquisition::noise_floor(dataset).rms_um;
+            hysteron_acquisition::clipped_at(&dataset.records, noise_um)
+        }
+        Direction::Inverse => Vec::new(),
+    }
+}
+
+/// The records to fit to, with their weights and first guesses of the initial state; readings that are one of `clipped` do not count.
+pub(crate) fn runs<'a>(
+    dataset: &'a Dataset,
+    direction: Direction,
+    weighting: Weighting,
+    clipped: &'a [f64],
+) -> Vec<Run<'a>> {
     let mut runs: Vec<Run<'a>> = dataset
         .with_role(Role::Identify)
-        .map(|record| run_of(record, direction, None))
+        .map(|record| Run {
+            clipped,
+            ..run_of(record, direction, None)
+        })
         .collect();
     let of_record: Vec<f64> = match weighting {
         Weighting::Record => {
@@ -62,6 +81,7 @@ pub(crate) fn run_of(record: &Record, direction: Direction, initial: Option<Init
         initial,
         weight: 1.0,
         fit_from: 0,
+        clipped: &[],
     }
 }
 

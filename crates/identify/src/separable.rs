@@ -66,7 +66,7 @@ pub(crate) fn normals(design: &Design, runs: &[Run<'_>], stride: usize) -> Vec<N
     runs.par_iter()
         .map(|run| {
             let mut normal = Normal::new(design.columns());
-            design.for_each_row(run, stride, |row, target| normal.add_row(row, target));
+            design.for_each_row(run, stride, |_, row, target| normal.add_row(row, target));
             normal
         })
         .collect()

@@ -64,6 +64,7 @@ impl Model {
             initial,
             weight: 1.0,
             fit_from: 0,
+            clipped: &[],
         };
         Ok(self.simulate_from(&self.design(), &run).output)
     }

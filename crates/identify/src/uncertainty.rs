@@ -54,7 +54,9 @@ fn per_run_variance(solved: &Solved, runs: &[Run<'_>]) -> Vec<f64> {
         .map(|run| {
             let mut residual = Vec::with_capacity(run.output.len());
             solved.design.simulate(&solved.coefficients, run, |k, modelled| {
-                residual.push(run.output[k] - modelled)
+                if run.counts(k) {
+                    residual.push(run.output[k] - modelled);
+                }
             });
             inflated_variance(&residual)
         })
@@ -95,13 +97,11 @@ fn with_derivatives(solved: &Solved, runs: &[Run<'_>]) -> Vec<Normal> {
             let columns = solved.coefficients.len();
             let mut normal = Normal::new(columns + 2);
             let mut row = vec![0.0; columns + 2];
-            let mut k = 0;
-            solved.design.for_each_row(run, 1, |linear, target| {
+            solved.design.for_each_row(run, 1, |k, linear, target| {
                 row[..columns].copy_from_slice(linear);
                 row[columns] = (alpha[k] - here[k]) / step_s;
                 row[columns + 1] = (beta[k] - here[k]) / step_s;
                 normal.add_row(&row, target);
-                k += 1;
             });
             normal
         })

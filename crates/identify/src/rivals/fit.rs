@@ -37,7 +37,7 @@ pub struct FittedRival {
 /// # Cost
 /// Some 300 passes over the samples: seconds for 30 000.
 pub fn fit_rival(dataset: &Dataset, rival: Rival, plays: usize) -> Result<FittedRival, IdentifyError> {
-    let runs = runs(dataset, Direction::Inverse, Weighting::LoopOpening);
+    let runs = runs(dataset, Direction::Inverse, Weighting::LoopOpening, &[]);
     if runs.is_empty() {
         return Err(IdentifyError::NothingToFit);
     }

@@ -78,12 +78,14 @@ fn finer<'a>(plain: &Trace<'a>) -> Option<Trace<'a>> {
     (fine.every > 1).then_some(fine)
 }
 
-/// Prepares all records: those with role `identify` are fitted, or all of them where none has.
-pub(crate) fn prepare<'a>(dataset: &'a Dataset, design: &Design) -> Vec<Prepared<'a>> {
+/// Prepares all records: those with role `identify` are fitted, or all of them where none has. Readings that are clipped do not count.
+pub(crate) fn prepare<'a>(dataset: &'a Dataset, design: &Design, noise_um: f64) -> Vec<Prepared<'a>> {
     let some_fit = dataset.with_role(Role::Identify).next().is_some();
     let fits = |record: &Record| !some_fit || record.role == Role::Identify;
+    let clipped_um = hysteron_acquisition::clipped_at(&dataset.records, noise_um);
     let fitted = dataset.records.iter().filter(|r| fits(r));
-    let (low, high) = range(fitted.flat_map(|r| r.voltage_v.iter().copied()));
+    let readings = fitted.flat_map(|r| r.voltage_v.iter().zip(&r.position_um));
+    let (low, high) = range(readings.filter(|(_, y)| !clipped_um.contains(y)).map(|(v, _)| *v));
     let moving = dataset
         .records
         .iter()
@@ -98,6 +100,7 @@ pub(crate) fn prepare<'a>(dataset: &'a Dataset, design: &Design) -> Vec<Prepared
             1
         },
         range_v: [low, high],
+        clipped_um,
     };
     dataset
         .records
@@ -111,6 +114,7 @@ struct Budget {
     all: usize,
     parts: usize,
     range_v: [f64; 2],
+    clipped_um: Vec<f64>,
 }
 
 fn one<'a>(record: &'a Record, fits: bool, design: &Design, budget: &Budget) -> Prepared<'a> {
@@ -122,18 +126,20 @@ fn one<'a>(record: &'a Record, fits: bool, design: &Design, budget: &Budget) -> 
         initial: guess,
         weight: 1.0,
         fit_from: 0,
+        clipped: &budget.clipped_um,
     };
     let still = Design::still(design.family, design.thresholds.clone());
     initial::skip_unsettled(&still, &mut run);
     let plain = Trace::new(record, guess, false);
     let moves = peak_to_peak(&record.voltage_v) > 0.0;
     let known = inside(&record.voltage_v, budget.range_v, fits);
+    let clipped = |k: usize| budget.clipped_um.contains(&record.position_um[k]);
     let spread = |budget: usize| -> Vec<usize> {
         let samples = record.len() - run.fit_from;
         let stride = samples.div_ceil(budget.max(1)).max(1);
         (run.fit_from..record.len())
             .step_by(stride)
-            .filter(|&k| known.as_ref().is_none_or(|known| known[k]))
+            .filter(|&k| !clipped(k) && known.as_ref().is_none_or(|known| known[k]))
             .collect()
     };
     let rows = spread((ALL_ROWS / budget.all).max(LEAST_ROWS));
@@ -190,6 +196,8 @@ fn inside(voltage_v: &[f64], [low, high]: [f64; 2], fits: bool) -> Option<Vec<bo
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::family::Family;
+    use std::f64::consts::TAU;
 
     #[test]
     fn val_samples_beyond_the_fitted_range_do_not_count() {
@@ -200,5 +208,42 @@ mod tests {
         let known = inside(&drive, [0.0, 100.0], false).unwrap();
         assert!(known[50] && !known[100] && !known[150], "{known:?}");
         assert!(known[450], "forgotten after both ends");
+    }
+
+    #[test]
+    fn val_clipped_readings_do_not_count() {
+        let drive = || (0..4000).map(|k| 50.0 - 50.0 * (f64::from(k) * TAU / 1000.0).cos());
+        // Noise below the converter's end, none at it.
+        let noise = |k: usize| 1e-3 * ((k * 7919 % 1000) as f64 / 1000.0 - 0.5);
+        let position = |end_um: f64| -> Vec<f64> {
+            let free = drive().enumerate().map(|(k, v)| 0.1 * v + noise(k));
+            free.map(|y| y.min(end_um)).collect()
+        };
+        let rows_of = |position_um: Vec<f64>| {
+            let record = Record {
+                file: "sine.csv".to_owned(),
+                role: Role::Identify,
+                excitation: String::new(),
+                start_s: 0.0,
+                period_s: 1e-4,
+                voltage_v: drive().collect(),
+                position_um,
+                reference_um: None,
+                temperature_c: None,
+                voltage2_v: None,
+            };
+            let dataset = Dataset {
+                records: vec![record],
+                ..Dataset::default()
+            };
+            let design = Design::still(Family::Mpi, vec![0.0, 10.0]);
+            prepare(&dataset, &design, 3e-4)[0].rows.clone()
+        };
+        let all = rows_of(position(20.0));
+        let kept = rows_of(position(8.0));
+        assert!(all.len() > kept.len() + all.len() / 5, "{} {}", all.len(), kept.len());
+        let cut_off = |rows: &[usize]| rows.iter().filter(|&&k| position(8.0)[k] == 8.0).count();
+        assert!(cut_off(&all) > 0);
+        assert_eq!(cut_off(&kept), 0);
     }
 }
