@@ -16,11 +16,14 @@ import hysteron
 
 
 def arrays() -> dict[str, object]:
-    """What a session begins with: two recordings as NumPy arrays, V and um, at 10 kHz."""
+    """What a session begins with: two recordings as NumPy arrays, V and um, at 10 kHz.
+
+    The first has loops inside of loops, which show what each play weighs; it is fitted, the other one checks.
+    """
     fs = 10e3
     t = np.arange(1500) / fs
-    u1 = 13 - 13 * np.cos(2 * np.pi * 20 * t)
-    u2 = 13 - 6 * np.cos(2 * np.pi * 20 * t) - 7 * np.cos(2 * np.pi * 60 * t)
+    u1 = 13 - 6 * np.cos(2 * np.pi * 20 * t) - 7 * np.cos(2 * np.pi * 60 * t)
+    u2 = 13 - 13 * np.cos(2 * np.pi * 20 * t)
     y1, y2 = (
         np.array(hysteron.simulate("paper-delay", u, fs, seed=seed)[0].y) for seed, u in enumerate((u1, u2), start=1)
     )
@@ -39,7 +42,7 @@ def session(page: Path, picture: Path) -> dict[str, object]:
     names = arrays()
     exec(compile(lines(page), str(page), "exec"), names)
     steps = names["learned"].ladder.steps
-    assert steps[-1]["validate_percent"] < 0.6 * steps[0]["validate_percent"], steps
+    assert steps[-1]["validate_percent"] < 0.1 * steps[0]["validate_percent"], steps
     names["learned"].plot().savefig(picture)
     assert picture.read_bytes().startswith(b"\x89PNG") and picture.stat().st_size > 5000
     return names
