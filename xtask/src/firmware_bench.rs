@@ -45,6 +45,10 @@ const BOTH: &str = "both-axes 2";
 /// The complete law of two axes as it was designed for the table's stage, each told of the other.
 const DESIGNED: &str = "designed-axes 2";
 
+/// The table's complete law on one axis: the core's, and what `export --format c` makes of it, with the same roundings.
+const TABLE_AXIS: &str = "table-axis 1";
+const GENERATED_AXIS: &str = "c-exact-axis 1";
+
 /// Instructions that the designed two may take in a tick, whatever was measured: half of the 3400 cycles that 20 us are at 170 MHz.
 const ALLOWED_OF_DESIGNED: u32 = 1700;
 
@@ -96,6 +100,10 @@ pub(crate) fn bench() -> Result<(), String> {
         }
         if first.get_or_insert_with(|| ours.hashes.clone()) != &ours.hashes {
             wrong.push(format!("{board}: other codes than on {}", BOARDS[0].0));
+        }
+        let (table, generated) = (of(TABLE_AXIS)?, of(GENERATED_AXIS)?);
+        if table.hashes != generated.hashes {
+            wrong.push(format!("{board}: {TABLE_AXIS} and {GENERATED_AXIS} gave different codes"));
         }
         let both = of(BOTH)?;
         if complete.get_or_insert_with(|| both.hashes.clone()) != &both.hashes {

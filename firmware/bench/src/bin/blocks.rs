@@ -93,6 +93,46 @@ impl Axis {
     }
 }
 
+/// A state of the generated C, of unknown fields.
+#[derive(Clone, Copy)]
+#[repr(C, align(8))]
+struct Generated([u32; GENERATED_WORDS]);
+
+/// Words that a state of the generated C may have.
+const GENERATED_WORDS: usize = 2048;
+
+/// A law that `export --format c` made of the table: its state at rest, and its tick.
+macro_rules! generated {
+    ($($name:ident: $sizes:ident, $begin:ident, $tick:ident;)*) => {
+        mod generated {
+            // SAFETY: as `law_tick.c` defines them; they read and write the state alone.
+            unsafe extern "C" {
+                $(
+                    safe static $sizes: [u32; 2];
+                    safe fn $begin(state: &mut super::Generated);
+                    pub safe fn $tick(state: &mut super::Generated, code: u16, reference_um: f32) -> u16;
+                )*
+            }
+
+            $(
+                /// At rest; `None` where a state is larger than what is kept for it.
+                pub fn $name() -> Option<super::Generated> {
+                    let [bytes, alignment] = $sizes;
+                    let fits = bytes as usize <= size_of::<super::Generated>()
+                        && alignment as usize <= align_of::<super::Generated>();
+                    let mut state = super::Generated([0; super::GENERATED_WORDS]);
+                    fits.then(|| $begin(&mut state))?;
+                    Some(state)
+                }
+            )*
+        }
+    };
+}
+generated! {
+    exact: law_exact_sizes, law_exact_begin, law_exact_tick;
+    fused: law_fused_sizes, law_fused_begin, law_fused_tick;
+}
+
 /// A block and what it remembers.
 #[derive(Clone, Copy)]
 struct Part<B, M> {
@@ -197,6 +237,12 @@ fn all(console: &mut Console) -> Result<(), ParamError> {
     measured!("codes 1", codes, [axis.adc, axis.dac], ());
     measure(console, "one-axis 1", Axis::tick, || axis);
     measure(console, "both-axes 2", Axis::both, || [axis; 2]);
+    let alone = Axis::new(&table::NUMBERS)?;
+    measure(console, "table-axis 1", Axis::tick, || alone);
+    if let (Some(exact), Some(fused)) = (generated::exact(), generated::fused()) {
+        measure(console, "c-exact-axis 1", generated::law_exact_tick, || exact);
+        measure(console, "c-axis 1", generated::law_fused_tick, || fused);
+    }
     measure(console, "designed-axis 1", Axis::tick, || designed);
     measure(console, "designed-axes 2", Axis::both, || [designed; 2]);
     Ok(())
