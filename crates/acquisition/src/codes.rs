@@ -24,9 +24,14 @@ pub(crate) fn resolution<'a>(columns: impl Iterator<Item = &'a [f64]>) -> Resolu
     Resolution { step, bits }
 }
 
+/// Bits below which the values are those of a command that jumps between a few levels.
+const FEW_LEVELS: f64 = 4.0;
+
 /// Coarse steps of either column.
 pub(crate) fn coarse(resolution: Resolution, channel: Channel) -> Option<Finding> {
-    let bits = resolution.bits.filter(|bits| *bits < COARSE.log2() && *bits > 0.0)?;
+    let bits = resolution
+        .bits
+        .filter(|bits| *bits < COARSE.log2() && *bits > FEW_LEVELS)?;
     Some(Finding {
         kind: Kind::CoarseCodes,
         channel: Some(channel),
@@ -62,11 +67,13 @@ fn gaps(record: &Record) -> usize {
         if expected < EXPECTED {
             continue;
         }
-        let passes = (6..y.len()).filter(|&k| {
+        let passes = (6..y.len() - 1).filter(|&k| {
             let over = (y[k - 1] <= pair[0]) != (y[k] <= pair[0]);
+            // A position that is fast there jumps over whole codes.
+            let slow = (y[k - 1] - y[k - 2]).abs().max((y[k + 1] - y[k]).abs()) < 0.5 * gap;
             // The voltage must not have jumped as well, now or as long before as an amplifier takes.
             let moved_v = (k - 5..=k).map(|j| (v[j] - v[j - 1]).abs()).fold(0.0, f64::max);
-            over && 6.0 * moved_v * line.slope.abs() < gap
+            over && slow && 6.0 * moved_v * line.slope.abs() < gap
         });
         if passes.count() >= PASSED {
             missing += (gap / step).round() as usize - 1;

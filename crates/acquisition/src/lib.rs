@@ -1,13 +1,12 @@
 //! The rig, before any physics: what converters, clocks, cables and files do to a recording.
 //!
-//! [`inspect()`] says all of it, [`noise_floor`] the sensor's noise alone, [`corrected`] puts right what is certain. No
+//! [`inspect()`] says all of it, [`noise_floor`] the sensor's noise alone, [`clipped_at`] where readings are clipped. No
 //! figure rests on a model of the stage.
 #![forbid(unsafe_code)]
 
 mod alike;
 mod codes;
 mod comb;
-mod correct;
 mod drive;
 mod ends;
 mod inspect;
@@ -20,7 +19,6 @@ mod rests;
 mod tones;
 mod turns;
 
-pub use correct::{Correction, corrected};
 pub use ends::clipped_at;
 pub use inspect::inspect;
 pub use noise::{Basis, NoiseFloor, NoiseSource, noise_floor};

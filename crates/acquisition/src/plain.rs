@@ -146,7 +146,7 @@ fn swapped(moved: &[(&Record, Line)]) -> Option<Finding> {
         })
         .collect();
     let slowest = openings.iter().max_by(|a, b| a.2.total_cmp(&b.2))?;
-    let lead_s = crate::turns::following(slowest.0).map_or(0.0, |following| (-following.seconds).max(0.0));
+    let lead_s = crate::turns::following(slowest.0).map_or(0.0, |(following, _)| (-following.seconds).max(0.0));
     // Over a branch of duration T the two sides of a loop differ by twice the lead over T, pi/2 of that half way along a sine.
     let by_lead = std::f64::consts::PI * lead_s / slowest.2;
     let backwards = openings.iter().filter(|(_, opening, _)| *opening < 0.0).count();

@@ -52,11 +52,11 @@ const FEWEST: usize = 18;
 /// Most turns of a record that are looked at.
 const MOST: usize = 40;
 
-/// How much later than the voltage the position of a record turns.
+/// How much later than the voltage the position of a record turns, and the time from turn to turn, seconds.
 ///
 /// The position of a stage without any time scale turns where the voltage does, whatever its hysteresis: on either side of a
 /// turn it is a function of the voltage. Both sides are fitted, the voltage shifted until they fit best.
-pub(crate) fn following(record: &Record) -> Option<Following> {
+pub(crate) fn following(record: &Record) -> Option<(Following, f64)> {
     let (v, y) = (&record.voltage_v, &record.position_um);
     let all = of_voltage(record);
     let ends: Vec<usize> = [0]
@@ -67,6 +67,7 @@ pub(crate) fn following(record: &Record) -> Option<Following> {
     let every = (all.len() / MOST).max(1);
     // Tops and bottoms apart: a drift moves them in opposite directions.
     let (mut tops, mut bottoms) = (Vec::new(), Vec::new());
+    let mut apart = Vec::new();
     for around in ends.windows(3).step_by(every) {
         let reach = (around[1] - around[0]).min(around[2] - around[1]);
         if reach < FEWEST {
@@ -77,6 +78,7 @@ pub(crate) fn following(record: &Record) -> Option<Following> {
         let Some(lag) = instant(v, y, around[1], half / stride, stride) else {
             continue;
         };
+        apart.push((around[2] - around[0]) as f64 * 0.5 * record.period_s);
         let top = v[around[1]] > v[around[0]];
         if top { &mut tops } else { &mut bottoms }.push(lag * stride as f64 * record.period_s);
     }
@@ -89,11 +91,12 @@ pub(crate) fn following(record: &Record) -> Option<Following> {
         let mut apart: Vec<f64> = values.iter().map(|v| (v - middle).abs()).collect();
         1.4826 * 1.2533 * median(&mut apart) / (values.len() as f64).sqrt()
     };
-    Some(Following {
+    let following = Following {
         seconds: 0.5 * (top + bottom),
         uncertainty_s: 0.5 * scatter(&tops, top).hypot(scatter(&bottoms, bottom)),
         turns,
-    })
+    };
+    Some((following, median(&mut apart)))
 }
 
 /// The shift, in strides, at which position and voltage fit best about a turn.

@@ -1,0 +1,158 @@
+//! What is said of the rig, and what is not: each finding on records that show it, and on records that only look alike.
+#![expect(clippy::unwrap_used, reason = "noise that cannot be drawn fails the test")]
+
+use hysteron_acquisition::{Finding, Kind, clipped_at, inspect};
+use hysteron_data::{Dataset, Record, Role};
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+use std::f64::consts::TAU;
+
+const PERIOD_S: f64 = 50e-6;
+const NOISE_UM: f64 = 1e-4;
+
+fn noise(n: usize, rms: f64, seed: u64) -> Vec<f64> {
+    let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
+    let normal = Normal::new(0.0, rms).unwrap();
+    (0..n).map(|_| normal.sample(&mut random)).collect()
+}
+
+/// A stage whose loops lean: one play of 6 V, whose corner lies beside every turn.
+fn stage(voltage_v: &[f64]) -> Vec<f64> {
+    let mut play = voltage_v.first().copied().unwrap_or(0.0);
+    let moved = voltage_v.iter().map(|&v| {
+        play = play.clamp(v - 6.0, v + 6.0);
+        0.07 * v + 0.03 * play
+    });
+    let clean: Vec<f64> = moved.collect();
+    let noise = noise(clean.len(), NOISE_UM, clean.len() as u64);
+    clean.iter().zip(noise).map(|(y, e)| y + e).collect()
+}
+
+fn record(file: &str, voltage_v: Vec<f64>, position_um: Vec<f64>) -> Record {
+    Record {
+        file: file.to_owned(),
+        role: Role::Identify,
+        excitation: String::new(),
+        start_s: 0.0,
+        period_s: PERIOD_S,
+        voltage_v,
+        position_um,
+        reference_um: None,
+        temperature_c: None,
+        voltage2_v: None,
+    }
+}
+
+fn sine(hz: f64, periods: f64) -> Vec<f64> {
+    let n = (periods / hz / PERIOD_S) as usize;
+    (0..n)
+        .map(|k| 50.0 - 50.0 * (TAU * hz * k as f64 * PERIOD_S).cos())
+        .collect()
+}
+
+/// What is found of a kind.
+fn found(records: Vec<Record>, kind: Kind) -> Option<Finding> {
+    let dataset = Dataset {
+        records,
+        ..Dataset::default()
+    };
+    inspect(&dataset).of(kind).next().cloned()
+}
+
+fn sines(early: usize) -> Vec<Record> {
+    let each = [5.0, 13.0, 41.0, 97.0, 211.0].into_iter().map(|hz| {
+        let mut voltage_v = sine(hz, 8.0);
+        let position_um = stage(&voltage_v).split_off(early);
+        voltage_v.truncate(position_um.len());
+        record(&format!("{hz}.csv"), voltage_v, position_um)
+    });
+    each.collect()
+}
+
+/// Loops that lean seem to lead by a share of each period; a skew is the same time in all of them, and told to a third of a sample.
+#[test]
+fn val_a_lead_is_told_from_loops_that_lean() {
+    assert_eq!(found(sines(0), Kind::PositionLeads), None);
+    let lead = found(sines(3), Kind::PositionLeads).unwrap().figure;
+    let off_s = lead.value - 3.0 * PERIOD_S;
+    assert!(off_s.abs() < PERIOD_S / 3.0, "{lead}");
+    // One rate alone tells neither.
+    let alone = sines(3).into_iter().filter(|record| record.file == "97.csv").collect();
+    assert_eq!(found(alone, Kind::PositionLeads), None);
+}
+
+/// A monitor is noisy in every record; a decaying triangle is no period plus noise.
+#[test]
+fn val_a_measured_voltage_is_noisy_everywhere() {
+    let decaying: Vec<f64> = (0..20_000)
+        .map(|k| {
+            let phase = f64::from(k % 1000) / 500.0;
+            let triangle = if phase < 1.0 { phase } else { 2.0 - phase };
+            50.0 * (1.0 - f64::from(k) / 20_000.0) * triangle
+        })
+        .collect();
+    let records = |noise_v: f64| -> Vec<Record> {
+        let mut voltages = vec![sine(11.3, 12.0), sine(97.0, 40.0), sine(41.7, 20.0)];
+        voltages.push(decaying.clone());
+        let each = voltages.into_iter().zip(1..).map(|(voltage_v, seed)| {
+            let position_um = stage(&voltage_v);
+            let read = voltage_v.iter().zip(noise(voltage_v.len(), noise_v, seed));
+            record(&format!("{seed}.csv"), read.map(|(v, e)| v + e).collect(), position_um)
+        });
+        each.collect()
+    };
+    assert_eq!(found(records(0.0), Kind::MeasuredVoltage), None);
+    let told = found(records(0.02), Kind::MeasuredVoltage).unwrap();
+    assert!(told.records.len() >= 3, "{told}");
+    assert!((0.5..2.0).contains(&(told.figure.value / 0.02)), "{told}");
+}
+
+/// A converter of seven bits is coarse; a command of a few levels is no converter.
+#[test]
+fn val_coarse_codes_are_no_command_of_few_levels() {
+    let rounded = |step_v: f64| {
+        let voltage_v: Vec<f64> = sine(11.0, 6.0).iter().map(|v| (v / step_v).round() * step_v).collect();
+        let position_um = stage(&voltage_v);
+        vec![record("sine.csv", voltage_v, position_um)]
+    };
+    assert_eq!(found(rounded(100.0 / 16384.0), Kind::CoarseCodes), None);
+    let coarse = found(rounded(100.0 / 128.0), Kind::CoarseCodes).unwrap();
+    assert!((coarse.figure.value - 7.0).abs() < 0.1, "{coarse}");
+    let levels: Vec<f64> = (0..20_000).map(|k| f64::from(k / 100 % 5) * 10.0).collect();
+    let position_um = stage(&levels);
+    assert_eq!(
+        found(vec![record("levels.csv", levels, position_um)], Kind::CoarseCodes),
+        None
+    );
+}
+
+/// A bit that is always set leaves gaps that the position passes; a hum jumps over codes and leaves none.
+#[test]
+fn val_a_stuck_bit_is_told_from_a_hum() {
+    let voltage_v = sine(0.7, 4.0);
+    let step_um = 1e-3;
+    let codes = |hum_um: f64, bit: u32| -> Vec<Record> {
+        let read = stage(&voltage_v).into_iter().enumerate().map(|(k, y)| {
+            let hum = hum_um * (TAU * 50.0 * k as f64 * PERIOD_S).sin();
+            f64::from(((y + hum + 1.0) / step_um) as u32 | bit) * step_um
+        });
+        vec![record("slow.csv", voltage_v.clone(), read.collect())]
+    };
+    assert_eq!(found(codes(0.0, 0), Kind::MissingCodes), None);
+    assert_eq!(found(codes(2.0, 0), Kind::MissingCodes), None);
+    assert!(found(codes(0.0, 1 << 6), Kind::MissingCodes).is_some());
+}
+
+/// Readings at the end of a converter's range count as clipped in every record; the turns of a stage do not.
+#[test]
+fn val_clipped_ends_are_those_of_all_records() {
+    let voltage_v = sine(11.0, 4.0);
+    let of = |top_um: f64| -> Vec<Record> {
+        let position_um = stage(&voltage_v).into_iter().map(|y| y.min(top_um)).collect();
+        vec![record("sine.csv", voltage_v.clone(), position_um)]
+    };
+    assert!(clipped_at(&of(20.0), NOISE_UM).is_empty());
+    assert_eq!(clipped_at(&of(8.0), NOISE_UM), [8.0]);
+    let clipped = found(of(8.0), Kind::Clipped).unwrap();
+    assert!(clipped.figure.value > 10.0, "{clipped}");
+}
