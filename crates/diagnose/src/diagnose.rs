@@ -13,6 +13,7 @@ use crate::witness::locks::Courses;
 use crate::witness::traces::Traces;
 use crate::witness::where_it_fails::where_it_fails;
 use crate::witness::{dead_band, structure};
+use hysteron_acquisition::inspect;
 use hysteron_data::Dataset;
 use hysteron_identify::effects::{UserEffect, late};
 use hysteron_identify::{EffectId, IdentifyError, Model, check_own_effect, period, present_step};
@@ -92,6 +93,7 @@ pub fn examine(
     diagnosis.noise_rms_um = floor.rms_um;
     diagnosis.noise = Some(floor);
     diagnosis.known_delay_s = known_delay_s;
+    diagnosis.acquisition = inspect(dataset).findings;
     if diagnosis.cannot_answer.is_empty() {
         diagnosis.cannot_answer = reasons;
     }
@@ -152,6 +154,7 @@ pub(crate) fn conclude(
         noise_rms_um: investigation.search.noise_um(),
         noise: None,
         known_delay_s: None,
+        acquisition: Vec::new(),
         before,
         where_it_fails: WhereItFails::default(),
         free_shape: investigation.base,
@@ -262,6 +265,7 @@ fn unanswered(before: Before, reasons: Vec<Reason>) -> (Diagnosis, Evidence) {
         noise_rms_um: 0.0,
         noise: None,
         known_delay_s: None,
+        acquisition: Vec::new(),
         before,
         where_it_fails: WhereItFails::default(),
         free_shape: Before::default(),

@@ -1,6 +1,6 @@
 //! What a diagnosis says, in numbers and names.
 
-use hysteron_acquisition::NoiseFloor;
+use hysteron_acquisition::{Finding, NoiseFloor};
 use hysteron_identify::{EffectId, EffectName};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt::Write;
@@ -346,6 +346,9 @@ pub struct Diagnosis {
     /// is not blamed for it. A delay that is named comes on top.
     #[serde(default)]
     pub known_delay_s: Option<f64>,
+    /// What converters, clocks, cables and files have done to the records, whatever the model; it can look like an effect.
+    #[serde(default)]
+    pub acquisition: Vec<Finding>,
     /// Errors of the given model.
     pub before: Before,
     /// Where it fails.

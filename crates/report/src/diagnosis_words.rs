@@ -121,6 +121,8 @@ pub(crate) fn remarks(diagnosis: &Diagnosis) -> Vec<String> {
                 .to_owned(),
         );
     }
+    let findings = diagnosis.acquisition.iter();
+    lines.extend(findings.map(|finding| format!("The recording: {finding}.")));
     lines
 }
 
