@@ -103,7 +103,9 @@ pub(crate) fn bench() -> Result<(), String> {
         }
         let (table, generated) = (of(TABLE_AXIS)?, of(GENERATED_AXIS)?);
         if table.hashes != generated.hashes {
-            wrong.push(format!("{board}: {TABLE_AXIS} and {GENERATED_AXIS} gave different codes"));
+            wrong.push(format!(
+                "{board}: {TABLE_AXIS} and {GENERATED_AXIS} gave different codes"
+            ));
         }
         let both = of(BOTH)?;
         if complete.get_or_insert_with(|| both.hashes.clone()) != &both.hashes {
