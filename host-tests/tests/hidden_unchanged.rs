@@ -3,6 +3,7 @@
 
 use host_tests::hidden::{Example, change, generate, unanswerable};
 use hysteron_data::Dataset;
+use hysteron_diagnose::Kind;
 use hysteron_diagnose::diagnosis::{Diagnosis, Reason};
 use hysteron_identify::{FitOptions, fit};
 use hysteron_plant::challenge::{Effect, Spec, StageFamily, Strength};
@@ -89,6 +90,7 @@ fn val_clipped_records_are_said_beside_the_name() {
     let example = case(23, Effect::Delay);
     let answer = diagnosis(&unanswerable::clipped(&example.dataset), &example);
     assert_eq!(answer.verdict.as_str(), Effect::Delay.name());
+    assert!(answer.acquisition.iter().any(|found| found.kind == Kind::Clipped));
     let left = answer.ranking[0].errors.validate_percent.unwrap();
     assert!(left < 0.5, "{left}");
     assert!(

@@ -12,14 +12,21 @@ const COARSE: f64 = 580.0;
 /// The steps of a column over all records: the finest that shows, and the largest range over it.
 pub(crate) fn resolution<'a>(columns: impl Iterator<Item = &'a [f64]>) -> Resolution {
     let (mut step, mut bits) = (0.0, None);
+    let (mut moving, mut stepped) = (0, 0);
     for values in columns {
+        moving += usize::from(span(values) > 0.0);
         let own = code_width(values);
         if own > 0.0 {
+            stepped += 1;
             let own_bits = (span(values) / own).log2();
             if bits.is_none_or(|bits| own_bits > bits) {
                 (step, bits) = (own, Some(own_bits));
             }
         }
+    }
+    // A converter's steps are in most columns; in one they are a command's own.
+    if 2 * stepped <= moving {
+        return Resolution { step: 0.0, bits: None };
     }
     Resolution { step, bits }
 }

@@ -36,7 +36,13 @@ fn noise_v(record: &Record, largest_v: f64) -> Option<f64> {
 /// A measured voltage, and a drive computed from the sensor.
 pub(crate) fn origin(records: &[Record]) -> Option<Finding> {
     let fed: Vec<(&Record, f64)> = records.iter().filter_map(|r| Some((r, feedback(r)?))).collect();
-    if let Some((_, coherence)) = fed.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
+    let long = records
+        .iter()
+        .filter(|r| segments(r) >= FEWEST && span(&r.voltage_v) > 0.0);
+    // A loop is closed in all records, or in most.
+    let closed = 2 * fed.len() > long.count();
+    let clearest = fed.iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|_| closed);
+    if let Some((_, coherence)) = clearest {
         return Some(Finding {
             kind: Kind::Feedback,
             channel: Some(Channel::Voltage),
@@ -75,17 +81,22 @@ const COHERENT: f64 = 0.35;
 /// gain, at frequencies where it does not follow any more.
 const BEYOND_THE_STAGE: f64 = 4.0;
 
+/// Segments of a record, each half over the next.
+fn segments(record: &Record) -> usize {
+    record.len().saturating_sub(SEGMENT + 2).div_ceil(SEGMENT / 2)
+}
+
 /// Coherence of voltage and position over the fastest two octaves, where the position has far more there than the voltage
 /// can have caused.
 fn feedback(record: &Record) -> Option<f64> {
     let (v, y) = (&record.voltage_v, &record.position_um);
     let gain = line(record)?.slope.abs();
-    let starts: Vec<usize> = (0..v.len().checked_sub(SEGMENT + 2)?).step_by(SEGMENT / 2).collect();
-    let every = starts.len().div_ceil(400).max(1);
-    let starts: Vec<usize> = starts.into_iter().step_by(every).collect();
-    if starts.len() < FEWEST {
+    let count = segments(record);
+    if count < FEWEST {
         return None;
     }
+    let every = count.div_ceil(400);
+    let starts: Vec<usize> = (0..count).step_by(every).map(|k| k * SEGMENT / 2).collect();
     let half = SEGMENT / 2 + 1;
     let (mut vv, mut yy) = (vec![0.0; half], vec![0.0; half]);
     let mut yv = vec![Complex::new(0.0, 0.0); half];

@@ -1,6 +1,7 @@
 //! The noise floor of the position sensor, from the records themselves.
 
 use crate::comb::{Comb, without_parabola};
+use crate::ends::clipped_at;
 use crate::octaves::{Octave, level_ones, octaves, octaves_beside, variance};
 use crate::resolution::{code_width, rounding};
 use crate::{median, rests, span};
@@ -167,9 +168,13 @@ pub fn noise_floor(dataset: &Dataset) -> NoiseFloor {
         };
     }
     let largest_v = dataset.records.iter().map(|r| span(&r.voltage_v)).fold(0.0, f64::max);
+    // Clipped readings have no noise, nor have stretches in which some of them are.
+    let ends = clipped_at(&dataset.records, 0.0);
+    let clipped = |record: &&Record| record.position_um.iter().any(|y| ends.contains(y));
     let mut each: Vec<Told> = dataset
         .records
         .par_iter()
+        .filter(|record| ends.is_empty() || !clipped(record))
         .flat_map_iter(|record| of_record(record, largest_v))
         .collect();
     let finest = dataset
@@ -178,10 +183,10 @@ pub fn noise_floor(dataset: &Dataset) -> NoiseFloor {
         .map(|record| code_width(&record.position_um))
         .filter(|&q| q > 0.0)
         .fold(f64::INFINITY, f64::min);
-    // A resting sensor may stand on one code: then rounding is the noise. Without codes it is clipped, and tells nothing.
+    // A resting sensor may stand on one code: then rounding is the noise, and that rest tells nothing.
     let least_um = if finest.is_finite() { rounding(finest) } else { 0.0 };
-    each.retain(|told| told.variance > 0.0 || least_um > 0.0);
-    let floor = least(&each).unwrap_or_else(|| neighbours(&dataset.records));
+    each.retain(|told| told.variance > 0.0);
+    let floor = least(&each).unwrap_or_else(|| neighbours(&dataset.records, &ends));
     NoiseFloor {
         rms_um: floor.rms_um.max(least_um),
         ..floor
@@ -321,9 +326,13 @@ fn least(each: &[Told]) -> Option<NoiseFloor> {
     })
 }
 
-/// Of records too short for a spectrum: white noise leaves third differences of 20 times its variance.
-fn neighbours(records: &[Record]) -> NoiseFloor {
-    let thirds = records.iter().flat_map(|record| record.position_um.windows(4));
+/// Of records too short for a spectrum, or clipped: white noise leaves third differences of 20 times its variance. Readings at the ends
+/// of the converter's range do not count.
+fn neighbours(records: &[Record], ends: &[f64]) -> NoiseFloor {
+    let thirds = records
+        .iter()
+        .flat_map(|record| record.position_um.windows(4))
+        .filter(|y| !y.iter().any(|y| ends.contains(y)));
     let (squares, samples) = thirds.fold((0.0, 0), |(squares, samples), y| {
         (squares + (y[3] - 3.0 * y[2] + 3.0 * y[1] - y[0]).powi(2), samples + 1)
     });

@@ -17,7 +17,7 @@ pub(crate) fn code_width(values: &[f64]) -> f64 {
         small += 1;
         off += u32::from(!on_grid(step));
     }
-    if small >= FEWEST && off * 100 <= small {
+    if least.is_finite() && small >= FEWEST && off * 100 <= small {
         least
     } else {
         0.0

@@ -38,7 +38,10 @@ pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)
         .collect();
     let least_left = records
         .iter()
-        .filter(|record| record.samples >= ENOUGH_TO_BOUND_NOISE)
+        .filter(|record| {
+            let counted = record.series.measured.iter().filter(|y| !clipped.contains(y));
+            counted.count() >= ENOUGH_TO_BOUND_NOISE
+        })
         .map(|record| record.rms_um)
         .fold(f64::INFINITY, f64::min);
     let floor = told.at_most(least_left / per_um);
@@ -149,7 +152,7 @@ impl Errors {
         };
         let n = (counted().count() as f64).max(1.0);
         let errors = || counted().map(|(y, m)| y - m);
-        let rms = (errors().map(|e| e * e).sum::<f64>() / n).sqrt();
+        let rms = (errors().map(|e| e * e).fold(0.0, |sum, e| sum + e) / n).sqrt();
         let stroke = peak_to_peak(measured);
         let mean = counted().map(|(y, _)| y).sum::<f64>() / n;
         let deviation = (counted().map(|(y, _)| (y - mean).powi(2)).sum::<f64>() / n).sqrt();

@@ -28,7 +28,7 @@ pub use compare::compare;
 pub use comparison::{Bin, Breakdown, Comparison, ErrorMap, Pooled, RecordComparison, Series, Spectrum, SwingMap};
 pub use diagnose::{diagnose, diagnose_with, examine};
 use hysteron_acquisition::noise;
-pub use hysteron_acquisition::{Basis, NoiseFloor, NoiseSource};
+pub use hysteron_acquisition::{Basis, Finding, Kind, NoiseFloor, NoiseSource};
 pub use ladder::{Ladder, Rung, add, add_own, ladder};
 pub use learn::{Attempt, Learned, Stop, learn, learn_from, learn_with};
 pub use region::{GoesWith, Region, region};

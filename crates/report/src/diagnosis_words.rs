@@ -3,6 +3,7 @@
 use crate::lock_words::left_line;
 use crate::number::significant;
 use hysteron_diagnose::diagnosis::{Diagnosis, Level, RankedEffect, Reason, Verdict};
+use hysteron_diagnose::{Finding, Kind};
 use hysteron_identify::{EffectId, EffectName};
 
 /// The verdict in one sentence.
@@ -121,7 +122,9 @@ pub(crate) fn remarks(diagnosis: &Diagnosis) -> Vec<String> {
                 .to_owned(),
         );
     }
-    let findings = diagnosis.acquisition.iter();
+    // Clipped readings are a reason already.
+    let said = |finding: &&Finding| finding.kind == Kind::Clipped && diagnosis.cannot_answer.contains(&Reason::Clipped);
+    let findings = diagnosis.acquisition.iter().filter(|finding| !said(finding));
     lines.extend(findings.map(|finding| format!("The recording: {finding}.")));
     lines
 }
