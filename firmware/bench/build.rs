@@ -49,7 +49,10 @@ fn main() {
             format!("-I{}", folder.display()),
             "-Ic/include".to_owned(),
         ];
-        for (source, object) in [(folder.join(format!("{name}.c")), "law"), ("c/law_tick.c".into(), "tick")] {
+        for (source, object) in [
+            (folder.join(format!("{name}.c")), "law"),
+            ("c/law_tick.c".into(), "tick"),
+        ] {
             let object = folder.join(format!("{name}_{object}.o"));
             compile(&core, flags, &defined, &source, &object);
             println!("cargo::rustc-link-arg-bin=blocks={}", object.display());
