@@ -36,6 +36,22 @@ pub struct Record {
 }
 
 impl Record {
+    /// Voltage, volts, and position, micrometres, from 0 s on, and nothing else.
+    pub fn new(file: impl Into<String>, role: Role, period_s: f64, voltage_v: Vec<f64>, position_um: Vec<f64>) -> Self {
+        Self {
+            file: file.into(),
+            role,
+            excitation: String::new(),
+            start_s: 0.0,
+            period_s,
+            voltage_v,
+            position_um,
+            reference_um: None,
+            temperature_c: None,
+            voltage2_v: None,
+        }
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.voltage_v.len()

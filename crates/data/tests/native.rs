@@ -17,18 +17,7 @@ fn read(text: &str) -> Result<(Record, Vec<String>), DataError> {
 }
 
 fn record(voltage_v: Vec<f64>, position_um: Vec<f64>) -> Record {
-    Record {
-        file: "run.csv".into(),
-        role: Role::Identify,
-        excitation: String::new(),
-        start_s: 0.0,
-        period_s: 0.5,
-        voltage_v,
-        position_um,
-        reference_um: None,
-        temperature_c: None,
-        voltage2_v: None,
-    }
+    Record::new("run.csv", Role::Identify, 0.5, voltage_v, position_um)
 }
 
 #[test]

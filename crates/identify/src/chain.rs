@@ -210,18 +210,13 @@ impl Chain {
         period_s: f64,
         initial: InitialState,
     ) -> Vec<f64> {
-        let record = Record {
-            file: String::new(),
-            role: Role::Validate,
-            excitation: String::new(),
-            start_s: 0.0,
+        let record = Record::new(
+            "",
+            Role::Validate,
             period_s,
-            voltage_v: voltage_v.to_vec(),
-            position_um: vec![0.0; voltage_v.len()],
-            reference_um: None,
-            temperature_c: None,
-            voltage2_v: None,
-        };
+            voltage_v.to_vec(),
+            vec![0.0; voltage_v.len()],
+        );
         let trace = Trace::new(&record, initial, self.dynamic());
         self.respond(coefficients, &trace, &vec![Vec::new(); self.links.len()])
     }

@@ -157,18 +157,7 @@ mod tests {
                 1.3 * x + 0.05 * x * x
             })
             .collect();
-        let record = Record {
-            file: "loop.csv".into(),
-            role: Role::Identify,
-            excitation: String::new(),
-            start_s: 0.0,
-            period_s: 20e-6,
-            voltage_v,
-            position_um,
-            reference_um: None,
-            temperature_c: None,
-            voltage2_v: None,
-        };
+        let record = Record::new("loop.csv", Role::Identify, 20e-6, voltage_v, position_um);
         Dataset {
             records: vec![record],
             ..Dataset::default()

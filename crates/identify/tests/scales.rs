@@ -18,18 +18,7 @@ fn record(rate_hz: f64, volts: f64, stroke_um: f64, samples: usize) -> Record {
         voltage_v.push(volts * v);
         position_um.push(stroke_um * (0.5 * v + 0.125 * plays.iter().sum::<f64>()));
     }
-    Record {
-        file: "a.csv".into(),
-        role: Role::Identify,
-        excitation: String::new(),
-        start_s: 0.0,
-        period_s: 1.0 / rate_hz,
-        voltage_v,
-        position_um,
-        reference_um: None,
-        temperature_c: None,
-        voltage2_v: None,
-    }
+    Record::new("a.csv", Role::Identify, 1.0 / rate_hz, voltage_v, position_um)
 }
 
 /// Six plays placed on the data stand in for four of other widths: in these units they leave less than 2 % of the stroke.

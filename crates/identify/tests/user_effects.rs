@@ -265,18 +265,7 @@ fn record(file: &str, role: Role, voltage: impl Fn(f64) -> f64, bend: &dyn Fn(f6
             bend(y) + 1e-3 * (k as f64 * 1.9).sin()
         })
         .collect();
-    Record {
-        file: file.to_owned(),
-        role,
-        excitation: String::new(),
-        start_s: 0.0,
-        period_s,
-        voltage_v,
-        position_um,
-        reference_um: None,
-        temperature_c: None,
-        voltage2_v: None,
-    }
+    Record::new(file.to_owned(), role, period_s, voltage_v, position_um)
 }
 
 fn stage(bend: &dyn Fn(f64) -> f64) -> Dataset {

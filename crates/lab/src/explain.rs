@@ -262,18 +262,7 @@ mod tests {
         let position_um = (0..samples)
             .map(|k| 5.0 - 5.0 * (std::f64::consts::TAU * f64::from(k) / 1000.0 - 0.15).cos())
             .collect();
-        let record = Record {
-            file: "a.csv".to_owned(),
-            role: Role::Identify,
-            excitation: String::new(),
-            start_s: 0.0,
-            period_s: 1e-4,
-            voltage_v,
-            position_um,
-            reference_um: None,
-            temperature_c: None,
-            voltage2_v: None,
-        };
+        let record = Record::new("a.csv", Role::Identify, 1e-4, voltage_v, position_um);
         let dataset = Dataset {
             records: vec![record],
             ..Dataset::default()

@@ -125,16 +125,5 @@ fn record(file: String, role: Role, voltage_v: Vec<f64>, random: &mut Pcg64) -> 
             now + 0.002 * noise
         })
         .collect();
-    Record {
-        file,
-        role,
-        excitation: String::new(),
-        start_s: 0.0,
-        period_s: PERIOD_S,
-        voltage_v,
-        position_um,
-        reference_um: None,
-        temperature_c: None,
-        voltage2_v: None,
-    }
+    Record::new(file, role, PERIOD_S, voltage_v, position_um)
 }

@@ -185,18 +185,7 @@ mod tests {
             reference_um: None,
             seed: 0,
         };
-        let record = Record {
-            file: "large.csv".to_owned(),
-            role: Role::Identify,
-            excitation: String::new(),
-            start_s: 0.0,
-            period_s,
-            voltage_v,
-            position_um: run.position_um,
-            reference_um: None,
-            temperature_c: None,
-            voltage2_v: None,
-        };
+        let record = Record::new("large.csv", Role::Identify, period_s, voltage_v, run.position_um);
         (command, record)
     }
 

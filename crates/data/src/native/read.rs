@@ -221,18 +221,7 @@ fn assemble(columns: Vec<Filling>, header: &Header, printed: Printed, file: &str
         start: 0.0,
         period: 0.0,
     };
-    let mut record = Record {
-        file: file.to_owned(),
-        role: Role::Identify,
-        excitation: String::new(),
-        start_s: 0.0,
-        period_s: 0.0,
-        voltage_v: Vec::new(),
-        position_um: Vec::new(),
-        reference_um: None,
-        temperature_c: None,
-        voltage2_v: None,
-    };
+    let mut record = Record::new(file.to_owned(), Role::Identify, 0.0, Vec::new(), Vec::new());
     for Filling {
         index,
         unit,

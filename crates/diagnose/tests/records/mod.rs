@@ -56,18 +56,7 @@ pub(crate) fn drive(i: usize, t: f64) -> f64 {
 
 /// A record without columns of its own.
 pub(crate) fn record(name: &str, role: Role, period_s: f64, voltage_v: Vec<f64>, position_um: Vec<f64>) -> Record {
-    Record {
-        file: format!("{name}.csv"),
-        role,
-        excitation: String::new(),
-        start_s: 0.0,
-        period_s,
-        voltage_v,
-        position_um,
-        reference_um: None,
-        temperature_c: None,
-        voltage2_v: None,
-    }
+    Record::new(format!("{name}.csv"), role, period_s, voltage_v, position_um)
 }
 
 pub(crate) fn dataset(records: impl Iterator<Item = Record>) -> Dataset {
