@@ -55,8 +55,8 @@ pub(crate) fn origin(records: &[Record]) -> Option<Finding> {
         .iter()
         .filter_map(|record| Some((record, noise_v(record, largest_v)?)))
         .collect();
-    let mut measured = told.clone();
-    measured.retain(|(_, noise)| *noise > MEASURED * largest_v);
+    let noisy = |(_, noise): &&(&Record, f64)| *noise > MEASURED * largest_v;
+    let mut measured: Vec<(&Record, f64)> = told.iter().filter(noisy).copied().collect();
     // All columns of a rig are measured, or none: a drive that is not quite periodic has no noise for that.
     if 2 * measured.len() <= told.len() {
         return None;

@@ -31,31 +31,27 @@ fn runs(values: &[f64]) -> impl Iterator<Item = Range<usize>> {
 }
 
 /// Positions at which the readings of some record are clipped, micrometres: a reading that is one of them says nothing of the stage.
-/// `noise_um` is the sensor's, rms.
 ///
 /// # Cost
 /// A few passes over each record.
-pub fn clipped_at(records: &[Record], noise_um: f64) -> Vec<f64> {
+pub fn clipped_at(records: &[Record]) -> Vec<f64> {
     let mut ends: Vec<f64> = records
         .iter()
-        .flat_map(|record| {
-            clipped(record, noise_um)
-                .into_iter()
-                .map(|run| record.position_um[run.start])
-        })
+        .flat_map(|record| clipped(record).into_iter().map(|run| record.position_um[run.start]))
         .collect();
     ends.sort_by(f64::total_cmp);
     ends.dedup();
     ends
 }
 
-/// Samples of a record at which the reading stands at the end of its range while the voltage goes on outward.
-pub(crate) fn clipped(record: &Record, noise_um: f64) -> Vec<Range<usize>> {
+/// Samples of a record at which the reading stands at the end of its range while the voltage goes on outward. Noise above a step never
+/// stands still, so that it needs no say.
+fn clipped(record: &Record) -> Vec<Range<usize>> {
     let (v, y) = (&record.voltage_v, &record.position_um);
     let Some(line) = line(record) else { return Vec::new() };
     let (low, high) = crate::range(y);
     let step = code_width(y);
-    let least_v = (CLIPPED_V * span(v)).max(EXPECTED * step.max(noise_um) / line.slope.abs());
+    let least_v = (CLIPPED_V * span(v)).max(EXPECTED * step / line.slope.abs());
     runs(y)
         .filter(|run| {
             let outward = match y[run.start] {
@@ -71,10 +67,10 @@ pub(crate) fn clipped(record: &Record, noise_um: f64) -> Vec<Range<usize>> {
 }
 
 /// Samples at which readings stand still anywhere while the voltage moves far.
-fn stuck(record: &Record, noise_um: f64) -> Vec<Range<usize>> {
+fn stuck(record: &Record) -> Vec<Range<usize>> {
     let (v, y) = (&record.voltage_v, &record.position_um);
     let least_v = STUCK_V * span(v);
-    let clipped = clipped(record, noise_um);
+    let clipped = clipped(record);
     runs(y)
         .filter(|run| span(&v[run.clone()]) > least_v && least_v > 0.0)
         .filter(|run| !clipped.contains(run))
@@ -146,8 +142,8 @@ pub(crate) fn standing(records: &[Record], noise_um: f64) -> Vec<Finding> {
         }
         samples > 0
     };
-    let clipped_any = shares(Kind::Clipped, &|record| clipped(record, noise_um));
-    let stuck_any = shares(Kind::StuckSensor, &|record| stuck(record, noise_um));
+    let clipped_any = shares(Kind::Clipped, &clipped);
+    let stuck_any = shares(Kind::StuckSensor, &stuck);
     if !clipped_any && !stuck_any {
         found.extend(stops(records, noise_um));
     }

@@ -169,12 +169,12 @@ pub fn noise_floor(dataset: &Dataset) -> NoiseFloor {
     }
     let largest_v = dataset.records.iter().map(|r| span(&r.voltage_v)).fold(0.0, f64::max);
     // Clipped readings have no noise, nor have stretches in which some of them are.
-    let ends = clipped_at(&dataset.records, 0.0);
+    let ends = clipped_at(&dataset.records);
     let clipped = |record: &&Record| record.position_um.iter().any(|y| ends.contains(y));
     let mut each: Vec<Told> = dataset
         .records
         .par_iter()
-        .filter(|record| ends.is_empty() || !clipped(record))
+        .filter(|record| !clipped(record))
         .flat_map_iter(|record| of_record(record, largest_v))
         .collect();
     let finest = dataset

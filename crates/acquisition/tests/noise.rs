@@ -1,38 +1,15 @@
 //! The noise floor on records whose noise is known.
 #![expect(clippy::unwrap_used, reason = "noise that cannot be drawn fails the test")]
 
+mod common;
+
+use common::{dataset, noise, with_noise};
 use hysteron_acquisition::{Basis, NoiseSource, noise_floor};
 use hysteron_data::{Dataset, Known, Record, Role};
-use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
 use std::f64::consts::TAU;
 
 fn record(period_s: f64, voltage_v: Vec<f64>, position_um: Vec<f64>) -> Record {
-    Record {
-        file: "a.csv".into(),
-        role: Role::Identify,
-        excitation: String::new(),
-        start_s: 0.0,
-        period_s,
-        voltage_v,
-        position_um,
-        reference_um: None,
-        temperature_c: None,
-        voltage2_v: None,
-    }
-}
-
-fn dataset(records: Vec<Record>) -> Dataset {
-    Dataset {
-        records,
-        ..Dataset::default()
-    }
-}
-
-fn noise(n: usize, rms: f64, seed: u64) -> Vec<f64> {
-    let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
-    let normal = Normal::new(0.0, rms).unwrap();
-    (0..n).map(|_| normal.sample(&mut random)).collect()
+    Record::new("a.csv", Role::Identify, period_s, voltage_v, position_um)
 }
 
 /// A bank of plays: 0.1 um/V, loops that are 15 % open.
@@ -49,11 +26,6 @@ fn stage(voltage_v: &[f64]) -> Vec<f64> {
             0.07 * v + 0.005 * moved.sum::<f64>()
         })
         .collect()
-}
-
-fn with_noise(clean: Vec<f64>, rms: f64, seed: u64) -> Vec<f64> {
-    let n = clean.len();
-    clean.into_iter().zip(noise(n, rms, seed)).map(|(y, e)| y + e).collect()
 }
 
 fn sine(n: usize, hz: f64, period_s: f64) -> Vec<f64> {

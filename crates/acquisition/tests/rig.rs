@@ -1,20 +1,15 @@
 //! What is said of the rig, and what is not: each finding on records that show it, and on records that only look alike.
 #![expect(clippy::unwrap_used, reason = "noise that cannot be drawn fails the test")]
 
+mod common;
+
+use common::{dataset, with_noise};
 use hysteron_acquisition::{Finding, Kind, clipped_at, inspect};
-use hysteron_data::{Dataset, Record, Role};
-use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
+use hysteron_data::{Record, Role};
 use std::f64::consts::TAU;
 
 const PERIOD_S: f64 = 50e-6;
 const NOISE_UM: f64 = 1e-4;
-
-fn noise(n: usize, rms: f64, seed: u64) -> Vec<f64> {
-    let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
-    let normal = Normal::new(0.0, rms).unwrap();
-    (0..n).map(|_| normal.sample(&mut random)).collect()
-}
 
 /// A stage whose loops lean: one play of 6 V, whose corner lies beside every turn.
 fn stage(voltage_v: &[f64]) -> Vec<f64> {
@@ -23,24 +18,11 @@ fn stage(voltage_v: &[f64]) -> Vec<f64> {
         play = play.clamp(v - 6.0, v + 6.0);
         0.07 * v + 0.03 * play
     });
-    let clean: Vec<f64> = moved.collect();
-    let noise = noise(clean.len(), NOISE_UM, clean.len() as u64);
-    clean.iter().zip(noise).map(|(y, e)| y + e).collect()
+    with_noise(moved.collect(), NOISE_UM, voltage_v.len() as u64)
 }
 
 fn record(file: &str, voltage_v: Vec<f64>, position_um: Vec<f64>) -> Record {
-    Record {
-        file: file.to_owned(),
-        role: Role::Identify,
-        excitation: String::new(),
-        start_s: 0.0,
-        period_s: PERIOD_S,
-        voltage_v,
-        position_um,
-        reference_um: None,
-        temperature_c: None,
-        voltage2_v: None,
-    }
+    Record::new(file, Role::Identify, PERIOD_S, voltage_v, position_um)
 }
 
 fn sine(hz: f64, periods: f64) -> Vec<f64> {
@@ -52,11 +34,7 @@ fn sine(hz: f64, periods: f64) -> Vec<f64> {
 
 /// What is found of a kind.
 fn found(records: Vec<Record>, kind: Kind) -> Option<Finding> {
-    let dataset = Dataset {
-        records,
-        ..Dataset::default()
-    };
-    inspect(&dataset).of(kind).next().cloned()
+    inspect(&dataset(records)).of(kind).next().cloned()
 }
 
 fn sines(early: usize) -> Vec<Record> {
@@ -96,8 +74,11 @@ fn val_a_measured_voltage_is_noisy_everywhere() {
         voltages.push(decaying.clone());
         let each = voltages.into_iter().zip(1..).map(|(voltage_v, seed)| {
             let position_um = stage(&voltage_v);
-            let read = voltage_v.iter().zip(noise(voltage_v.len(), noise_v, seed));
-            record(&format!("{seed}.csv"), read.map(|(v, e)| v + e).collect(), position_um)
+            record(
+                &format!("{seed}.csv"),
+                with_noise(voltage_v, noise_v, seed),
+                position_um,
+            )
         });
         each.collect()
     };
@@ -151,8 +132,8 @@ fn val_clipped_ends_are_those_of_all_records() {
         let position_um = stage(&voltage_v).into_iter().map(|y| y.min(top_um)).collect();
         vec![record("sine.csv", voltage_v.clone(), position_um)]
     };
-    assert!(clipped_at(&of(20.0), NOISE_UM).is_empty());
-    assert_eq!(clipped_at(&of(8.0), NOISE_UM), [8.0]);
+    assert!(clipped_at(&of(20.0)).is_empty());
+    assert_eq!(clipped_at(&of(8.0)), [8.0]);
     let clipped = found(of(8.0), Kind::Clipped).unwrap();
     assert!(clipped.figure.value > 10.0, "{clipped}");
 }

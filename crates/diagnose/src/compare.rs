@@ -4,9 +4,10 @@ use crate::breakdown::{Sample, breakdowns};
 use crate::comparison::{Comparison, Pooled, RecordComparison, Series};
 use crate::straight_line::StraightLine;
 use crate::{error_map, noise, spectrum, swing_map};
-use hysteron_acquisition::{Basis, NoiseFloor, NoiseSource, clipped_at};
+use hysteron_acquisition::{Basis, NoiseFloor, NoiseSource};
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::family::peak_to_peak;
+use hysteron_identify::objective::clipped;
 use hysteron_identify::{Direction, Model};
 use rayon::prelude::*;
 
@@ -20,11 +21,7 @@ use rayon::prelude::*;
 /// Linear in the samples; the series of all records are held for the pictures (4 numbers a sample).
 pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)) -> Comparison {
     let per_um = output_per_um(dataset, model.direction);
-    let told = noise::noise_floor(dataset);
-    let clipped = match model.direction {
-        Direction::Forward => clipped_at(&dataset.records, told.rms_um),
-        Direction::Inverse => Vec::new(),
-    };
+    let clipped = clipped(dataset, model.direction);
     let done = std::sync::atomic::AtomicUsize::new(0);
     let mut records: Vec<RecordComparison> = dataset
         .records
@@ -44,7 +41,7 @@ pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)
         })
         .map(|record| record.rms_um)
         .fold(f64::INFINITY, f64::min);
-    let floor = told.at_most(least_left / per_um);
+    let floor = noise::noise_floor(dataset).at_most(least_left / per_um);
     let noise_rms = floor.rms_um * per_um;
     records
         .iter_mut()
@@ -152,7 +149,8 @@ impl Errors {
         };
         let n = (counted().count() as f64).max(1.0);
         let errors = || counted().map(|(y, m)| y - m);
-        let rms = (errors().map(|e| e * e).fold(0.0, |sum, e| sum + e) / n).sqrt();
+        // The sum of nothing is minus zero.
+        let rms = (errors().map(|e| e * e).sum::<f64>().abs() / n).sqrt();
         let stroke = peak_to_peak(measured);
         let mean = counted().map(|(y, _)| y).sum::<f64>() / n;
         let deviation = (counted().map(|(y, _)| (y - mean).powi(2)).sum::<f64>() / n).sqrt();

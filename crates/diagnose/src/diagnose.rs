@@ -65,7 +65,8 @@ pub fn examine(
     let known_delay_s = controllers_delay_s(dataset, model);
     let late = known_delay_s.map(|delay_s| as_late_as_the_controller(dataset, delay_s));
     let seen_by_stage = late.as_ref().unwrap_or(dataset);
-    let floor = noise::noise_floor(seen_by_stage);
+    let rig = inspect(dataset);
+    let floor = late.as_ref().map_or(rig.noise, noise::noise_floor);
     let reasons = reasons::of(seen_by_stage, floor.rms_um, &Thresholds::DEFAULT);
     let blocking: Vec<Reason> = reasons.iter().copied().filter(|r| r.blocks()).collect();
     progress(0.05, "free shape");
@@ -93,7 +94,7 @@ pub fn examine(
     diagnosis.noise_rms_um = floor.rms_um;
     diagnosis.noise = Some(floor);
     diagnosis.known_delay_s = known_delay_s;
-    diagnosis.acquisition = inspect(dataset).findings;
+    diagnosis.acquisition = rig.findings;
     if diagnosis.cannot_answer.is_empty() {
         diagnosis.cannot_answer = reasons;
     }

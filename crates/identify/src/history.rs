@@ -2,9 +2,11 @@
 
 use crate::family::peak_to_peak;
 use crate::model::{Change, Model, RecordError, Step, StepSubject};
+use crate::objective::clipped;
 use crate::period;
 use hysteron_data::{Dataset, Role};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// The step at which a model stands, with its errors on this dataset.
 pub fn present_step(dataset: &Dataset, model: &Model) -> Step {
@@ -15,28 +17,35 @@ pub fn present_step(dataset: &Dataset, model: &Model) -> Step {
     step(change, what, record_errors(dataset, model))
 }
 
-/// The error of a model on every record of a dataset, free simulation.
+/// The error of a model on every record of a dataset, free simulation. Readings that are clipped do not count.
 pub fn record_errors(dataset: &Dataset, model: &Model) -> Vec<RecordError> {
+    let clipped = clipped(dataset, model.direction);
     dataset
         .records
         .par_iter()
         .map(|record| {
             let modelled = model.simulate(record).output;
             let measured = model.direction.output(record);
-            let error: Vec<f64> = measured.iter().zip(&modelled).map(|(y, m)| y - m).collect();
-            let rms = (error.iter().map(|e| e * e).sum::<f64>() / error.len() as f64).sqrt();
+            // Measured, and how far off the model is.
+            let counted = |samples: Range<usize>| -> (Vec<f64>, Vec<f64>) {
+                let counted = samples.filter(|&k| !clipped.contains(&measured[k]));
+                counted.map(|k| (measured[k], measured[k] - modelled[k])).unzip()
+            };
+            let (of_all, error) = counted(0..measured.len());
+            let rms = (error.iter().map(|e| e * e).sum::<f64>().abs() / error.len().max(1) as f64).sqrt();
             let stroke = peak_to_peak(measured);
-            let moves = stroke > 0.0 && peak_to_peak(&record.voltage_v) > 0.0;
+            let moves = stroke > 0.0 && peak_to_peak(&record.voltage_v) > 0.0 && !of_all.is_empty();
             let last = period::detect(&record.voltage_v)
                 .filter(|found| moves && found.from == 0)
-                .map(|found| error.len() - found.samples..error.len());
+                .map(|found| counted(measured.len() - found.samples..measured.len()))
+                .filter(|(measured, _)| !measured.is_empty());
             RecordError {
                 file: record.file.clone(),
                 role: record.role,
                 rms,
                 percent: moves.then(|| 100.0 * rms / stroke),
-                relative_percent: moves.then(|| 100.0 * rms / scatter(measured)),
-                last_period_percent: last.map(|last| 100.0 * scatter(&error[last.clone()]) / scatter(&measured[last])),
+                relative_percent: moves.then(|| 100.0 * rms / scatter(&of_all)),
+                last_period_percent: last.map(|(measured, error)| 100.0 * scatter(&error) / scatter(&measured)),
             }
         })
         .collect()

@@ -24,12 +24,9 @@ pub enum Weighting {
 const SMALLEST_STROKE: f64 = 0.1;
 
 /// Positions at which readings are clipped; none for an inverse, whose output is the voltage.
-pub(crate) fn clipped(dataset: &Dataset, direction: Direction) -> Vec<f64> {
+pub fn clipped(dataset: &Dataset, direction: Direction) -> Vec<f64> {
     match direction {
-        Direction::Forward => {
-            let noise_um = hysteron_acquisition::noise_floor(dataset).rms_um;
-            hysteron_acquisition::clipped_at(&dataset.records, noise_um)
-        }
+        Direction::Forward => hysteron_acquisition::clipped_at(&dataset.records),
         Direction::Inverse => Vec::new(),
     }
 }

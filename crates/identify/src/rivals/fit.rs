@@ -338,18 +338,7 @@ mod tests {
                 .chain(&position_um)
                 .map(|&y| model.step(&mut state, y));
             let voltage_v = voltages.skip(position_um.len()).collect();
-            Record {
-                file: format!("{hz}.csv"),
-                role: Role::Identify,
-                excitation: String::new(),
-                start_s: 0.0,
-                period_s: PERIOD_S,
-                voltage_v,
-                position_um,
-                reference_um: None,
-                temperature_c: None,
-                voltage2_v: None,
-            }
+            Record::new(format!("{hz}.csv"), Role::Identify, PERIOD_S, voltage_v, position_um)
         };
         Dataset {
             records: vec![record(5.0), record(20.0), record(50.0)],

@@ -66,7 +66,7 @@ impl<'a> Search<'a> {
     /// Some six passes over the records.
     pub fn new(dataset: &'a Dataset, model: &Model, shape: &Shape, noise_um: f64) -> Result<Self, IdentifyError> {
         let (chain, facts) = chain_in(dataset, model, shape)?;
-        let records = records::prepare(dataset, &chain.design, noise_um);
+        let records = records::prepare(dataset, &chain.design);
         if records.iter().all(|record| !record.moves() || !record.fits) {
             return Err(IdentifyError::NothingToFit);
         }

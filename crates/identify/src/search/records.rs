@@ -33,7 +33,7 @@ pub(crate) struct Prepared<'a> {
     fine: Option<Trace<'a>>,
     /// Whether it takes part in the fit.
     pub fits: bool,
-    /// Peak to peak of the position; 0 where the drive stands still.
+    /// Peak to peak of the position; 0 where the drive stands still or no sample counts.
     pub stroke_um: f64,
     /// First sample at which the plays have settled.
     pub settled: usize,
@@ -79,10 +79,10 @@ fn finer<'a>(plain: &Trace<'a>) -> Option<Trace<'a>> {
 }
 
 /// Prepares all records: those with role `identify` are fitted, or all of them where none has. Readings that are clipped do not count.
-pub(crate) fn prepare<'a>(dataset: &'a Dataset, design: &Design, noise_um: f64) -> Vec<Prepared<'a>> {
+pub(crate) fn prepare<'a>(dataset: &'a Dataset, design: &Design) -> Vec<Prepared<'a>> {
     let some_fit = dataset.with_role(Role::Identify).next().is_some();
     let fits = |record: &Record| !some_fit || record.role == Role::Identify;
-    let clipped_um = hysteron_acquisition::clipped_at(&dataset.records, noise_um);
+    let clipped_um = hysteron_acquisition::clipped_at(&dataset.records);
     let fitted = dataset.records.iter().filter(|r| fits(r));
     let readings = fitted.flat_map(|r| r.voltage_v.iter().zip(&r.position_um));
     let (low, high) = range(readings.filter(|(_, y)| !clipped_um.contains(y)).map(|(v, _)| *v));
@@ -133,13 +133,12 @@ fn one<'a>(record: &'a Record, fits: bool, design: &Design, budget: &Budget) -> 
     let plain = Trace::new(record, guess, false);
     let moves = peak_to_peak(&record.voltage_v) > 0.0;
     let known = inside(&record.voltage_v, budget.range_v, fits);
-    let clipped = |k: usize| budget.clipped_um.contains(&record.position_um[k]);
     let spread = |budget: usize| -> Vec<usize> {
         let samples = record.len() - run.fit_from;
         let stride = samples.div_ceil(budget.max(1)).max(1);
         (run.fit_from..record.len())
             .step_by(stride)
-            .filter(|&k| !clipped(k) && known.as_ref().is_none_or(|known| known[k]))
+            .filter(|&k| run.counts(k) && known.as_ref().is_none_or(|known| known[k]))
             .collect()
     };
     let rows = spread((ALL_ROWS / budget.all).max(LEAST_ROWS));
@@ -151,7 +150,11 @@ fn one<'a>(record: &'a Record, fits: bool, design: &Design, budget: &Budget) -> 
         fine: finer(&plain),
         plain,
         fits,
-        stroke_um: if moves { peak_to_peak(&record.position_um) } else { 0.0 },
+        stroke_um: if moves && !rows.is_empty() {
+            peak_to_peak(&record.position_um)
+        } else {
+            0.0
+        },
         settled: run.fit_from,
         few_rows: rows.iter().copied().step_by(every).collect(),
         parts: (0..rows.len())
@@ -220,24 +223,13 @@ mod tests {
             free.map(|y| y.min(end_um)).collect()
         };
         let rows_of = |position_um: Vec<f64>| {
-            let record = Record {
-                file: "sine.csv".to_owned(),
-                role: Role::Identify,
-                excitation: String::new(),
-                start_s: 0.0,
-                period_s: 1e-4,
-                voltage_v: drive().collect(),
-                position_um,
-                reference_um: None,
-                temperature_c: None,
-                voltage2_v: None,
-            };
+            let record = Record::new("sine.csv", Role::Identify, 1e-4, drive().collect(), position_um);
             let dataset = Dataset {
                 records: vec![record],
                 ..Dataset::default()
             };
             let design = Design::still(Family::Mpi, vec![0.0, 10.0]);
-            prepare(&dataset, &design, 3e-4)[0].rows.clone()
+            prepare(&dataset, &design)[0].rows.clone()
         };
         let all = rows_of(position(20.0));
         let kept = rows_of(position(8.0));
