@@ -78,9 +78,10 @@ fn gaps(record: &Record) -> usize {
             let over = (y[k - 1] <= pair[0]) != (y[k] <= pair[0]);
             // A position that is fast there jumps over whole codes.
             let slow = (y[k - 1] - y[k - 2]).abs().max((y[k + 1] - y[k]).abs()) < 0.5 * gap;
-            // The voltage must not have jumped as well, now or as long before as an amplifier takes.
+            // The voltage must not have jumped as well, now or as long before as an amplifier takes; nor rest, for what jumps
+            // meanwhile is the stage.
             let moved_v = (k - 5..=k).map(|j| (v[j] - v[j - 1]).abs()).fold(0.0, f64::max);
-            over && slow && 6.0 * moved_v * line.slope.abs() < gap
+            over && slow && moved_v > 0.0 && 6.0 * moved_v * line.slope.abs() < gap
         });
         if passes.count() >= PASSED {
             missing += (gap / step).round() as usize - 1;

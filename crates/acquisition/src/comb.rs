@@ -82,7 +82,7 @@ impl Comb {
 }
 
 /// Cosine and sine weights of a line under a Hann window, twice the mean product.
-fn projection(series: &[f64], cycles: f64) -> (f64, f64) {
+pub(crate) fn projection(series: &[f64], cycles: f64) -> (f64, f64) {
     let n = series.len();
     let step = std::f64::consts::TAU * cycles;
     let (turn_sin, turn_cos) = step.sin_cos();
@@ -153,7 +153,7 @@ fn fundamental(drive: &[f64]) -> Option<f64> {
         }
         // Few periods have lines a few bins apart: nothing lies well beside them, and the samples themselves decide.
         if spacing < 2.0 * FAR + 2.0 {
-            return repeats(drive, cycles).then_some(cycles);
+            return repeating(drive, cycles);
         }
         let beside: f64 = (1..power.len())
             .filter(|&k| {
@@ -166,9 +166,29 @@ fn fundamental(drive: &[f64]) -> Option<f64> {
     })
 }
 
-/// Whether a drive is the same a period later, by straight lines between its samples.
-fn repeats(drive: &[f64], cycles: f64) -> bool {
-    let lag = 1.0 / cycles;
+/// Part of the period by which the phase of a line of few periods may be wrong: it sees its own mirror image.
+const OFF: f64 = 0.02;
+/// Halvings of that part.
+const HALVINGS: usize = 12;
+
+/// The fundamental near `cycles` after whose period a drive is the same, if it is.
+fn repeating(drive: &[f64], cycles: f64) -> Option<f64> {
+    let (mut lag, mut step) = (1.0 / cycles, OFF / cycles);
+    let mut least = apart(drive, lag);
+    for _ in 0..HALVINGS {
+        step *= 0.5;
+        for tried in [lag - step, lag + step] {
+            let apart = apart(drive, tried);
+            if apart < least {
+                (lag, least) = (tried, apart);
+            }
+        }
+    }
+    (least < BESIDE).then(|| 1.0 / lag)
+}
+
+/// How far a drive differs from itself a lag later, by straight lines between its samples, as a share of its power.
+fn apart(drive: &[f64], lag: f64) -> f64 {
     let (whole, part) = (lag.floor() as usize, lag.fract());
     let mean = drive.iter().sum::<f64>() / drive.len() as f64;
     let (mut apart, mut all) = (0.0, 0.0);
@@ -177,7 +197,7 @@ fn repeats(drive: &[f64], cycles: f64) -> bool {
         apart += (later - drive[k]).powi(2);
         all += (drive[k] - mean).powi(2);
     }
-    all > 0.0 && apart < BESIDE * all
+    if all > 0.0 { apart / all } else { f64::INFINITY }
 }
 
 /// The frequency of a line near `cycles`, by the phase that it gains from the first half to the second.
@@ -246,6 +266,16 @@ mod tests {
                 .collect();
             let found = Comb::find(&triangle).unwrap();
             assert!((found.cycles / cycles - 1.0).abs() < 1e-6, "{cycles}: {found:?}");
+        }
+    }
+
+    /// Windowed halves of few periods see their mirror image, and the phase between them is off by a hundredth of a turn.
+    #[test]
+    fn val_few_periods() {
+        for (periods, n) in [(2.0, 900), (2.6, 5000), (5.0, 2500), (6.3, 800)] {
+            let cycles = periods / f64::from(n);
+            let found = Comb::find(&sine(n as usize, cycles)).unwrap();
+            assert!((found.cycles / cycles - 1.0).abs() < 1e-4, "{periods}: {found:?}");
         }
     }
 

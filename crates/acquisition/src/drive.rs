@@ -7,6 +7,7 @@ use crate::report::{Channel, Finding, Kind, Quantity, Unit};
 use crate::resolution::code_width;
 use crate::{median, rests, span};
 use hysteron_data::Record;
+use rayon::prelude::*;
 use realfft::num_complex::Complex;
 
 /// Noise of a voltage over its range from which on it was measured: commands repeat to their last digit.
@@ -35,7 +36,7 @@ fn noise_v(record: &Record, largest_v: f64) -> Option<f64> {
 
 /// A measured voltage, and a drive computed from the sensor.
 pub(crate) fn origin(records: &[Record]) -> Option<Finding> {
-    let fed: Vec<(&Record, f64)> = records.iter().filter_map(|r| Some((r, feedback(r)?))).collect();
+    let fed: Vec<(&Record, f64)> = records.par_iter().filter_map(|r| Some((r, feedback(r)?))).collect();
     let long = records
         .iter()
         .filter(|r| segments(r) >= FEWEST && span(&r.voltage_v) > 0.0);
@@ -52,7 +53,7 @@ pub(crate) fn origin(records: &[Record]) -> Option<Finding> {
     }
     let largest_v = records.iter().map(|r| span(&r.voltage_v)).fold(0.0, f64::max);
     let told: Vec<(&Record, f64)> = records
-        .iter()
+        .par_iter()
         .filter_map(|record| Some((record, noise_v(record, largest_v)?)))
         .collect();
     let noisy = |(_, noise): &&(&Record, f64)| *noise > MEASURED * largest_v;

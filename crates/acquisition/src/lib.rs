@@ -1,10 +1,11 @@
 //! The rig, before any physics: what converters, clocks, cables and files do to a recording.
 //!
-//! [`inspect()`] says all of it, [`noise_floor`] the sensor's noise alone, [`clipped_at`] where readings are clipped. No
+//! [`inspect()`] says all of it, [`mistakes`] where a lab has erred, [`noise_floor`] the sensor's noise alone, [`clipped_at`] where readings are clipped. No
 //! figure rests on a model of the stage.
 #![forbid(unsafe_code)]
 
 mod alike;
+mod clocks;
 mod codes;
 mod comb;
 mod drive;
@@ -20,7 +21,7 @@ mod tones;
 mod turns;
 
 pub use ends::clipped_at;
-pub use inspect::inspect;
+pub use inspect::{inspect, mistakes};
 pub use noise::{Basis, NoiseFloor, NoiseSource, noise_floor};
 pub use report::{Channel, Figure, Finding, Following, Kind, Quantity, Report, Resolution, Unit};
 

@@ -39,6 +39,8 @@ const CLOSE: f64 = 0.9;
 const OTHER_UNIT: f64 = 8.0;
 /// Strokes of positioning stages, micrometres.
 const STROKES_UM: [f64; 2] = [1e-3, 5e3];
+/// A voltage that moves no stage by what a sensor sees: a tenth of a nanometre at 100 nm/V.
+const LEAST_DRIVE_V: f64 = 1e-3;
 /// Voltages of a record below this share of the largest tell little of sign and gain.
 const LITTLE: f64 = 0.02;
 
@@ -53,6 +55,14 @@ pub(crate) fn glance(records: &[Record]) -> Vec<Finding> {
     let mut found = Vec::new();
     found.extend(sign(&moved));
     found.extend(units(&moved));
+    if largest_v > 0.0 && largest_v < LEAST_DRIVE_V {
+        found.push(Finding {
+            kind: Kind::OtherUnits,
+            channel: Some(Channel::Voltage),
+            records: Vec::new(),
+            figure: figure(largest_v, Unit::Volt, Quantity::Range),
+        });
+    }
     found.extend(swapped(&moved));
     if largest_v > 0.0 && records.iter().all(|record| of_voltage(record).is_empty()) {
         found.push(Finding {

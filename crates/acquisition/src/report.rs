@@ -51,6 +51,8 @@ pub enum Kind {
     HeldSamples,
     /// A tone that is neither the drive's nor the mains'.
     Tone,
+    /// Voltage and position were sampled by clocks that differ.
+    DifferentClocks,
     /// No record turns back.
     NeverReverses,
 }
@@ -76,7 +78,33 @@ impl Kind {
             Self::StuckSensor => "readings stand still while the voltage moves",
             Self::HeldSamples => "repeated readings",
             Self::Tone => "a tone of neither drive nor mains",
+            Self::DifferentClocks => "voltage and position run on different clocks",
             Self::NeverReverses => "no record turns back",
+        }
+    }
+
+    /// Whether a lab has erred, so that every reader of the records should know at once; the rest is as the rig is.
+    pub fn is_mistake(self) -> bool {
+        match self {
+            Self::PositionLeads
+            | Self::OtherUnits
+            | Self::SignByRecord
+            | Self::SwappedColumns
+            | Self::MissingCodes
+            | Self::Clipped
+            | Self::StuckSensor
+            | Self::HeldSamples
+            | Self::Tone
+            | Self::DifferentClocks => true,
+            Self::TriggerJitter
+            | Self::GainByRecord
+            | Self::OffsetByRecord
+            | Self::NegativeGain
+            | Self::MeasuredVoltage
+            | Self::Feedback
+            | Self::CoarseCodes
+            | Self::FlatTop
+            | Self::NeverReverses => false,
         }
     }
 
@@ -102,6 +130,7 @@ impl Kind {
             Self::StuckSensor => "the stage over that time",
             Self::HeldSamples => "what is faster than the readings; half the hold looks like delay",
             Self::Tone => "effects at its frequency; a ripple above half the sampling rate folds to anywhere",
+            Self::DifferentClocks => "delay, lag and creep: the skew grows along each record",
             Self::NeverReverses => "hysteresis, backlash and all that needs a loop",
         }
     }
@@ -128,6 +157,7 @@ impl Kind {
             Self::StuckSensor => "look at the cable and the target, and leave the stretch out",
             Self::HeldSamples => "record at the sensor's own rate",
             Self::Tone => "record once at another rate: a folded tone moves, a true one stays",
+            Self::DifferentClocks => "sample both columns by one clock, or resample the position by the difference",
             Self::NeverReverses => "add a record that goes up and comes back",
         }
     }
@@ -157,6 +187,8 @@ pub enum Unit {
     Sample,
     /// A plain factor.
     Factor,
+    /// Parts in a million.
+    PartsPerMillion,
 }
 
 /// A number with unit and standard error.
@@ -206,6 +238,8 @@ pub enum Quantity {
     Frequency,
     /// Range of the voltage.
     Range,
+    /// Rate of the position's clock over that of the voltage's, less one.
+    ClockDifference,
 }
 
 impl Quantity {
@@ -226,6 +260,7 @@ impl Quantity {
             Self::Hold => "samples a reading",
             Self::Frequency => "frequency as recorded",
             Self::Range => "range of the voltage",
+            Self::ClockDifference => "difference of the clocks",
         }
     }
 }
@@ -240,6 +275,7 @@ impl core::fmt::Display for Figure {
             Unit::MicrometrePerVolt => (1.0, " um/V"),
             Unit::Percent => (1.0, " %"),
             Unit::Bit => (1.0, " bits"),
+            Unit::PartsPerMillion => (1.0, " ppm"),
             Unit::Code | Unit::Sample | Unit::Factor => (1.0, ""),
         };
         write!(f, "{} {}", self.of.words(), rounded(scale * self.value))?;

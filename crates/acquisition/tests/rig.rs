@@ -4,7 +4,7 @@
 mod common;
 
 use common::{dataset, with_noise};
-use hysteron_acquisition::{Finding, Kind, clipped_at, inspect};
+use hysteron_acquisition::{Finding, Kind, clipped_at, inspect, mistakes};
 use hysteron_data::{Record, Role};
 use std::f64::consts::TAU;
 
@@ -136,4 +136,150 @@ fn val_clipped_ends_are_those_of_all_records() {
     assert_eq!(clipped_at(&of(8.0)), [8.0]);
     let clipped = found(of(8.0), Kind::Clipped).unwrap();
     assert!(clipped.figure.value > 10.0, "{clipped}");
+}
+
+/// The mistakes that are warned of, by kind.
+fn mistaken(records: Vec<Record>) -> Vec<Kind> {
+    let mut kinds: Vec<Kind> = mistakes(&dataset(records))
+        .into_iter()
+        .map(|found| found.kind)
+        .collect();
+    kinds.dedup();
+    kinds
+}
+
+/// Records of several rates, each column turned by a function.
+fn turned(voltage: impl Fn(&[f64]) -> Vec<f64>, position: impl Fn(&[f64]) -> Vec<f64>) -> Vec<Record> {
+    let each = [5.0, 13.0, 41.0, 97.0].into_iter().map(|hz| {
+        let voltage_v = sine(hz, 6.0);
+        let position_um = stage(&voltage_v);
+        record(&format!("{hz}.csv"), voltage(&voltage_v), position(&position_um))
+    });
+    each.collect()
+}
+
+fn same(values: &[f64]) -> Vec<f64> {
+    values.to_vec()
+}
+
+fn times(factor: f64) -> impl Fn(&[f64]) -> Vec<f64> {
+    move |values| values.iter().map(|value| factor * value).collect()
+}
+
+/// Each mistake of a laboratory is said, and none where there is none, be the sensor upside down or its steps coarse.
+#[test]
+fn val_mistakes_of_laboratories_are_said() {
+    assert_eq!(mistaken(turned(same, same)), []);
+    assert_eq!(mistaken(turned(same, times(-1.0))), []);
+    for step_um in [0.001, 0.02, 0.5] {
+        let coarse = move |values: &[f64]| values.iter().map(|y| (y / step_um).round() * step_um).collect();
+        assert_eq!(mistaken(turned(same, coarse)), [], "steps of {step_um} um");
+    }
+    assert_eq!(mistaken(turned(same, times(1e-6))), [Kind::OtherUnits], "metres");
+    assert_eq!(mistaken(turned(same, times(1e3))), [Kind::OtherUnits], "nanometres");
+    assert_eq!(
+        mistaken(turned(times(1e-3 / 150.0), same)),
+        [Kind::OtherUnits],
+        "kilovolts of a monitor"
+    );
+    let swapped = turned(same, same).into_iter().map(|record| {
+        let (voltage_v, position_um) = (record.position_um, record.voltage_v);
+        Record::new(&record.file, record.role, record.period_s, voltage_v, position_um)
+    });
+    assert_eq!(mistaken(swapped.collect()), [Kind::SwappedColumns]);
+    let clipped = |values: &[f64]| values.iter().map(|y| y.min(8.0)).collect();
+    assert_eq!(mistaken(turned(same, clipped)), [Kind::Clipped]);
+    let stuck = |values: &[f64]| {
+        let (from, to) = (values.len() / 3, values.len() / 2);
+        let mut values = values.to_vec();
+        let at = values[from];
+        values[from..to].fill(at);
+        values
+    };
+    assert_eq!(mistaken(turned(same, stuck)), [Kind::StuckSensor]);
+    let held = |values: &[f64]| (0..values.len()).map(|k| values[k - k % 4]).collect();
+    let found = mistaken(turned(same, held));
+    assert!(found.contains(&Kind::HeldSamples), "{found:?}");
+}
+
+/// Voltage and position of a stage, the position sampled by a clock that is faster by some parts in a million, after a lag that changes
+/// by a share of a second a second.
+fn on_two_clocks(rates: &[f64], drive_ppm: f64, position_ppm: f64, later: f64) -> Vec<Record> {
+    let each = rates.iter().map(|&hz| {
+        let n = (40.0 / hz / PERIOD_S) as usize;
+        let at = |t: f64| 50.0 - 50.0 * (TAU * hz * (1.0 + 1e-6 * drive_ppm) * t).cos();
+        let time = |k: usize, ppm: f64| k as f64 * PERIOD_S / (1.0 + 1e-6 * ppm);
+        let voltage_v: Vec<f64> = (0..n).map(|k| at(time(k, 0.0))).collect();
+        let moved = (0..n).map(|k| {
+            let t = time(k, position_ppm);
+            at(t - 3.0 * PERIOD_S - later * (TAU * hz * t / 200.0).sin())
+        });
+        record(&format!("{hz}.csv"), voltage_v, stage(&moved.collect::<Vec<_>>()))
+    });
+    each.collect()
+}
+
+/// Two clocks are one difference at every rate; a drive off the clock, a lag, and a lag that comes and goes are none.
+#[test]
+fn val_two_clocks_are_told() {
+    let rates = [19.0, 41.0, 83.0];
+    for ppm in [30.0, -100.0, 400.0] {
+        let told = found(on_two_clocks(&rates, 0.0, ppm, 0.0), Kind::DifferentClocks)
+            .unwrap()
+            .figure;
+        assert!((told.value / ppm - 1.0).abs() < 0.03, "{ppm}: {told}");
+    }
+    for (drive_ppm, later) in [(0.0, 0.0), (100.0, 0.0), (0.0, 1e-4)] {
+        let records = on_two_clocks(&rates, drive_ppm, 0.0, later);
+        assert_eq!(found(records, Kind::DifferentClocks), None, "{drive_ppm} ppm, {later}");
+    }
+    // One rate alone does not tell a clock from a lag that grows.
+    assert_eq!(
+        found(on_two_clocks(&[41.0], 0.0, 400.0, 0.0), Kind::DifferentClocks),
+        None
+    );
+}
+
+/// A tone of neither drive nor mains is said, on few periods as on many; harmonics that fold, hum, and what rings are none.
+#[test]
+fn val_tones_are_no_harmonics() {
+    let with = |voltage_v: Vec<f64>, hz: f64, size_um: f64| {
+        let read = stage(&voltage_v).into_iter().enumerate();
+        let read = read
+            .map(|(k, y)| y + size_um * (TAU * hz * k as f64 * PERIOD_S).sin())
+            .collect();
+        vec![record("one.csv", voltage_v, read)]
+    };
+    let triangle = |hz: f64, periods: f64| -> Vec<f64> {
+        let n = (periods / hz / PERIOD_S) as usize;
+        (0..n)
+            .map(|k| 100.0 * (2.0 * (hz * k as f64 * PERIOD_S).fract() - 1.0).abs())
+            .collect()
+    };
+    // 45.32 kHz folds to 5.32 kHz at 20 kHz.
+    for voltage_v in [sine(11.0, 3.4), sine(97.0, 40.0), triangle(37.3, 25.0)] {
+        let n = voltage_v.len();
+        let tone = found(with(voltage_v.clone(), 45_320.0, 0.05), Kind::Tone);
+        let tone = tone.unwrap_or_else(|| panic!("none in {n} samples"));
+        assert!((tone.figure.value - 5320.0).abs() < 10.0, "{tone}");
+        assert_eq!(found(with(voltage_v.clone(), 45_320.0, 0.0), Kind::Tone), None);
+        assert_eq!(found(with(voltage_v, 150.0, 0.05), Kind::Tone), None, "hum");
+    }
+    for hz in [617.3, 1490.0, 2713.0] {
+        assert_eq!(
+            found(with(triangle(hz, 300.0), 45_320.0, 0.0), Kind::Tone),
+            None,
+            "{hz} Hz folds"
+        );
+    }
+}
+
+/// Nothing is said of next to nothing, and nothing fails on it.
+#[test]
+fn bva_records_of_few_samples() {
+    for n in 2..40 {
+        let voltage_v: Vec<f64> = (0..n).map(|k| f64::from(k % 7)).collect();
+        let records = vec![record("short.csv", voltage_v.clone(), stage(&voltage_v))];
+        assert!(!mistaken(records).contains(&Kind::Tone), "{n} samples");
+    }
 }

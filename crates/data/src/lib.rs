@@ -13,7 +13,6 @@ mod lines;
 pub mod native;
 pub mod place;
 pub mod record;
-mod suspicion;
 pub mod units;
 
 pub use error::DataError;
@@ -22,4 +21,3 @@ pub use native::{
     validate_record, write_dataset, write_record_csv, write_record_to,
 };
 pub use record::{Dataset, Known, Notice, Record, Reference, Role};
-pub use suspicion::{Suspicion, suspicions};

@@ -206,11 +206,15 @@ fn read(folder: &Path, name: &str, reading: &Reading) -> Upload {
                 )),
                 Ok(Err(error)) => Err(error.to_string().replace(&format!("{}/", folder.display()), "")),
                 Ok(Ok(imported)) => {
-                    let preview = imported
+                    let mut preview = imported
                         .preview
                         .to_string()
                         .replace(&format!("{}/", folder.display()), "");
-                    Ok((imported.records, preview))
+                    let dataset = dataset_of(imported.records);
+                    for finding in hysteron_acquisition::mistakes(&dataset) {
+                        preview.push_str(&format!("  warning: {finding}\n"));
+                    }
+                    Ok((dataset.records, preview))
                 }
             }
         });
@@ -249,6 +253,10 @@ pub(crate) fn read_native(folder: &Path) -> Result<Dataset, Refusal> {
 /// The records of files as one dataset; files of one name are told apart.
 pub(crate) fn imported(mut records: Vec<Record>) -> Dataset {
     name_apart(&mut records);
+    dataset_of(records)
+}
+
+fn dataset_of(records: Vec<Record>) -> Dataset {
     Dataset {
         name: "data".to_owned(),
         description: "imported".to_owned(),

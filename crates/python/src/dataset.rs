@@ -36,18 +36,12 @@ impl Dataset {
         Self { data: Arc::new(data) }
     }
 
-    /// What the reader did that the user should know, and what is suspicious in the records, as the command line says it.
+    /// What the reader did that the user should know, and what a lab has done wrong in the records, as the command line says it.
     pub(crate) fn remarks(&self) -> Vec<String> {
         let said = |notice: &Notice| format!("note: {}: {}", notice.file, notice.text);
         let mut remarks: Vec<String> = self.data.notices.iter().map(said).collect();
-        for record in &self.data.records {
-            let found = hysteron_data::suspicions(record);
-            remarks.extend(
-                found
-                    .into_iter()
-                    .map(|found| format!("warning: {}: {found}", record.file)),
-            );
-        }
+        let mistakes = hysteron_acquisition::mistakes(&self.data);
+        remarks.extend(mistakes.iter().map(|finding| format!("warning: {finding}")));
         remarks
     }
 

@@ -132,6 +132,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<Done, CliError> {
     }
     bar.finish_and_clear();
     name_apart(&mut dataset.records);
+    super::load::warn(&dataset);
     match &args.output {
         Some(folder) if !args.dry_run => {
             let folder_name = folder.file_name().map(|name| name.to_string_lossy().into_owned());

@@ -102,25 +102,11 @@ pub(crate) fn dataset(path: &Path) -> Result<Dataset, CliError> {
     Ok(dataset)
 }
 
-/// Says on standard error what looks wrong about records, each thing once.
-fn warn(dataset: &Dataset) {
-    let mut told: Vec<(String, &str, usize)> = Vec::new();
-    for record in &dataset.records {
-        for found in hysteron_data::suspicions(record) {
-            let found = found.to_string();
-            match told.iter_mut().find(|(text, ..)| *text == found) {
-                Some((_, _, more)) => *more += 1,
-                None => told.push((found, &record.file, 0)),
-            }
-        }
-    }
-    for (found, file, more) in told {
-        let others = match more {
-            0 => String::new(),
-            1 => " and one more record".to_owned(),
-            more => format!(" and {more} more records"),
-        };
-        let _ = writeln!(std::io::stderr(), "warning: {file}{others}: {found}");
+/// Says on standard error where a lab has erred.
+pub(crate) fn warn(dataset: &Dataset) {
+    for finding in hysteron_acquisition::mistakes(dataset) {
+        // A closed standard error loses a warning, not the answer.
+        let _ = writeln!(std::io::stderr(), "warning: {finding}");
     }
 }
 

@@ -13,7 +13,6 @@ use crate::clock::{self, Clock};
 use crate::error::DataError;
 use crate::place::Place;
 use crate::record::Record;
-use crate::suspicion::suspicions;
 use crate::units::{Quantity, Unit};
 
 /// Samples that are one run, with the clock that the file gives besides a column of time, in seconds.
@@ -55,11 +54,6 @@ pub(crate) fn finish(
                 ));
                 record.start_s = 0.0;
             }
-            notices.extend(
-                suspicions(&record)
-                    .iter()
-                    .map(|found| format!("{}: {found}", record.file)),
-            );
             records.push(record);
         }
     }
