@@ -18,18 +18,19 @@ pub(crate) fn msrv() -> Result<(), String> {
 }
 
 /// The crates that others can build on, each after those that it needs: the core, the records, the fit, and what the wheel is made of.
-const CRATES: [&str; 13] = [
+const CRATES: [&str; 14] = [
     "core",
     "data",
     "effects",
     "acquisition",
+    "excitation",
     "plant",
     "identify",
     "table",
     "diagnose",
     "challenge",
     "report",
-    "tracking",
+    "control",
     "capi",
     "python",
 ];

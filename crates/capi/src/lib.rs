@@ -4,9 +4,9 @@
 //! together, and call the library from C and from Python.
 #![expect(unsafe_code, reason = "a C interface takes pointers")]
 
+use hysteron_control::design::Controller;
 use hysteron_core::surroundings::{CompleteLaw, CompleteState, LoopInput};
 use hysteron_table::Table;
-use hysteron_tracking::design::Controller;
 use std::ffi::{CStr, c_char};
 use std::path::Path;
 

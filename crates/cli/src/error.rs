@@ -23,6 +23,9 @@ pub(crate) enum CliError {
     /// A challenge that cannot be made, answered or shown.
     #[error(transparent)]
     Challenge(#[from] hysteron_challenge::ChallengeError),
+    /// A controller that cannot be designed, read or run.
+    #[error(transparent)]
+    Control(#[from] hysteron_control::ControlError),
     /// A tracking run that cannot be made.
     #[error(transparent)]
     Tracking(#[from] hysteron_tracking::TrackingError),

@@ -9,15 +9,15 @@ mod three_plays;
 
 use assert_cmd::Command;
 use hysteron_board::upload::Upload;
+use hysteron_control::commands::commands;
+use hysteron_control::design::Controller;
+use hysteron_control::reference::Reference;
 use hysteron_core::law_numbers::LawNumbers;
 use hysteron_data::read_dataset;
 use hysteron_firmware::table;
 use hysteron_firmware::wire::Order;
 use hysteron_plant::{CrossCoupling, Stage, StageConfig, preset};
 use hysteron_table::Table;
-use hysteron_tracking::complete::commands;
-use hysteron_tracking::design::Controller;
-use hysteron_tracking::reference::Reference;
 use small_board::SmallBoard;
 use std::collections::BTreeMap;
 use three_plays::{HUM, Named, RISING, model};

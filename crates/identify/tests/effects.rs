@@ -4,8 +4,8 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up its stage fails")]
 
 use hysteron_data::{Dataset, Record, Role};
+use hysteron_excitation::{Excitation, Multisine, Sine, with_rise};
 use hysteron_identify::{Added, Adding, EffectId, Family, FitOptions, IdentifyError, Model, add, effects, fit};
-use hysteron_plant::excitation::{Excitation, Multisine, Sine, with_rise};
 use hysteron_plant::hysteresis::{MaxwellSlip, SigmoidPlays};
 use hysteron_plant::{
     AmplitudeGain, Asymmetry, Backlash, Creep, CrossCoupling, CurrentLimit, EndStop, Hysteresis, Initial,

@@ -2,9 +2,9 @@
 
 use crate::config::StageConfig;
 use crate::error::{StageError, within};
-use crate::excitation::{Excitation, Sine};
 use crate::opening::loop_opening;
 use crate::stage::Stage;
+use hysteron_excitation::{Excitation, Sine};
 
 /// The paper's loop openings, section 4.2: fractions at 10, 100 and 500 Hz with a sine of 26 V peak to peak.
 pub const PAPER_OPENINGS: [(f64, f64); 3] = [(10.0, 0.1644), (100.0, 0.2256), (500.0, 0.4551)];

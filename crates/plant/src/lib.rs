@@ -1,7 +1,7 @@
 //! The simulated stage of the paper's section 4.1: physics written separately from the models that are fitted to it.
 //!
 //! A [`StageConfig`] lists the effects with their physical parameters; a [`Stage`] plays commands on it, sample by sample
-//! ([`Stage::step`], for closed loops) or record by record ([`Stage::run`]). [`preset`] has ready-made stages, [`excitation`] has commands to play.
+//! ([`Stage::step`], for closed loops) or record by record ([`Stage::run`]). [`preset`] has ready-made stages, `hysteron_excitation` has commands to play.
 
 #![forbid(unsafe_code)]
 
@@ -17,7 +17,6 @@ mod coupling;
 mod creep;
 mod delay;
 mod error;
-pub mod excitation;
 mod hum;
 pub mod hysteresis;
 mod linear;

@@ -1,32 +1,21 @@
 //! The references that controllers are held to, each controller beside the others on the same stage.
 
 use crate::complete;
-use crate::design::{CompleteLaw, Controller};
 use crate::error::TrackingError;
-use crate::experiment::{self, sines};
-use crate::figures::{Steps, judge, steps};
-use crate::learning::LearnedReference;
-use crate::paper::{IDENTIFIED_HZ, RECORD_S, Reading};
-use crate::reference::{Reference, Shape};
-use crate::response::{Response, line_response};
-use crate::run::{PiGains, Tracked};
+use crate::experiment::{self, IDENTIFIED_HZ, RECORD_S, Reading, sines};
+use crate::run::PiGains;
 use crate::scans::{Scan, ScanFigures, measured_shares, scan};
+use hysteron_control::design::{CompleteLaw, Controller};
+use hysteron_control::expected::SWINGS_PERCENT;
+use hysteron_control::figures::{Steps, Tracked, judge, steps};
+use hysteron_control::learning::LearnedReference;
+use hysteron_control::reference::{Reference, SHAPES};
+use hysteron_control::response::{Response, line_response};
+use hysteron_excitation::{Excitation, Multisine, with_rise};
 use hysteron_identify::{Family, FitOptions, FitReport, fit};
-use hysteron_plant::excitation::{Excitation, Multisine, with_rise};
 use hysteron_plant::{StageConfig, StageError};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-
-/// References that repeat, with the names that tables and files give them.
-pub const SHAPES: [(&str, Shape); 7] = [
-    ("10", Shape::Sine { frequency_hz: 10.0 }),
-    ("100", Shape::Sine { frequency_hz: 100.0 }),
-    ("500", Shape::Sine { frequency_hz: 500.0 }),
-    ("503", Shape::Sine { frequency_hz: 503.0 }),
-    ("1000", Shape::Sine { frequency_hz: 1000.0 }),
-    ("complex-harmonic-100", Shape::ComplexHarmonic { frequency_hz: 100.0 }),
-    ("triangle-100", Shape::Triangle { frequency_hz: 100.0 }),
-];
 
 /// The reference whose run is kept to be drawn.
 const DRAWN: &str = "500";
@@ -61,9 +50,6 @@ const STEP_BAND: f64 = 0.01;
 /// Rms at rest above which a loop counts as unstable, as a share of the references' peak to peak: a loop that oscillates
 /// swings by percents; the noise of a stable one is below 1e-4.
 const OSCILLATES: f64 = 1e-3;
-/// Rms of the error, percent of peak to peak, from which on a loop swings by itself: one that does not move at all has 35 % on a sine, one
-/// that moves against the reference 71 %.
-const SWINGS_PERCENT: f64 = 100.0;
 
 /// What one controller did.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]

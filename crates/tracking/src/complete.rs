@@ -1,9 +1,10 @@
 //! One run of a designed controller on the simulated stage.
 
-use crate::design::CompleteLaw;
 use crate::error::TrackingError;
-use crate::reference::Reference;
-use crate::run::Tracked;
+use hysteron_control::ControlError;
+use hysteron_control::design::CompleteLaw;
+use hysteron_control::figures::Tracked;
+use hysteron_control::reference::Reference;
 use hysteron_core::surroundings::LoopInput;
 use hysteron_plant::{Stage, StageConfig};
 
@@ -37,7 +38,7 @@ pub fn track_beside(
     let samples_um = &reference.samples_um;
     if let Some(index) = samples_um.iter().position(|value| !value.is_finite()) {
         let value = samples_um[index];
-        return Err(TrackingError::Reference { index, value });
+        return Err(ControlError::Reference { index, value }.into());
     }
     let mut stage = Stage::new(config, seed)?;
     let ahead = law.ahead();
@@ -73,34 +74,4 @@ pub fn track_beside(
         stage.step_two_axes(command_v, voltage2_v.get(k).copied().unwrap_or(0.0));
     }
     Ok(tracked)
-}
-
-/// What a law without feedback commands along a reference, with what it commands before the first sample is due.
-///
-/// Nothing is read: hum is not learned, and heat moves nothing.
-pub fn commands(law: &CompleteLaw<f64>, reference: &Reference) -> Vec<f64> {
-    let samples_um = &reference.samples_um;
-    let mut law = *law;
-    law.surroundings.hum = None;
-    let temperature_c = usual_temperature_c(&law);
-    let mut state = law.rest(temperature_c);
-    (0..samples_um.len() + law.ahead())
-        .map(|k| {
-            let input = LoopInput {
-                reference_ahead: reference.at(k),
-                temperature_c,
-                ..LoopInput::default()
-            };
-            law.step(&mut state, input)
-        })
-        .collect()
-}
-
-/// The temperature at which heat moves nothing, degrees Celsius.
-pub(crate) fn usual_temperature_c(law: &CompleteLaw<f64>) -> f64 {
-    let heat = law.surroundings.heat.as_ref();
-    heat.map_or(0.0, |heat| {
-        let [_, _, reference_c, ..] = heat.coefficients();
-        reference_c
-    })
 }

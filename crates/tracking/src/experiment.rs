@@ -1,13 +1,21 @@
 //! What the experiments share: the stage's records for identification, and sets of runs on both cores.
 
 use crate::error::TrackingError;
-use crate::figures::{RunFigures, judge};
-use crate::reference::{Reference, Shape};
-use crate::run::{Law, PiGains, Tracked, law, track};
+use crate::run::{Law, PiGains, law, track};
+use hysteron_control::figures::{RunFigures, Tracked, judge};
+use hysteron_control::reference::{Reference, Shape};
 use hysteron_data::{Dataset, Known, Record, Role};
+use hysteron_excitation::{Excitation, Sine};
 use hysteron_identify::Model;
-use hysteron_plant::excitation::{Excitation, Sine};
 use hysteron_plant::{Stage, StageConfig};
+
+/// Frequencies of identification, hertz (section 4.2).
+pub const IDENTIFIED_HZ: [f64; 3] = [10.0, 100.0, 500.0];
+/// Length of each record, seconds: two periods of the slowest sine. Eq. 17 counts samples, so equal lengths let every
+/// frequency count alike before eq. 18 weighs it.
+pub const RECORD_S: f64 = 0.2;
+/// The paper's gains, the second per second.
+const GAINS: [f64; 2] = [1.0, 6000.0];
 
 /// Number of plays, section 4.2.
 pub const PLAYS: usize = 10;
@@ -122,5 +130,54 @@ impl Controller<'_> {
         let tracked = self.track(stage, seed, &reference)?;
         let figures = judge(&tracked, stage.sample_period_s);
         Ok((tracked, figures))
+    }
+}
+
+/// What the gains may be volts of, for each unit of position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reading {
+    /// Volts at the actuator for each volt of the sensor.
+    ActuatorVoltsPerSensorVolt,
+    /// Volts at the actuator for each micrometre.
+    ActuatorVoltsPerMicrometre,
+    /// Volts at the converter for each volt of the sensor.
+    ConverterVoltsPerSensorVolt,
+    /// Volts at the converter for each micrometre.
+    ConverterVoltsPerMicrometre,
+}
+
+impl Reading {
+    /// All of them, weakest loop first for the paper's amplifier (20) and sensor (2.5 um/V).
+    pub const ALL: [Self; 4] = [
+        Self::ActuatorVoltsPerSensorVolt,
+        Self::ActuatorVoltsPerMicrometre,
+        Self::ConverterVoltsPerSensorVolt,
+        Self::ConverterVoltsPerMicrometre,
+    ];
+
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::ActuatorVoltsPerSensorVolt => "actuator volts per sensor volt",
+            Self::ActuatorVoltsPerMicrometre => "actuator volts per micrometre",
+            Self::ConverterVoltsPerSensorVolt => "converter volts per sensor volt",
+            Self::ConverterVoltsPerMicrometre => "converter volts per micrometre",
+        }
+    }
+
+    /// The gains in actuator volts per micrometre.
+    pub fn gains(self, stage: &StageConfig) -> PiGains {
+        let (amplifier, um_per_v) = (stage.amplifier.gain, stage.sensor.um_per_v);
+        let factor = match self {
+            Self::ActuatorVoltsPerSensorVolt => 1.0 / um_per_v,
+            Self::ActuatorVoltsPerMicrometre => 1.0,
+            Self::ConverterVoltsPerSensorVolt => amplifier / um_per_v,
+            Self::ConverterVoltsPerMicrometre => amplifier,
+        };
+        PiGains {
+            proportional_v_per_um: factor * GAINS[0],
+            integral_v_per_um_s: factor * GAINS[1],
+        }
     }
 }

@@ -1,9 +1,10 @@
 //! A controller on stages that are not the one it was designed for: the whole table of errors, no line left out.
 
-use crate::bench::{Bench, Contender, SHAPES};
-use crate::design::Controller;
+use crate::bench::{Bench, Contender};
 use crate::error::TrackingError;
-use crate::figures::judge;
+use hysteron_control::design::Controller;
+use hysteron_control::figures::judge;
+use hysteron_control::reference::SHAPES;
 use hysteron_plant::StageConfig;
 use hysteron_plant::hysteresis::{BoucWen, Family, Mixed};
 use rayon::prelude::*;

@@ -1,7 +1,9 @@
 //! One run of the core's control law on the simulated stage.
 
 use crate::error::TrackingError;
-use crate::reference::Reference;
+use hysteron_control::ControlError;
+use hysteron_control::figures::Tracked;
+use hysteron_control::reference::Reference;
 use hysteron_core::control_law::ControlLaw;
 use hysteron_core::limiter::Limiter;
 use hysteron_core::model::Hysteresis;
@@ -61,44 +63,6 @@ pub fn law_of<F>(
     })
 }
 
-/// What a run leaves behind, one value a sample.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Tracked {
-    /// Desired position, micrometres.
-    pub reference_um: Vec<f64>,
-    /// Sensor readings, micrometres.
-    pub measured_um: Vec<f64>,
-    /// Position of the platform itself, micrometres.
-    pub true_um: Vec<f64>,
-    /// Commands, volts at the actuator before the converter.
-    pub command_v: Vec<f64>,
-    /// Whether the command met a limit.
-    pub limited: Vec<bool>,
-}
-
-impl Tracked {
-    /// The part from a sample on.
-    #[must_use]
-    pub fn from(&self, first: usize) -> Self {
-        fn part<T: Copy>(values: &[T], first: usize) -> Vec<T> {
-            values.get(first..).unwrap_or(&[]).to_vec()
-        }
-        Self {
-            reference_um: part(&self.reference_um, first),
-            measured_um: part(&self.measured_um, first),
-            true_um: part(&self.true_um, first),
-            command_v: part(&self.command_v, first),
-            limited: part(&self.limited, first),
-        }
-    }
-
-    /// Share of the samples on which the command met a limit, percent.
-    pub fn limited_percent(&self) -> f64 {
-        let limited = self.limited.iter().filter(|&&limited| limited).count();
-        100.0 * limited as f64 / self.limited.len().max(1) as f64
-    }
-}
-
 /// Lets the control law drive a fresh stage along a reference, at the stage's own sample rate, through its converters.
 ///
 /// At each sample the sensor is read, the law computes, and the command is latched, as in the records that the stage
@@ -139,7 +103,7 @@ pub fn track_from<F: Hysteresis<f64>>(
     let samples_um = &reference.samples_um;
     if let Some(index) = samples_um.iter().position(|value| !value.is_finite()) {
         let value = samples_um[index];
-        return Err(TrackingError::Reference { index, value });
+        return Err(ControlError::Reference { index, value }.into());
     }
     let mut stage = Stage::new(config, seed)?;
     let mut state = law.start(feedforward, 0.0);
@@ -163,9 +127,4 @@ pub fn track_from<F: Hysteresis<f64>>(
         stage.step(waiting.pop_front().unwrap_or(command_v));
     }
     Ok(tracked)
-}
-
-/// A seed of its own for each record or run: the golden-ratio increment of splitmix64 keeps streams apart.
-pub(crate) fn seed_of(seed: u64, number: u64) -> u64 {
-    seed.wrapping_add((number + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15))
 }

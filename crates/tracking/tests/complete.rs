@@ -2,17 +2,19 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot build its subject fails")]
 
+use hysteron_control::campaign::Campaign;
+use hysteron_control::design::feedback::Effort;
+use hysteron_control::design::{CompleteLaw, Controller, ReferenceKind};
+use hysteron_control::figures::judge;
+use hysteron_control::learning::LEARNED;
+use hysteron_control::reference::Shape;
 use hysteron_core::surroundings::LoopInput;
 use hysteron_identify::control::ControlModel;
 use hysteron_plant::{StageConfig, preset};
 use hysteron_tracking::bench::{Bench as Places, compare};
-use hysteron_tracking::campaign::{Campaign, campaign};
+use hysteron_tracking::campaign::campaign;
 use hysteron_tracking::complete;
-use hysteron_tracking::design::feedback::Effort;
-use hysteron_tracking::design::{CompleteLaw, Controller, ReferenceKind};
-use hysteron_tracking::figures::judge;
-use hysteron_tracking::learning::{LEARNED, learn_references};
-use hysteron_tracking::reference::Shape;
+use hysteron_tracking::learning::learn_references;
 use hysteron_tracking::robustness::robustness;
 use hysteron_tracking::scans::SHARES;
 use std::sync::LazyLock;
@@ -201,10 +203,10 @@ fn val_the_integral_does_not_wind_up() {
     samples_um.extend(move_to(-3.0, 8.0));
     let back = samples_um.len();
     samples_um.extend(vec![8.0; samples(0.1)]);
-    let reference = hysteron_tracking::reference::Reference {
+    let reference = hysteron_control::reference::Reference {
         samples_um,
         judged_from: 0,
-        ..hysteron_tracking::reference::Reference::default()
+        ..hysteron_control::reference::Reference::default()
     };
     let run = complete::track(&bench.stage, 1, &law, &reference).unwrap();
     assert!(run.limited_percent() > 30.0);

@@ -3,16 +3,16 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot build its subject fails")]
 
+use hysteron_control::design::feedback::{Effort, LARGEST_SENSITIVITY};
+use hysteron_control::design::{Controller, OpenLoop, ReferenceKind};
+use hysteron_control::reference::Reference;
 use hysteron_data::{Dataset, Known, Record, Role};
+use hysteron_excitation::{DecayingTriangle, Excitation, Multisine, Sine, with_rise};
 use hysteron_identify::control::{RecordedHold, chain_of};
 use hysteron_identify::effects::find;
 use hysteron_identify::{Adding, EffectId, Family, FitOptions, Model, add, fit};
-use hysteron_plant::excitation::{DecayingTriangle, Excitation, Multisine, Sine, with_rise};
 use hysteron_plant::{Converter, Stage, StageConfig, preset};
 use hysteron_tracking::complete;
-use hysteron_tracking::design::feedback::{Effort, LARGEST_SENSITIVITY};
-use hysteron_tracking::design::{Controller, OpenLoop, ReferenceKind};
-use hysteron_tracking::reference::Reference;
 use rayon::prelude::*;
 
 /// What a set of records lacks.

@@ -1,7 +1,7 @@
 //! Records taken on a simulated stage: which excitations, in which role, at which rate.
 
 use hysteron_data::{Dataset, Known, Record, Role};
-use hysteron_plant::excitation::{BandNoise, Excitation, MultiHarmonic, Multisine, Sine, Steps, Triangle, with_rise};
+use hysteron_excitation::{BandNoise, Excitation, MultiHarmonic, Multisine, Sine, Steps, Triangle, with_rise};
 use hysteron_plant::{Stage, StageConfig, StageError};
 
 /// An excitation to record.

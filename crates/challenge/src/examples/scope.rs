@@ -1,6 +1,6 @@
 //! Captures of an oscilloscope: two monitor outputs, a header, a trigger, 12 bits, noise.
 
-use hysteron_plant::excitation::{Excitation, MultiHarmonic, Sine, Triangle};
+use hysteron_excitation::{Excitation, MultiHarmonic, Sine, Triangle};
 use hysteron_plant::{Stage, StageError, preset};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -65,7 +65,7 @@ fn capture(excitation: &dyn Excitation, seed: u64) -> Result<String, StageError>
     let command_v = excitation.samples(PERIOD_S)?;
     let mut stage = Stage::new(&preset::paper_rate(), seed)?;
     // One pass unseen: the capture begins in periodic state, as with a generator that runs freely.
-    let rise = hysteron_plant::excitation::with_rise(&command_v, BEFORE_TRIGGER_S, PERIOD_S)?;
+    let rise = hysteron_excitation::with_rise(&command_v, BEFORE_TRIGGER_S, PERIOD_S)?;
     stage.run(&rise, PERIOD_S)?;
     let run = stage.run(&command_v, PERIOD_S)?;
     let mut rng = Pcg64::seed_from_u64(seed);

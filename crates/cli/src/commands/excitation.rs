@@ -1,6 +1,6 @@
 //! Excitations as they are written on the command line: `sine:hz=100,high_v=26`.
 
-use hysteron_plant::excitation::{
+use hysteron_excitation::{
     BandNoise, DecayingTriangle, Excitation, MultiHarmonic, Multisine, Sine, Steps, Sweep, SweepLaw, Triangle,
 };
 use std::str::FromStr;

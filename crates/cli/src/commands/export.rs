@@ -13,11 +13,11 @@ use clap::{Args, Parser, ValueEnum};
 pub(crate) use controller::SLEW_RANGES_PER_S as SLEW_OF_A_LAW;
 use ends::Ends;
 pub(crate) use ends::{full_scales, top};
+use hysteron_control::design::Controller;
 use hysteron_identify::{Direction, Model};
 use hysteron_plant::StageConfig;
 use hysteron_table::gains::{Design, LoopData, design};
 use hysteron_table::{FORMAT, Family, Table, TableError};
-use hysteron_tracking::design::Controller;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 

@@ -6,7 +6,7 @@ use rand_pcg::Pcg64;
 use super::case::Use;
 use super::laboratory::Laboratory;
 use crate::error::StageError;
-use crate::excitation::{BandNoise, DecayingTriangle, Excitation, MultiHarmonic, Multisine, Sine, with_rise};
+use hysteron_excitation::{BandNoise, DecayingTriangle, Excitation, MultiHarmonic, Multisine, Sine, with_rise};
 
 /// One record before it is taken.
 #[derive(Debug, Clone)]

@@ -9,7 +9,7 @@ mod training;
 pub use hide::Hidden;
 
 use crate::error::TrackingError;
-use crate::run::seed_of;
+use hysteron_control::campaign::seed_of;
 use hysteron_plant::challenge::StageFamily;
 use hysteron_plant::{Amplifier, Converter, Hold, Sensor, StageConfig};
 use rand::{RngExt, SeedableRng};

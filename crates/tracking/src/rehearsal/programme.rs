@@ -3,9 +3,7 @@
 use super::{PERIOD_S, Rehearsal};
 use crate::error::TrackingError;
 use hysteron_data::{Dataset, Known, Record, Role};
-use hysteron_plant::excitation::{
-    BandNoise, DecayingTriangle, Excitation, MultiHarmonic, Multisine, Sine, Steps, with_rise,
-};
+use hysteron_excitation::{BandNoise, DecayingTriangle, Excitation, MultiHarmonic, Multisine, Sine, Steps, with_rise};
 use hysteron_plant::{Hold, Stage, StageConfig};
 use rayon::prelude::*;
 use std::f64::consts::TAU;

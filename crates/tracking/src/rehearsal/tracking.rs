@@ -2,10 +2,10 @@
 
 use super::{BESIDE_HZ, Hidden, PERIOD_S, Rehearsal};
 use crate::complete::track_beside;
-use crate::design::Controller;
 use crate::error::TrackingError;
-use crate::reference::Reference;
-use crate::run::Tracked;
+use hysteron_control::design::Controller;
+use hysteron_control::figures::Tracked;
+use hysteron_control::reference::Reference;
 use hysteron_plant::StageConfig;
 use rayon::prelude::*;
 use std::collections::BTreeMap;

@@ -2,9 +2,9 @@
 
 use super::{PERIOD_S, Rehearsal};
 use crate::complete::track_beside;
-use crate::design::Controller;
 use crate::error::TrackingError;
-use crate::reference::{Reference, Shape, noise};
+use hysteron_control::design::Controller;
+use hysteron_control::reference::{Reference, Shape, noise};
 use hysteron_data::{Record, Role};
 use hysteron_plant::StageConfig;
 use rayon::prelude::*;

@@ -9,9 +9,9 @@ use hysteron_board::capture::{Start, Wish, capture};
 use hysteron_board::telemetry::Capture;
 use hysteron_board::upload::Upload;
 use hysteron_board::{Mode, Recording, Request, Shape, whole_range_um};
+use hysteron_control::usable::moved;
 use hysteron_data::{Dataset, Known, Record};
 use hysteron_tracking::rehearsal::Rehearsal;
-use hysteron_tracking::usable::moved;
 use std::time::{Duration, Instant};
 
 /// Times that a reference is played until its record has no gap.

@@ -4,8 +4,8 @@ use crate::commands::control::track::{TrackArgs, cells, heads};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
+use hysteron_control::design::Controller;
 use hysteron_tracking::bench::Bench;
-use hysteron_tracking::design::Controller;
 use hysteron_tracking::robustness::{RobustnessRow, robustness};
 use std::fmt::Write;
 

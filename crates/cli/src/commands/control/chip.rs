@@ -10,9 +10,9 @@ use hysteron_board::{
     BoardError, FALL_TICKS, Fault, Hello, Law, Machine, Mode, Parameters, Player, Request, Session, Setup, Shape,
     Summary, image,
 };
+use hysteron_control::design::Controller;
 use hysteron_plant::{Stage, StageConfig};
 use hysteron_table::{FORMAT, Table, TableError};
-use hysteron_tracking::design::Controller;
 use hysteron_tracking::rehearsal::BESIDE_HZ;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

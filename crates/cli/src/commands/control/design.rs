@@ -5,14 +5,14 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
 use clap::{Args, ValueEnum};
+use hysteron_control::design::feedback::LARGEST_SENSITIVITY;
+use hysteron_control::design::prediction::{cost, predict};
+use hysteron_control::design::source::{Designed, Source, Wishes, design};
+use hysteron_control::design::{Controller, OpenLoop, ReferenceKind};
 use hysteron_identify::control::ControlModel;
 use hysteron_identify::covered::ToldBy;
 use hysteron_identify::{Covered, Model};
 use hysteron_plant::preset;
-use hysteron_tracking::design::feedback::LARGEST_SENSITIVITY;
-use hysteron_tracking::design::prediction::{cost, predict};
-use hysteron_tracking::design::source::{Designed, Source, Wishes, design};
-use hysteron_tracking::design::{Controller, OpenLoop, ReferenceKind};
 use std::fmt::Write;
 use std::path::PathBuf;
 

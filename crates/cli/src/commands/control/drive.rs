@@ -5,12 +5,12 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
 use clap::Args;
+use hysteron_control::design::Controller;
+use hysteron_control::design::beyond::{self, Asked};
+use hysteron_control::drive::{Driven, drive};
 use hysteron_data::export::{Column, TableFormat, Values, write_table};
 use hysteron_data::{Reference, read_reference};
 use hysteron_identify::family;
-use hysteron_tracking::design::Controller;
-use hysteron_tracking::design::beyond::{self, Asked};
-use hysteron_tracking::drive::{Driven, drive};
 use std::fmt::Write;
 use std::path::PathBuf;
 

@@ -6,13 +6,12 @@ use crate::error::CliError;
 use crate::output;
 use hysteron_board::upload::Upload;
 use hysteron_board::{Mode, Shape, TABLE_POINTS};
-use hysteron_plant::StageConfig;
-use hysteron_tracking::bench::SHAPES;
-use hysteron_tracking::design::Controller;
-use hysteron_tracking::learning::{
+use hysteron_control::design::Controller;
+use hysteron_control::learning::{
     Iteration, LEARNED, LearnedReference, Learning, Run, band_hz, corrected, learn, whole_period,
 };
-use hysteron_tracking::reference;
+use hysteron_control::reference::{self, SHAPES};
+use hysteron_plant::StageConfig;
 use std::fmt::Write;
 use std::path::Path;
 

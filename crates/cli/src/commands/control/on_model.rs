@@ -5,10 +5,10 @@ use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
-use hysteron_tracking::bench::SHAPES;
-use hysteron_tracking::design::Controller;
-use hysteron_tracking::expected::{Report, Row};
-use hysteron_tracking::on_model::on_model;
+use hysteron_control::design::Controller;
+use hysteron_control::expected::{Report, Row};
+use hysteron_control::on_model::on_model;
+use hysteron_control::reference::SHAPES;
 use std::fmt::Write;
 use std::path::Path;
 

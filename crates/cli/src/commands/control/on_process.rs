@@ -5,8 +5,8 @@ use crate::commands::control::track::{TrackArgs, within_records};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::progress;
-use hysteron_tracking::design::Controller;
-use hysteron_tracking::process::{ProcessStage, on_process};
+use hysteron_control::design::Controller;
+use hysteron_control::process::{ProcessStage, on_process};
 use std::time::Duration;
 
 /// Longest time that a process may be given for an answer, seconds: an hour.

@@ -1,11 +1,12 @@
 //! The page of `hysteron track`.
 
 use super::track::{OnChip, PUBLISHED_500_HZ, TrackArgs};
+use hysteron_control::design::Controller;
+use hysteron_control::learning::{Iteration, LearnedReference};
+use hysteron_control::reference::SHAPES;
 use hysteron_report::figures::{Line, Lines, lines};
 use hysteron_report::{Block, Cell, Figure, Ink, Page, Picture, Section, Size, Table, significant};
-use hysteron_tracking::bench::{ControllerFigures, SHAPES, TrackReport};
-use hysteron_tracking::design::Controller;
-use hysteron_tracking::learning::{Iteration, LearnedReference};
+use hysteron_tracking::bench::{ControllerFigures, TrackReport};
 use hysteron_tracking::scans::{LINES_HZ, Scan, ScanFigures};
 
 const HALF: Size = Size {

@@ -3,8 +3,8 @@
 use crate::commands::control::chip::RATE_HZ;
 use hysteron_board::{Shape, TABLE_POINTS};
 use hysteron_data::Role;
+use hysteron_excitation::{DecayingTriangle, Excitation};
 use hysteron_plant::StageError;
-use hysteron_plant::excitation::{DecayingTriangle, Excitation};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;

@@ -8,11 +8,12 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
+use hysteron_control::ControlError;
+use hysteron_control::campaign::{Campaign, Command, Protocol, TRAINING_PASSES, on_process};
+use hysteron_control::usable::usable;
 use hysteron_data::{Dataset, Overwrite, Record, write_dataset};
 use hysteron_identify::control::identify;
-use hysteron_tracking::TrackingError;
-use hysteron_tracking::campaign::{Campaign, Command, Protocol, TRAINING_PASSES, campaign, on_process};
-use hysteron_tracking::usable::usable;
+use hysteron_tracking::campaign::campaign;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -260,7 +261,7 @@ fn came_back(args: &CampaignArgs, protocol: &Protocol, folder: &Path) -> Result<
     let latency_s = latency_s(args)?;
     let recorded = load::dataset(folder)?;
     let checked = |commands: &[Command]| {
-        usable(commands, &recorded).map_err(|wrong| TrackingError::Unusable {
+        usable(commands, &recorded).map_err(|wrong| ControlError::Unusable {
             wrong,
             asked: commands.len(),
         })

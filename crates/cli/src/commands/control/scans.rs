@@ -7,9 +7,9 @@ use hysteron_board::host::complete;
 use hysteron_board::telemetry::Capture;
 use hysteron_board::two_axes::TwoAxisRig;
 use hysteron_board::{BoardError, FALL_TICKS, Mode, Request, Setup, Shape};
+use hysteron_control::design::Controller;
 use hysteron_plant::StageConfig;
 use hysteron_tracking::bench::Bench;
-use hysteron_tracking::design::Controller;
 use hysteron_tracking::scans::{LINES_HZ, SHARES, Scan, ScanFigures, Scanned};
 
 /// Longest rise to the first point, seconds: the loop runs then.

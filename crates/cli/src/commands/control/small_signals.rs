@@ -5,7 +5,7 @@ use crate::commands::control::programme::{HARMONICS, TICKS_A_POINT, small_multis
 use crate::error::CliError;
 use hysteron_board::upload::Upload;
 use hysteron_board::{Hello, Mode, TABLE_POINTS, whole_range_um};
-use hysteron_tracking::response::{Response, line_response};
+use hysteron_control::response::{Response, line_response};
 
 /// Small signals about the middle of what is followed.
 pub(super) struct Small<'a> {

@@ -1,13 +1,13 @@
 //! The page of `hysteron demo`: six pictures, each with a sentence that says what to see.
 
 use super::way::{Followed, Way};
+use hysteron_control::figures::Tracked;
 use hysteron_data::Role;
 use hysteron_diagnose::RecordComparison;
 use hysteron_report::figures::{Bar, Line, Lines, LoopData, OverlayData, bars, lines, loop_plot, overlay};
 use hysteron_report::{
     Block, Figure, Ink, LegendEntry, Page, Picture, Section, Size, Swatch, significant, verdict_sentence,
 };
-use hysteron_tracking::run::Tracked;
 
 /// Width of a picture, two of which stand side by side, pixels.
 const WIDTH: u32 = 526;

@@ -2,14 +2,14 @@
 
 use crate::error::CliError;
 use crate::progress;
+use hysteron_control::design::{Controller, ReferenceKind};
+use hysteron_control::figures::Tracked;
 use hysteron_data::Dataset;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_diagnose::{Comparison, Ladder, Learned, Rung, compare, diagnose, ladder, learn_from};
 use hysteron_identify::control::{ControlModel, RecordedHold, chain_of};
 use hysteron_identify::{Family, FitOptions, Model, fit};
-use hysteron_tracking::design::{Controller, ReferenceKind};
 use hysteron_tracking::rehearsal::{Hidden, Rehearsal};
-use hysteron_tracking::run::Tracked;
 use std::collections::BTreeMap;
 
 /// Plays of the first model: as many as `rehearse` has.

@@ -3,11 +3,11 @@
 use super::{Ends, ExportArgs, Format, top};
 use crate::commands::simulate::StageName;
 use crate::error::CliError;
+use hysteron_control::design::Controller;
+use hysteron_control::design::prediction::predict;
 use hysteron_core::law_numbers::LawNumbers;
 use hysteron_core::model::{AtRest as _, Hysteresis as _};
 use hysteron_table::{FORMAT, Family, LEAST_TRUST, Table};
-use hysteron_tracking::design::Controller;
-use hysteron_tracking::design::prediction::predict;
 use std::fmt::Write;
 
 /// The whole range in five samples at 50 kHz: a sine of 1 kHz over the whole of it has pi thousand ranges a second, and the turns of a

@@ -2,10 +2,10 @@
 
 use super::ExportArgs;
 use crate::error::CliError;
+use hysteron_control::design::beyond::{self, Asked};
 use hysteron_identify::Covered;
 use hysteron_identify::covered::ToldBy;
 use hysteron_plant::{Amplifier, Converter, Sensor, StageConfig};
-use hysteron_tracking::design::beyond::{self, Asked};
 use std::fmt::Write;
 
 /// Converters and amplifier, in volts at the stack and micrometres.

@@ -4,9 +4,9 @@ use super::{ExportArgs, StageName, Table};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
+use hysteron_control::design::beyond::{self, Asked};
 use hysteron_fmu::{Fmu, FmuError};
 use hysteron_identify::Model;
-use hysteron_tracking::design::beyond::{self, Asked};
 
 /// Writes the law of a table whose file is `text`; `said` is what the table's making said.
 pub(super) fn write_law(table: &Table, text: &str, args: &ExportArgs, said: &str) -> Result<Done, CliError> {

@@ -7,10 +7,10 @@ use crate::error::CliError;
 use crate::progress;
 use hysteron_board::host::{complete, parameters};
 use hysteron_board::{Law, Parameters, Player, Request, Shape};
+use hysteron_control::design::Controller;
 use hysteron_data::{Dataset, Known, Record};
 use hysteron_plant::Stage;
 use hysteron_table::TableError;
-use hysteron_tracking::design::Controller;
 use hysteron_tracking::rehearsal::{BESIDE_HZ, Rehearsal};
 
 /// The records: the board plays them with a straight line for a law; commands are what its frames say.

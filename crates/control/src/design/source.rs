@@ -1,0 +1,165 @@
+//! From what a user has, a campaign's records or a model, and from wishes, to a controller.
+
+use super::beyond::{Asked, granted};
+use super::feedback::{Effort, LARGEST_SENSITIVITY};
+use super::{Controller, ReferenceKind};
+use crate::error::ControlError;
+use hysteron_data::{Dataset, Record};
+use hysteron_identify::Model;
+use hysteron_identify::control::{ControlModel, RecordedHold, Undone, chain_of, identify, refine};
+
+/// What a controller is designed from.
+pub enum Source<'a> {
+    /// Records of a campaign.
+    Records(&'a Dataset),
+    /// A fitted model.
+    Model {
+        /// The model.
+        model: &'a Model,
+        /// Slow records from rest at 0 V, to whose positions and commands the inverse is fitted as well.
+        along: &'a [Record],
+    },
+}
+
+/// What is wished for beside it.
+pub struct Wishes {
+    /// When the reference is known.
+    pub reference: ReferenceKind,
+    /// Limits of the command, volts; from a model without them the range of its records.
+    pub volts: Option<[f64; 2]>,
+    /// Rate that the controller runs at, hertz; from a model without it the highest of its records.
+    pub rate_hz: Option<f64>,
+    /// Largest peak of the sensitivity, 1.2 to 4.
+    pub margin: f64,
+    /// The user's word that the stage has no mode below this but those of the model, hertz.
+    pub rigid_hz: Option<f64>,
+    /// Whether what the records cover may be left; the controller remembers it.
+    pub beyond_records: bool,
+    /// Without feedback.
+    pub open: bool,
+}
+
+impl Default for Wishes {
+    fn default() -> Self {
+        Self {
+            reference: ReferenceKind::Previewed,
+            volts: None,
+            rate_hz: None,
+            margin: LARGEST_SENSITIVITY,
+            rigid_hz: None,
+            beyond_records: false,
+            open: false,
+        }
+    }
+}
+
+impl Wishes {
+    /// Refuses what makes no sense whatever the source is.
+    ///
+    /// # Errors
+    /// [`ControlError::Wish`] for a margin outside of its range.
+    pub fn check(&self) -> Result<(), ControlError> {
+        let margin = self.margin;
+        if (1.2..=4.0).contains(&margin) {
+            return Ok(());
+        }
+        Err(ControlError::Wish(format!(
+            "--margin {margin}: a peak of the sensitivity from 1.2 (hardly any feedback) to 4 (a quarter of its size from instability)"
+        )))
+    }
+}
+
+/// A controller, and what is known beside its numbers.
+pub struct Designed {
+    /// The controller.
+    pub controller: Controller,
+    /// What undoes each effect of the model; empty from records.
+    pub undone: Vec<Undone>,
+    /// The model's error on records, percent of peak to peak.
+    pub model_percent: Option<f64>,
+}
+
+/// Where a first mode may be at the lowest, hertz: a loop against it would help with nothing.
+const LOWEST_RIGID_HZ: f64 = 10.0;
+
+/// Designs a controller.
+///
+/// # Errors
+/// [`ControlError::Wish`] for a wish that makes no sense or leaves the records; a chain that cannot be undone.
+pub fn design(source: &Source<'_>, wishes: &Wishes) -> Result<Designed, ControlError> {
+    wishes.check()?;
+    let (mut chain, undone) = match source {
+        Source::Records(dataset) => (from_records(dataset, wishes)?, Vec::new()),
+        Source::Model { model, along } => from_model(model, along, wishes)?,
+    };
+    let asked = [
+        Asked::voltage(&[chain.voltage_min_v, chain.voltage_max_v], "--volts LOW,HIGH"),
+        Asked::rate(1.0 / chain.sample_period_s, "--rate-hz HZ"),
+    ];
+    granted(&mut chain.covered, &asked, wishes.beyond_records)?;
+    chain.covered.rigid_to_hz = rigid_hz(wishes, &chain)?;
+    let controller = Controller::design(&chain, wishes.reference)?;
+    let controller = if wishes.open {
+        controller
+    } else {
+        controller.with_feedback_within(wishes.margin, Effort::Whole)?
+    };
+    let last = match source {
+        Source::Model { model, .. } => model.history.last(),
+        Source::Records(_) => None,
+    };
+    Ok(Designed {
+        controller,
+        undone,
+        model_percent: last.and_then(|step| step.validate_percent.or(step.identify_percent)),
+    })
+}
+
+/// What the user vouches for.
+fn rigid_hz(wishes: &Wishes, chain: &ControlModel) -> Result<Option<f64>, ControlError> {
+    let half_rate_hz = 0.5 / chain.sample_period_s;
+    match wishes.rigid_hz {
+        Some(hz) if !(hz >= LOWEST_RIGID_HZ && hz <= half_rate_hz) => Err(ControlError::Wish(format!(
+            "--rigid {hz}: {LOWEST_RIGID_HZ} Hz to half the controller's rate, {half_rate_hz:.0} Hz; give the frequency below which \
+             the stage surely has no mode but those of the model"
+        ))),
+        given => Ok(given),
+    }
+}
+
+fn from_records(dataset: &Dataset, wishes: &Wishes) -> Result<ControlModel, ControlError> {
+    let mut chain = identify(dataset)?;
+    if wishes.rate_hz.is_some() {
+        return Err(ControlError::Wish(
+            "--rate-hz: a campaign is recorded at the controller's own rate; leave the option out".to_owned(),
+        ));
+    }
+    if let Some([low, high]) = wishes.volts {
+        (chain.voltage_min_v, chain.voltage_max_v) = (low, high);
+    }
+    Ok(chain)
+}
+
+fn from_model(model: &Model, along: &[Record], wishes: &Wishes) -> Result<(ControlModel, Vec<Undone>), ControlError> {
+    let rate_hz = match wishes.rate_hz {
+        Some(hz) if (1.0..=1e7).contains(&hz) => hz,
+        Some(hz) => return Err(ControlError::Wish(format!("--rate-hz {hz}: 1 to 10000000 hertz"))),
+        None => {
+            let rates = model.fitted_on.records.iter().map(|record| record.sample_rate_hz);
+            let highest = rates.fold(0.0, f64::max);
+            if highest <= 0.0 {
+                return Err(ControlError::Wish(
+                    "the model does not say at what rate its records were taken; give the controller's with --rate-hz 50000"
+                        .to_owned(),
+                ));
+            }
+            highest
+        }
+    };
+    let volts = wishes.volts.unwrap_or([model.input_min, model.input_max]);
+    let (mut chain, undone) = chain_of(model, 1.0 / rate_hz, volts, RecordedHold::InRecords)?;
+    if !along.is_empty() {
+        refine(&mut chain, model, along)?;
+    }
+    Ok((chain, undone))
+}

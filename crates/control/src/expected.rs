@@ -1,0 +1,112 @@
+//! A controller on a stage of the user's own, a model or a process: what its design expects, beside what comes out.
+
+use crate::design::Controller;
+use crate::design::prediction::{Predicted, predict};
+use crate::error::ControlError;
+use crate::figures::{Tracked, judge};
+use crate::reference::{Reference, SHAPES, Shape};
+use hysteron_identify::EffectName;
+use serde::Serialize;
+
+/// Rms of the error, percent of peak to peak, from which on a loop swings by itself: one that does not move at all has 35 % on a sine, one
+/// that moves against the reference 71 %.
+pub const SWINGS_PERCENT: f64 = 100.0;
+
+/// One reference in one loop.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Row {
+    /// The reference, as tables and files name it.
+    pub reference: &'static str,
+    /// `open` or `closed`.
+    #[serde(rename = "loop")]
+    pub loop_kind: &'static str,
+    /// Rms of the error that the design expects of a sine over the whole range, percent of peak to peak; none for other shapes.
+    pub expected_percent: Option<f64>,
+    /// Rms of reference minus position over whole periods, percent of peak to peak.
+    pub found_percent: f64,
+    /// Whether the loop swings no further than it is asked to.
+    pub stable: bool,
+}
+
+/// A controller on something that is not a simulated stage of ours.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// Lowest and highest reference, micrometres.
+    pub range_um: [f64; 2],
+    /// Effects of the model that a command alone does not determine: they are not in the runs.
+    pub left_out: Vec<EffectName>,
+    /// The runs.
+    pub rows: Vec<Row>,
+}
+
+/// Commands and positions of a run, from the first sample on that the law is told of: as many before the reference is due as the law
+/// knows it ahead.
+pub(crate) struct Played {
+    pub command_v: Vec<f64>,
+    pub position_um: Vec<f64>,
+}
+
+/// A reference of [`SHAPES`], and whether the loop is closed.
+pub(crate) type Run = ((&'static str, Shape), bool);
+
+/// What is run, and what the design expects of it.
+pub(crate) struct Plan<'a> {
+    controller: &'a Controller,
+    range_um: [f64; 2],
+    expected: Vec<Predicted>,
+}
+
+impl<'a> Plan<'a> {
+    pub(crate) fn new(controller: &'a Controller, range_um: [f64; 2]) -> Result<Self, ControlError> {
+        Ok(Self {
+            controller,
+            range_um,
+            expected: predict(controller, None)?,
+        })
+    }
+
+    /// Every reference, open and, where there is feedback, closed.
+    pub(crate) fn runs(&self) -> Vec<Run> {
+        let loops: &[bool] = match self.controller.feedback {
+            Some(_) => &[false, true],
+            None => &[false],
+        };
+        let of = |shape| loops.iter().map(move |closed| (shape, *closed));
+        SHAPES.into_iter().flat_map(of).collect()
+    }
+
+    /// Plays one of them and judges it.
+    pub(crate) fn row(
+        &self,
+        ((key, shape), closed): Run,
+        play: &mut dyn FnMut(bool, &Reference) -> Result<Played, ControlError>,
+    ) -> Result<Row, ControlError> {
+        let period_s = self.controller.model.sample_period_s;
+        let reference = shape.reference(self.range_um, period_s);
+        let Played { command_v, position_um } = play(closed, &reference)?;
+        let due = |values: &[f64]| values.get(self.controller.samples_ahead..).unwrap_or_default().to_vec();
+        let run = Tracked {
+            reference_um: reference.samples_um.clone(),
+            measured_um: due(&position_um),
+            true_um: due(&position_um),
+            limited: vec![false; reference.samples_um.len()],
+            command_v: due(&command_v),
+        };
+        let figures = judge(&run.from(reference.judged_from), period_s);
+        let found_percent = figures.map_or(f64::NAN, |figures| figures.true_percent);
+        let predicted = self.expected.iter().find(|at| key.parse() == Ok(at.frequency_hz));
+        Ok(Row {
+            reference: key,
+            loop_kind: if closed { "closed" } else { "open" },
+            expected_percent: predicted.and_then(|at| {
+                if closed {
+                    at.closed_percent
+                } else {
+                    Some(at.open_percent)
+                }
+            }),
+            found_percent,
+            stable: found_percent < SWINGS_PERCENT,
+        })
+    }
+}
