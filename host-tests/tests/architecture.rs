@@ -131,7 +131,10 @@ fn val_data_flows_one_way() {
     }
     // A controller for a stage of the user's own is made without any simulated one.
     for upper in ["control", "capi", "fmu"] {
-        assert!(!below(&graph, upper).contains("plant"), "{upper} must not be built on plant");
+        assert!(
+            !below(&graph, upper).contains("plant"),
+            "{upper} must not be built on plant"
+        );
     }
     // The binary is the roof: nothing stands on it.
     assert!(graph.values().all(|next| !next.contains("cli")));
