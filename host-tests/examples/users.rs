@@ -5,9 +5,10 @@
 #![expect(clippy::print_stdout, reason = "an example of the command line")]
 
 use host_tests::users::{Case, Spec};
-use hysteron_acquisition::{Finding, inspect};
+use hysteron_acquisition::inspect;
 use hysteron_data::{Overwrite, write_dataset};
 use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::path::Path;
 
@@ -29,22 +30,30 @@ fn main() -> Result<(), Box<dyn Error>> {
         [seed, count, word] if word == "rig" => {
             let first: u64 = seed.parse()?;
             let seeds: Vec<u64> = (first..first + count.parse::<u64>()?).collect();
-            let mut found: Vec<String> = seeds.par_iter().flat_map_iter(|&seed| rig(seed)).collect();
-            found.sort();
-            found.iter().for_each(|line| println!("{line}"));
+            let each: Vec<(&'static str, &'static str)> = seeds.par_iter().flat_map_iter(|&seed| rig(seed)).collect();
+            let mut found: BTreeMap<&str, BTreeMap<&str, usize>> = BTreeMap::new();
+            for (title, hidden) in each {
+                *found.entry(title).or_default().entry(hidden).or_default() += 1;
+            }
+            println!("| finding | cases | hidden in them |\n|---|---|---|");
+            for (title, hidden) in found {
+                let cases: usize = hidden.values().sum();
+                let hidden: Vec<String> = hidden.iter().map(|(name, cases)| format!("{name} {cases}")).collect();
+                println!("| {title} | {cases} | {} |", hidden.join(", "));
+            }
         }
         _ => return Err("users SEED DIR, or users SEED COUNT list, or users SEED COUNT rig".into()),
     }
     Ok(())
 }
 
-/// What is found of a case's rig, a line each.
-fn rig(seed: u64) -> Vec<String> {
+/// What is found of a case's rig, each kind once, beside the first effect that is hidden.
+fn rig(seed: u64) -> Vec<(&'static str, &'static str)> {
     let case = Case::generate(seed, &Spec::default());
-    let parts: Vec<&str> = case.truth.parts.iter().map(|part| part.hidden.name()).collect();
-    let (programme, hidden) = (case.programme.name(), parts.join(" + "));
-    let said = |finding: &Finding| format!("{}\tseed {seed}\t{programme}\t{hidden}", finding.kind.title());
-    inspect(&case.dataset).findings.iter().map(said).collect()
+    let hidden = case.truth.parts.first().map_or("nothing", |part| part.hidden.name());
+    let findings = inspect(&case.dataset).findings;
+    let titles: BTreeSet<&str> = findings.iter().map(|finding| finding.kind.title()).collect();
+    titles.into_iter().map(|title| (title, hidden)).collect()
 }
 
 fn line(case: &Case) -> String {

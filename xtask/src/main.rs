@@ -2,6 +2,7 @@
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a tool of the command line")]
 
 mod docs;
+mod evidence;
 mod firmware;
 mod firmware_bench;
 mod firmware_boards;
@@ -22,6 +23,8 @@ usage: cargo xtask <command>
   docs    check every link and run every command block of README and book against its printed output, then build the book with
           mdbook in target/book; --write brings the output in the pages up to date, --fast leaves slow blocks out, --no-html
           builds no book, --program FILE takes this program instead of building it
+  evidence  list the measured tables of the book's evidence, each with its command; with words, measure those whose commands
+          contain them anew, and write the output into the page with date, code, machine and time
   prose   print how README, ARCHITECTURE and book read: what, it, that in 1000 words, sentences above 30 and 40 words; takes files
   python  build the Python package into target/python and run its tests; --fleet runs those on a local Ray and Dask cluster,
           --wheel builds the wheel for release, installs it into an empty environment and runs the README's session there
@@ -60,6 +63,7 @@ fn main() -> ExitCode {
         Some("bench") => cargo(&["bench", "--workspace"]),
         Some("calibrate") => calibrate(&words.collect::<Vec<_>>()),
         Some("docs") => docs::docs(&words.collect::<Vec<_>>()),
+        Some("evidence") => evidence::evidence(&words.collect::<Vec<_>>()),
         Some("prose") => prose::prose(&words.collect::<Vec<_>>()),
         Some("python") => python::python(&words.collect::<Vec<_>>()),
         Some("msrv") => release::msrv(),

@@ -1,7 +1,7 @@
 //! A periodic drive: its true period, that need not be a whole number of samples, and what of a series goes with it.
 
 use crate::octaves::{hann, transform};
-use crate::span;
+use crate::{median, span};
 
 /// A drive that repeats to the record's end.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,6 +20,8 @@ const FEWEST_PERIODS: f64 = 1.9;
 const MOST_LINES: usize = 40;
 /// Harmonics that are taken out.
 const HARMONICS: usize = 150;
+/// Power of a harmonic's bins over the median of all, from which on it is there.
+const STANDS_OUT: f64 = 20.0;
 /// Share of what is left below which a harmonic need not be taken out again.
 const SMALL: f64 = 1e-4;
 /// Longest part of a record that is looked at, samples.
@@ -54,7 +56,7 @@ impl Comb {
         let mut left = series[series.len() - samples..].to_vec();
         without_parabola(&mut left);
         let highest = ((0.5 / self.cycles) as usize).min(HARMONICS);
-        let mut harmonics: Vec<usize> = (1..=highest).collect();
+        let mut harmonics = self.standing_out(&left, highest);
         // Windowed projections hardly see each other; what they do see is gone after four rounds.
         for _ in 0..4 {
             let largest = span(&left);
@@ -62,6 +64,18 @@ impl Comb {
             without_parabola(&mut left);
         }
         left
+    }
+
+    /// The harmonics up to the highest that stand out from what is between them; the others need not be taken out.
+    fn standing_out(&self, series: &[f64], highest: usize) -> Vec<usize> {
+        let power: Vec<f64> = transform(series).0.iter().map(|bin| bin.norm_sqr()).collect();
+        let level = STANDS_OUT * median(&mut power.clone());
+        let stands_out = |harmonic: &usize| {
+            let bin = (*harmonic as f64 * self.cycles * series.len() as f64).round() as usize;
+            let near = power.get(bin.saturating_sub(1)..(bin + 2).min(power.len()));
+            near.is_some_and(|near| near.iter().any(|&power| power > level))
+        };
+        (1..=highest).filter(stands_out).collect()
     }
 
     /// Whether a bin of a transform of `len` samples lies on a line of the drive.

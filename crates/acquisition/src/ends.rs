@@ -88,9 +88,10 @@ fn flat_top(record: &Record, top: bool, extreme_um: f64, stroke_um: f64, noise_u
     }
     let outward = if top { line.slope.signum() } else { -line.slope.signum() };
     let ends: Vec<usize> = [0].into_iter().chain(of_voltage(record)).chain([v.len() - 1]).collect();
+    let half_v = 0.5 * span(v);
     let branch = ends
         .windows(2)
-        .filter(|pair| outward * (v[pair[1]] - v[pair[0]]) > 0.5 * span(v))
+        .filter(|pair| outward * (v[pair[1]] - v[pair[0]]) > half_v)
         .max_by(|a, b| (outward * v[a[1]]).total_cmp(&(outward * v[b[1]])))?;
     let (from, to) = (branch[0], branch[1]);
     if (y[to] - extreme_um).abs() > 0.01 * stroke_um {
@@ -184,32 +185,24 @@ const LONGEST_HOLD: usize = 32;
 /// Readings per value where a column repeats each; 1 where it does not.
 pub(crate) fn hold(values: &[f64], noise: f64) -> usize {
     let step = code_width(values);
-    let (mut moving, mut repeated) = (0usize, 0usize);
-    let mut at_phase = [[0usize; LONGEST_HOLD]; LONGEST_HOLD + 1];
-    for k in 3..values.len().saturating_sub(3) {
+    let moves = |k: usize| {
         let slope = (values[k + 3] - values[k - 3]).abs() / 6.0;
-        if slope < 5.0 * step.max(noise) || slope <= 0.0 {
-            continue;
-        }
-        moving += 1;
-        if values[k] == values[k - 1] {
-            repeated += 1;
-        } else {
-            (2..=LONGEST_HOLD).for_each(|hold| at_phase[hold][k % hold] += 1);
-        }
-    }
-    if moving < 60 || (repeated as f64) < REPEATED * moving as f64 {
+        slope >= 5.0 * step.max(noise) && slope > 0.0
+    };
+    let moving = || (3..values.len().saturating_sub(3)).filter(|&k| moves(k));
+    let all = moving().count();
+    let changed = || moving().filter(|&k| values[k] != values[k - 1]);
+    let changes = changed().count();
+    if all < 60 || ((all - changes) as f64) < REPEATED * all as f64 {
         return 1;
     }
-    let changes = moving - repeated;
     // The longest hold at one phase of which nearly all changes happen.
     (2..=LONGEST_HOLD)
         .rev()
         .find(|&hold| {
-            at_phase[hold]
-                .iter()
-                .max()
-                .is_some_and(|&most| most * 20 > changes * 19)
+            let mut at_phase = [0; LONGEST_HOLD];
+            changed().for_each(|k| at_phase[k % hold] += 1);
+            at_phase.iter().any(|&at| at * 20 > changes * 19)
         })
         .unwrap_or(1)
 }

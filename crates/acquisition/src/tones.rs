@@ -70,7 +70,10 @@ impl Stretch {
     /// Periods of the drive, else the longest rest, else all of the record.
     fn of(record: &Record, largest_v: f64) -> Self {
         let (len, y) = (record.len(), &record.position_um);
-        let comb = Comb::find(&record.voltage_v);
+        let comb = Comb::find(&record.voltage_v).map(|comb| Comb {
+            from: comb.from.max(len.saturating_sub(LONGEST)),
+            ..comb
+        });
         let left = match &comb {
             Some(comb) if comb.periods(len) > APART => comb.remainder(y),
             Some(comb) => y[comb.from..].to_vec(),

@@ -63,6 +63,16 @@ pub struct RunFigures {
 ///
 /// Over whole periods y_d - mean, its derivative and a constant are orthogonal, so that the three shares add up, to 100
 /// where nothing else is wrong. `None` for a reference that stands still or has fewer than three samples.
+///
+/// # Example
+/// ```
+/// use hysteron_control::figures::{Tracked, judge};
+/// let reference_um: Vec<f64> = (0..1000).map(|k| 5.0 - 5.0 * (std::f64::consts::TAU * f64::from(k) / 500.0).cos()).collect();
+/// let position: Vec<f64> = reference_um.iter().map(|um| um + 0.1).collect();
+/// let run = Tracked { measured_um: position.clone(), true_um: position, reference_um, ..Tracked::default() };
+/// let figures = judge(&run, 20e-6);
+/// assert!(figures.is_some_and(|figures| (figures.true_percent - 1.0).abs() < 1e-9)); // 0.1 of 10 um
+/// ```
 pub fn judge(run: &Tracked, sample_period_s: f64) -> Option<RunFigures> {
     let reference = &run.reference_um;
     let n = reference.len();

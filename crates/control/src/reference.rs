@@ -91,6 +91,14 @@ impl Shape {
     }
 
     /// The trajectory: a rise from 0 um, periods to settle, periods to judge.
+    ///
+    /// # Example
+    /// ```
+    /// use hysteron_control::reference::Shape;
+    /// let reference = Shape::Triangle { frequency_hz: 100.0 }.reference([2.0, 8.0], 20e-6);
+    /// let highest = reference.samples_um.iter().copied().fold(0.0, f64::max);
+    /// assert!((highest - 8.0).abs() < 0.02);
+    /// ```
     pub fn reference(self, [low_um, high_um]: [f64; 2], sample_period_s: f64) -> Reference {
         let frequency_hz = self.frequency_hz();
         let at = |time_s: f64| low_um + (high_um - low_um) * self.share(time_s);

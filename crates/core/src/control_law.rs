@@ -14,6 +14,21 @@ use crate::real::{Real, rarely};
 /// # Reference
 /// The paper's eq. 15. Its figures 11 and 15 show feedback to help below 400 Hz and to hurt at 500 Hz;
 /// [`PiController::weighted`] is there to fade it out.
+/// # Example
+/// ```
+/// use hysteron_core::{bank::{PlayBank, PlayState}, control_law::ControlLaw, limiter::Limiter, mpi::{Mpi, MpiCoefficients}};
+/// use hysteron_core::{pi_controller::PiController, thresholds::Thresholds};
+/// let bank = PlayBank::new(Thresholds::new([0.5])?, -1.0, 11.0, 50e3)?; // micrometres in, volts out
+/// let law = ControlLaw {
+///     feedforward: Mpi::new(bank, MpiCoefficients { offset: 0.0, cubic: 0.0, linear: 12.0, weights: [-2.0] })?,
+///     feedback: PiController::new(0.0, 3000.0, 50e3)?,
+///     limiter: Limiter::new(-10.0, 130.0, 1e6, 50e3)?,
+/// };
+/// let mut state = law.start(PlayState::virgin(), 0.0);
+/// let command_v: f64 = law.step(&mut state, 1.0, 0.9); // reference and reading
+/// assert!(command_v > 11.0 && command_v < 12.0);
+/// # Ok::<(), hysteron_core::error::ParamError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ControlLaw<T, F> {
     /// Direct inverse model; an `Option` that is `None` for feedback alone.

@@ -6,6 +6,12 @@ use crate::real::Real;
 ///
 /// # Units
 /// `alpha_s` and `beta_s` are seconds; the rate is the input's unit per second.
+/// # Example
+/// ```
+/// use hysteron_core::envelope::Envelope;
+/// let envelope = Envelope { alpha_s: 3e-4, beta_s: 1e-4 };
+/// assert_eq!(envelope.bounds(2.0, 0.0), (2.0, 2.0)); // slow inputs have the plain play
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Envelope<T> {
     /// alpha, seconds

@@ -9,6 +9,15 @@ use crate::real::{Real, rarely};
 /// Limits in the command's unit; slew in that unit a second.
 /// # Cost
 /// 3 compares and an addition a step; 2 compares and an addition more where the command meets a limit.
+/// # Example
+/// ```
+/// use hysteron_core::limiter::Limiter;
+/// let limiter = Limiter::new(0.0, 100.0, 1e4, 50e3)?; // volts, 10 V/ms at 50 kHz
+/// let mut state = limiter.start_at(0.0);
+/// let first: f64 = limiter.step(&mut state, 150.0);
+/// assert!((first - 0.2).abs() < 1e-12 && state.limited());
+/// # Ok::<(), hysteron_core::error::ParamError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limiter<T> {
     min: T,

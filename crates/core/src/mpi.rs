@@ -15,6 +15,15 @@ use crate::real::Real;
 /// N compares twice and N + 4 multiply-adds a step.
 /// # Reference
 /// Gu, Zhu, Su, IEEE Trans. Ind. Electron. 61 (2014) 1583; the paper's eqs 6 and 12. The offset is the sensor's zero.
+/// # Example
+/// ```
+/// use hysteron_core::{bank::{PlayBank, PlayState}, model::Hysteresis, mpi::{Mpi, MpiCoefficients}, thresholds::Thresholds};
+/// let bank = PlayBank::new(Thresholds::new([1.0])?, -10.0, 10.0, 50e3)?;
+/// let mpi = Mpi::new(bank, MpiCoefficients { offset: 0.0, cubic: 0.01, linear: 0.5, weights: [1.0] })?;
+/// let up: f64 = mpi.step(&mut PlayState::virgin(), 3.0);
+/// assert!((up - (0.01 * 27.0 + 0.5 * 3.0 + 2.0)).abs() < 1e-12);
+/// # Ok::<(), hysteron_core::error::ParamError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mpi<T, const N: usize> {
     bank: PlayBank<T, N>,

@@ -27,6 +27,16 @@ const LARGEST_INTEGRAL: f64 = 1e37;
 /// Gains in output units per input unit (`proportional`) and that per second (`integral_per_s`).
 /// # Cost
 /// 2 multiply-adds and an addition a step; 2 additions and 4 compares more where the output is limited.
+/// # Example
+/// ```
+/// use hysteron_core::pi_controller::{PiController, PiState};
+/// let controller = PiController::new(2.0, 1000.0, 50e3)?; // V/um, V/(um s)
+/// let mut state = PiState::default();
+/// let asked = controller.ask(&state, 0.1_f64);
+/// controller.take(&mut state, asked);
+/// assert!((asked.output - 0.2).abs() < 0.01 && state.integral() > 0.0);
+/// # Ok::<(), hysteron_core::error::ParamError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PiController<T> {
     proportional: T,

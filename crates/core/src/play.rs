@@ -4,6 +4,13 @@ use crate::real::Real;
 
 /// The two-sided play operator, eq. 2: `f_r(v, w) = max(v - r, min(v + r, w))`.
 #[inline(always)]
+///
+/// # Example
+/// ```
+/// use hysteron_core::play::two_sided;
+/// let up = two_sided(3.0, 0.0, 1.0);
+/// assert_eq!((up, two_sided(2.5, up, 1.0)), (2.0, 2.0)); // a play of 1 V stands still after it turns
+/// ```
 pub fn two_sided<T: Real>(input: T, output: T, threshold: T) -> T {
     (input - threshold).select_max((input + threshold).select_min(output))
 }

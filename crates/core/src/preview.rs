@@ -19,6 +19,15 @@ use crate::real::Real;
 /// slow mode have coefficients of some hundred, which in `f32` would leave a step of a 16-bit converter where they cancel.
 /// # Cost
 /// TAPS multiply-adds a step, 2 TAPS numbers of state.
+/// # Example
+/// ```
+/// use hysteron_core::preview::Preview;
+/// let preview = Preview::new([0.25, 0.5, 0.25], 1)?; // the reference of one sample later stands in the middle
+/// let mut state = preview.rest_at(0.0_f64);
+/// let out: Vec<f64> = [1.0, 1.0, 1.0].into_iter().map(|reference| preview.step(&mut state, reference)).collect();
+/// assert_eq!(out, [0.25, 0.75, 1.0]);
+/// # Ok::<(), hysteron_core::error::ParamError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Preview<T, const TAPS: usize> {
     /// `sum_(i > j) h_i` of each coefficient j: what a step of the reference between the samples j and j + 1 has not reached yet.

@@ -89,6 +89,23 @@ pub struct FitReport {
 ///
 /// # Cost
 /// Separable: linear in the samples times the square of the columns; memory the square of the columns a record.
+///
+/// # Example
+/// ```
+/// use hysteron_data::{Dataset, Record, Role};
+/// // A stage of one play, 5 V wide, at 0.1 um/V, and its answer to 60 V at 5 Hz.
+/// let voltage_v: Vec<f64> = (0..2000).map(|k| 30.0 - 30.0 * (std::f64::consts::TAU * f64::from(k) / 400.0).cos()).collect();
+/// let mut play = 0.0_f64;
+/// let position_um = voltage_v.iter().map(|&v| { play = play.clamp(v - 5.0, v + 5.0); 0.08 * v + 0.02 * play }).collect();
+/// let record = Record::new("sine.csv", Role::Identify, 5e-4, voltage_v, position_um);
+/// let dataset = Dataset { records: vec![record], ..Dataset::default() };
+///
+/// use hysteron_identify::{Family, FitOptions, fit, record_errors};
+/// let report = fit(&dataset, &FitOptions::new(Family::Mpi), &|_| ())?;
+/// let errors = record_errors(&dataset, &report.model);
+/// assert!(errors[0].percent.is_some_and(|percent| percent < 1.0)); // of peak to peak
+/// # Ok::<(), hysteron_identify::IdentifyError>(())
+/// ```
 pub fn fit(
     dataset: &Dataset,
     options: &FitOptions,

@@ -28,6 +28,13 @@ const SAME_DRIVE: f64 = 1e-3;
 ///
 /// # Cost
 /// O(n log n): the difference function of all lags by FFT (de Cheveigné, Kawahara 2002, eq. 6), on the second half.
+///
+/// # Example
+/// ```
+/// use hysteron_identify::period::{Periodic, detect};
+/// let drive: Vec<f64> = (0..1000).map(|k| (std::f64::consts::TAU * f64::from(k) / 250.0).sin()).collect();
+/// assert_eq!(detect(&drive), Some(Periodic { samples: 250, from: 0 }));
+/// ```
 pub fn detect(drive: &[f64]) -> Option<Periodic> {
     let span = crate::family::peak_to_peak(drive);
     if drive.len() < 8 || span <= 0.0 {

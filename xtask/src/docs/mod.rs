@@ -6,7 +6,7 @@ mod pages;
 mod picture;
 mod reference;
 
-use crate::{cargo, output, prose, run};
+use crate::{cargo, evidence, output, prose, run};
 use blocks::{Reading, Speed};
 use pages::Page;
 use std::path::{Path, PathBuf};
@@ -60,6 +60,7 @@ fn check_with(program: &Path, reading: Reading, speed: Speed) -> Result<(), Stri
     wrong.extend(links::check(&pages));
     wrong.extend(reference::check(program, &pages)?);
     wrong.extend(lengths(&pages));
+    wrong.extend(evidence::check()?);
     let mut counts = blocks::Counts::default();
     for page in &pages {
         wrong.extend(blocks::run(page, program, reading, speed, &mut counts)?);

@@ -86,6 +86,26 @@ const LOWEST_RIGID_HZ: f64 = 10.0;
 ///
 /// # Errors
 /// [`ControlError::Wish`] for a wish that makes no sense or leaves the records; a chain that cannot be undone.
+///
+/// # Example
+/// ```
+/// use hysteron_data::{Dataset, Record, Role};
+/// // A stage of one play, 5 V wide, at 0.1 um/V, and its answer to 60 V at 5 Hz.
+/// let voltage_v: Vec<f64> = (0..2000).map(|k| 30.0 - 30.0 * (std::f64::consts::TAU * f64::from(k) / 400.0).cos()).collect();
+/// let mut play = 0.0_f64;
+/// let position_um = voltage_v.iter().map(|&v| { play = play.clamp(v - 5.0, v + 5.0); 0.08 * v + 0.02 * play }).collect();
+/// let record = Record::new("sine.csv", Role::Identify, 5e-4, voltage_v, position_um);
+/// let dataset = Dataset { records: vec![record], ..Dataset::default() };
+///
+/// use hysteron_control::design::source::{Source, Wishes, design};
+/// use hysteron_control::drive::drive;
+/// let model = hysteron_identify::fit(&dataset, &hysteron_identify::FitOptions::new(hysteron_identify::Family::Mpi), &|_| ())?.model;
+/// let source = Source::Model { model: &model, along: &[] };
+/// let controller = design(&source, &Wishes { open: true, ..Wishes::default() })?.controller; // no record of small signals: no loop
+/// let driven = drive(&controller, &[2.0; 200], Some(&model))?; // rises to 2 um and stays
+/// assert!(driven.modelled.is_some_and(|run| run.error_um < 0.05));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn design(source: &Source<'_>, wishes: &Wishes) -> Result<Designed, ControlError> {
     wishes.check()?;
     let (mut chain, undone) = match source {
