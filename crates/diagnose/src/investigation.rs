@@ -4,7 +4,7 @@ use crate::diagnosis::{Before, RankedEffect, Reason};
 use crate::evidence::{Candidate, Round, Scale, errors};
 use crate::rules::{RuleId, Thresholds};
 use crate::witness::traces::{self, Traces};
-use crate::witness::{hum, ringing};
+use crate::witness::{hum, rails, ringing};
 use hysteron_data::Dataset;
 use hysteron_identify::effects::{Effect, UserEffect, catalogue};
 use hysteron_identify::search::{Search, Shape, Trial};
@@ -301,6 +301,11 @@ impl<'a> Investigation<'a> {
             .iter()
             .map(|p| p.value)
             .collect();
+        if let Some(rails_v) = effect.rails_v(&values)
+            && rails::moves_beyond(&self.dataset.records, rails_v)
+        {
+            return true;
+        }
         let zero = if values.is_empty() {
             None
         } else {

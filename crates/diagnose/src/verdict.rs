@@ -99,14 +99,14 @@ fn of_found(
     let round = found.first().filter(|round| round.taken.as_ref() == Some(&first));
     let candidate = round.and_then(|round| round.candidates.iter().find(|c| c.effect == first));
     let by_witness = candidate.is_none();
-    let stands = by_witness
-        || explains_enough(evidence, thresholds)
+    let explains = explains_enough(evidence, thresholds)
         || evidence.seen.drifts_alike
             && first == EffectId::ThermalDrift
             && candidate.is_some_and(|c| large(c, thresholds))
         || candidate
             .zip(round)
             .is_some_and(|(c, round)| is_a_part(c, round, thresholds));
+    let stands = by_witness || explains && !worse_held_out(evidence, found);
     decision.set = round.map_or_else(Vec::new, |round| set(round, coarse(evidence, thresholds), thresholds));
     if evidence.one_amplitude
         && TURN_THE_PHASE.iter().any(|effect| first == *effect)
@@ -149,6 +149,18 @@ fn explains_enough(evidence: &Evidence, thresholds: &Thresholds) -> bool {
         RuleId::ExplainedShare
     };
     share > thresholds.of(least)
+}
+
+/// Whether all that was found leaves more of the records not fitted to than the model that the user began with: such a chain says nothing
+/// of them.
+fn worse_held_out(evidence: &Evidence, found: &[&Round]) -> bool {
+    let last = found.last().and_then(|round| {
+        let taken = |candidate: &&Candidate| round.taken.as_ref() == Some(&candidate.effect);
+        round.candidates.iter().find(taken)
+    });
+    let own = last.and_then(|candidate| candidate.errors.validate_percent);
+    own.zip(evidence.before.validate_percent)
+        .is_some_and(|(own, before)| own > before)
 }
 
 /// Whether a candidate has twice the evidence of a first effect, and takes a main part.
@@ -388,6 +400,21 @@ mod tests {
         assert_eq!(verdict(&evidence()), named(EffectId::Delay));
         let reasons = vec![Reason::AllNoise];
         assert_eq!(verdict(&Evidence { reasons, ..evidence() }), Verdict::Unknown);
+    }
+
+    /// A name that leaves more of the records not fitted to than the start model does is none, but stays among what could be it.
+    #[test]
+    fn bva_the_records_not_fitted_to_on_both_sides() {
+        let of = |validate_percent: Option<f64>| {
+            let mut evidence = evidence();
+            evidence.rounds[0].candidates[0].errors.validate_percent = validate_percent;
+            decide(&evidence, &Thresholds::DEFAULT)
+        };
+        assert_eq!(of(Some(1.9)).verdict, named(EffectId::Delay));
+        assert_eq!(of(None).verdict, named(EffectId::Delay));
+        let worse = of(Some(2.1));
+        assert_eq!(worse.verdict, Verdict::Unknown);
+        assert!(worse.set.contains(&EffectId::Delay.into()), "{worse:?}");
     }
 
     /// Each threshold of what is enough, a tenth below it and a tenth above it. The rival is close, so that no part is named.

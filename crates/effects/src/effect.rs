@@ -390,6 +390,12 @@ pub trait Effect: Send + Sync {
         false
     }
 
+    /// Voltages below and above which the position stands still, volts; `None` where nothing does.
+    fn rails_v(&self, values: &[f64]) -> Option<[f64; 2]> {
+        let _ = values;
+        None
+    }
+
     /// Whether it moves signals in time, so that the shape between the samples matters.
     fn dynamic(&self) -> bool {
         false

@@ -7,6 +7,7 @@ mod lines;
 pub(crate) mod locks;
 #[cfg(test)]
 mod made;
+pub(crate) mod rails;
 mod regression;
 pub(crate) mod ringing;
 mod sample_clock;

@@ -104,6 +104,10 @@ impl Effect for Saturation {
         }
     }
 
+    fn rails_v(&self, values: &[f64]) -> Option<[f64; 2]> {
+        values.first_chunk().copied()
+    }
+
     fn acts(&self) -> Acts {
         Acts::Nonlinearly
     }
