@@ -116,10 +116,10 @@ fn val_a_bend_that_was_added_is_not_named_again() {
 /// Rayleigh's law is a Prandtl-Ishlinskii model of even density: the start model has it, and nothing is missing. A creep of the same
 /// strength it has not.
 #[test]
-fn val_a_gain_over_the_amplitude_is_taken_in() {
+fn val_a_gain_over_the_amplitude_is_absorbed() {
     let strong = |effect| std::iter::repeat_n(Spec::one(effect, Strength::Strong), 3);
     let outcomes = on([StageFamily::MaxwellSlip], 900, strong(Effect::AmplitudeGain));
-    assert_eq!(Tally::of(&outcomes).taken_in, 3, "{outcomes:?}");
+    assert_eq!(Tally::of(&outcomes).absorbed, 3, "{outcomes:?}");
     assert!(outcomes.iter().all(|outcome| outcome.answer.verdict == "none"));
     let silent = |_: &Example| Answer {
         verdict: "none".to_owned(),

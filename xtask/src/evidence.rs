@@ -117,11 +117,12 @@ fn measured(command: &str) -> Result<String, String> {
         [] => return Err("evidence: a table without a command".to_owned()),
     };
     println!("> {command}");
+    let code = code()?;
     let started = Instant::now();
     let said = output(&program, words)?;
     let seconds = started.elapsed().as_secs_f64();
     let date = output("date", &["-u", "+%Y-%m-%d"])?;
-    Ok(body(command, &said, date.trim(), &code()?, &machine(), seconds))
+    Ok(body(command, &said, date.trim(), &code, &machine(), seconds))
 }
 
 /// All between the two comments.

@@ -123,7 +123,7 @@ const TAKEN_IN: f64 = 0.9;
 
 /// Whether the fitted start model has taken the one hidden effect in: its error on validation records is, but for a tenth of what the
 /// effect adds to the readings, that on the same stage without the effect. All three in percent of peak to peak.
-fn taken_in(example: &Example, spec: &Spec) -> bool {
+fn absorbed(example: &Example, spec: &Spec) -> bool {
     let [hidden] = example.truth.hidden.as_slice() else {
         return false;
     };
@@ -158,7 +158,7 @@ pub fn score(
             let example = generate(*seed, spec).ok()?;
             let answer = answer(&example);
             let grade = match grade(&example.truth, &answer) {
-                Grade::Missed if taken_in(&example, spec) => Grade::TakenIn,
+                Grade::Missed if absorbed(&example, spec) => Grade::TakenIn,
                 grade => grade,
             };
             let outcome = Outcome {
@@ -232,7 +232,7 @@ fn pair(seed: u64) -> Vec<Asked> {
     }
 }
 
-/// Right, in the set, missed, wrong, and taken in by the start model.
+/// Right, in the set, missed, wrong, and absorbed by the start model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Tally {
     /// Verdict right.
@@ -244,7 +244,7 @@ pub struct Tally {
     /// A wrong name.
     pub wrong: usize,
     /// No name, and nothing for one to explain.
-    pub taken_in: usize,
+    pub absorbed: usize,
 }
 
 impl Tally {
@@ -256,7 +256,7 @@ impl Tally {
                 Grade::InSet => tally.in_set += 1,
                 Grade::Missed => tally.missed += 1,
                 Grade::Wrong => tally.wrong += 1,
-                Grade::TakenIn => tally.taken_in += 1,
+                Grade::TakenIn => tally.absorbed += 1,
             }
             tally
         })
@@ -268,7 +268,7 @@ impl Tally {
     }
 
     fn cell(&self) -> String {
-        if self.lacking() + self.taken_in == 0 {
+        if self.lacking() + self.absorbed == 0 {
             return "-".to_owned();
         }
         let mut text = format!("{}/{}", self.right, self.lacking());
@@ -278,8 +278,8 @@ impl Tally {
         if self.wrong > 0 {
             let _ = write!(text, ", {} wrong", self.wrong);
         }
-        if self.taken_in > 0 {
-            let _ = write!(text, ", {} taken in", self.taken_in);
+        if self.absorbed > 0 {
+            let _ = write!(text, ", {} absorbed", self.absorbed);
         }
         text
     }
@@ -331,7 +331,7 @@ fn summary(text: &mut String, outcomes: &[Outcome]) {
     let play_class = |o: &&Outcome| o.truth.family.is_play_class();
     let _ = writeln!(
         text,
-        "| | right | right or in the set | wrong name | taken in |\n|---|---|---|---|---|"
+        "| | right | right or in the set | wrong name | absorbed |\n|---|---|---|---|---|"
     );
     let mut row = |name: &str, tally: Tally| {
         let of = |count| Tally::percent(count, tally.lacking());
@@ -341,7 +341,7 @@ fn summary(text: &mut String, outcomes: &[Outcome]) {
             of(tally.right),
             of(tally.right + tally.in_set),
             of(tally.wrong),
-            tally.taken_in
+            tally.absorbed
         );
     };
     type Kind = (&'static str, fn(Effect) -> bool);
