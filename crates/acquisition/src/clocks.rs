@@ -1,11 +1,11 @@
 //! Voltage and position on two clocks: the position falls behind, or runs ahead, by the same part of the time in every record.
 
-use crate::comb::{Comb, projection};
+use crate::comb::{Comb, amplitude, phase};
 use crate::plain::names;
 use crate::report::{Figure, Finding, Kind, Quantity, Unit};
 use hysteron_data::Record;
 use rayon::prelude::*;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// Stretches of a record whose phases are compared.
 const STRETCHES: [usize; 2] = [5, 16];
@@ -81,7 +81,7 @@ fn slip(record: &Record) -> Option<Slip> {
         return None;
     }
     let (harmonic, _) = (1..=HARMONICS)
-        .map(|h| (h, size(&v[from..], h as f64 * comb.cycles)))
+        .map(|h| (h, amplitude(&v[from..], h as f64 * comb.cycles)))
         .max_by(|a, b| a.1.total_cmp(&b.1))?;
     let cycles = harmonic as f64 * comb.cycles;
     // Whole periods a stretch, so that all stretches begin at one phase and what the window lets by is the same in each.
@@ -93,9 +93,9 @@ fn slip(record: &Record) -> Option<Slip> {
     let mut phases: Vec<f64> = Vec::with_capacity(stretches);
     for &start in &starts {
         let stretch = start..(start + length).min(v.len());
-        let phase = angle(&v[stretch.clone()], cycles) - angle(&y[stretch], cycles);
-        let last = phases.last().copied().unwrap_or(phase);
-        phases.push(phase - TAU * ((phase - last) / TAU).round());
+        let behind = phase(&v[stretch.clone()], cycles) - phase(&y[stretch], cycles);
+        let last = phases.last().copied().unwrap_or(behind);
+        phases.push(behind - TAU * ((behind - last) / TAU).round());
     }
     let rows: Vec<(f64, f64)> = starts.iter().map(|&start| start as f64).zip(phases).collect();
     let (slope, error, curved) = line(&rows)?;
@@ -107,18 +107,6 @@ fn slip(record: &Record) -> Option<Slip> {
         hz: cycles / record.period_s,
         samples: total / (TAU * cycles),
     })
-}
-
-fn size(series: &[f64], cycles: f64) -> f64 {
-    let (a, b) = projection(series, cycles);
-    a.hypot(b)
-}
-
-/// Phase of a line.
-fn angle(series: &[f64], cycles: f64) -> f64 {
-    let (a, b) = projection(series, cycles);
-    let angle = (-b).atan2(a);
-    if angle > PI { angle - TAU } else { angle }
 }
 
 /// Slope of a line through rows, its standard error, and how far a parabola lies from it at the ends.

@@ -1,6 +1,6 @@
 //! A periodic drive: its true period, that need not be a whole number of samples, and what of a series goes with it.
 
-use crate::octaves::{hann, transform};
+use crate::octaves::{hann, power};
 use crate::{median, span};
 
 /// A drive that repeats to the record's end.
@@ -68,7 +68,7 @@ impl Comb {
 
     /// The harmonics up to the highest that stand out from what is between them; the others need not be taken out.
     fn standing_out(&self, series: &[f64], highest: usize) -> Vec<usize> {
-        let power: Vec<f64> = transform(series).0.iter().map(|bin| bin.norm_sqr()).collect();
+        let power = power(series);
         let level = STANDS_OUT * median(&mut power.clone());
         let stands_out = |harmonic: &usize| {
             let bin = (*harmonic as f64 * self.cycles * series.len() as f64).round() as usize;
@@ -96,7 +96,7 @@ impl Comb {
 }
 
 /// Cosine and sine weights of a line under a Hann window, twice the mean product.
-pub(crate) fn projection(series: &[f64], cycles: f64) -> (f64, f64) {
+fn projection(series: &[f64], cycles: f64) -> (f64, f64) {
     let n = series.len();
     let step = std::f64::consts::TAU * cycles;
     let (turn_sin, turn_cos) = step.sin_cos();
@@ -112,6 +112,18 @@ pub(crate) fn projection(series: &[f64], cycles: f64) -> (f64, f64) {
         (c, s) = (c * turn_cos - s * turn_sin, s * turn_cos + c * turn_sin);
     }
     (2.0 * a / weight, 2.0 * b / weight)
+}
+
+/// Amplitude of a line.
+pub(crate) fn amplitude(series: &[f64], cycles: f64) -> f64 {
+    let (a, b) = projection(series, cycles);
+    a.hypot(b)
+}
+
+/// Phase of a line, from -pi to pi.
+pub(crate) fn phase(series: &[f64], cycles: f64) -> f64 {
+    let (a, b) = projection(series, cycles);
+    (-b).atan2(a)
 }
 
 /// Takes a line out of a series; its amplitude.
@@ -153,8 +165,7 @@ pub(crate) fn without_parabola(values: &mut [f64]) {
 /// Cycles a sample of the fundamental, where all but a ten-thousandth of the power lies on its harmonics.
 fn fundamental(drive: &[f64]) -> Option<f64> {
     let n = drive.len();
-    let (bins, _) = transform(drive);
-    let power: Vec<f64> = bins.iter().map(|b| b.norm_sqr()).collect();
+    let power = power(drive);
     let strongest = (1..power.len()).max_by(|&a, &b| power[a].total_cmp(&power[b]))?;
     // The strongest line between its bins, by the phase it gains from the first half to the second.
     let line = sharpened(drive, strongest as f64 / n as f64);
@@ -218,12 +229,8 @@ fn apart(drive: &[f64], lag: f64) -> f64 {
 fn sharpened(series: &[f64], mut cycles: f64) -> f64 {
     let half = series.len() / 2;
     for _ in 0..3 {
-        let phase = |part: &[f64]| {
-            let (a, b) = projection(part, cycles);
-            (-b).atan2(a)
-        };
         let expected = std::f64::consts::TAU * cycles * half as f64;
-        let gained = phase(&series[half..2 * half]) - phase(&series[..half]) - expected;
+        let gained = phase(&series[half..2 * half], cycles) - phase(&series[..half], cycles) - expected;
         let turns = gained / std::f64::consts::TAU;
         let off = turns - turns.round();
         cycles += off / half as f64;
@@ -233,10 +240,7 @@ fn sharpened(series: &[f64], mut cycles: f64) -> f64 {
 
 /// The fundamental by ever higher harmonics, as far as the drive has them.
 fn refined(drive: &[f64], cycles: f64) -> f64 {
-    let size = |cycles: f64| {
-        let (a, b) = projection(drive, cycles);
-        a.hypot(b)
-    };
+    let size = |cycles: f64| amplitude(drive, cycles);
     let strongest = (1..=5).map(|h| size(f64::from(h) * cycles)).fold(0.0, f64::max);
     let mut best = cycles;
     for harmonic in [1.0, 3.0, 9.0, 27.0, 81.0] {

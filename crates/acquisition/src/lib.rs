@@ -1,7 +1,7 @@
 //! The rig, before any physics: what converters, clocks, cables and files do to a recording.
 //!
-//! [`inspect()`] says all of it, [`mistakes`] where a lab has erred, [`noise_floor`] the sensor's noise alone, [`clipped_at`] where readings are clipped. No
-//! figure rests on a model of the stage.
+//! [`inspect()`] says all of it, [`mistakes`] where a lab has erred, [`noise_floor`] the sensor's noise alone, [`clipped_at`] where
+//! readings are clipped. No figure rests on a model of the stage.
 #![forbid(unsafe_code)]
 
 mod alike;

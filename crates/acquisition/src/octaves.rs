@@ -49,6 +49,11 @@ pub(crate) fn transform(values: &[f64]) -> (Vec<Complex<f64>>, f64) {
     (bins, squares)
 }
 
+/// Power of each bin of that transform.
+pub(crate) fn power(values: &[f64]) -> Vec<f64> {
+    transform(values).0.iter().map(|bin| bin.norm_sqr()).collect()
+}
+
 /// A Hann window's weight.
 pub(crate) fn hann(k: usize, n: usize) -> f64 {
     0.5 - 0.5 * (std::f64::consts::TAU * (k as f64 + 0.5) / n as f64).cos()

@@ -1,7 +1,7 @@
 //! Tones of neither drive nor mains in the position.
 
-use crate::comb::{Comb, projection, without_parabola};
-use crate::octaves::transform;
+use crate::comb::{Comb, amplitude, without_parabola};
+use crate::octaves::power;
 use crate::plain::{figure, names};
 use crate::report::{Channel, Finding, Kind, Quantity, Unit};
 use crate::{median, rests, span};
@@ -134,10 +134,6 @@ impl Stretch {
     }
 }
 
-fn power(values: &[f64]) -> Vec<f64> {
-    transform(values).0.iter().map(|bin| bin.norm_sqr()).collect()
-}
-
 fn tone(record: &Record, largest_v: f64) -> Option<Found> {
     let stretch = Stretch::of(record, largest_v);
     let left = &stretch.left;
@@ -170,10 +166,7 @@ fn tone(record: &Record, largest_v: f64) -> Option<Found> {
         });
     }
     let peak = peaks.into_iter().max_by(|&a, &b| power[a].total_cmp(&power[b]))?;
-    let size = |part: &[f64]| {
-        let (a, b) = projection(part, between(&power, peak) / n as f64);
-        a.hypot(b)
-    };
+    let size = |part: &[f64]| amplitude(part, between(&power, peak) / n as f64);
     let (first, second) = (size(&left[..n / 2]), size(&left[n / 2..]));
     (first < LASTS * second && second < LASTS * first).then(|| (hz(peak as f64), 0.5 * (first + second)))
 }

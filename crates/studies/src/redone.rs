@@ -8,12 +8,20 @@ mod rows;
 pub use rivals::Rivals;
 
 use crate::paper::{Study, SwarmRace, TRACKED_HZ, TrackingFigure, race, study};
-use hysteron_plant::preset;
+use hysteron_plant::{StageConfig, preset};
 use hysteron_tracking::TrackingError;
 use rows::{Row, Section};
 use std::fmt::Write;
 
-/// The paper, redone on the two stages that its figures allow.
+/// The two stages that the paper's figures allow, and their names.
+fn stages() -> [(&'static str, StageConfig); 2] {
+    [
+        ("paper-rate", preset::paper_rate()),
+        ("paper-delay", preset::paper_delay()),
+    ]
+}
+
+/// The paper, redone on both.
 #[derive(Debug)]
 pub struct Redone {
     studies: Vec<Study>,
@@ -32,11 +40,7 @@ impl Redone {
     /// About a minute on two cores, most of it the particle swarm.
     pub fn new(seed: u64, progress: &(dyn Fn(f64) + Sync)) -> Result<Self, TrackingError> {
         let (mut studies, mut races) = (Vec::new(), Vec::new());
-        let stages = [
-            ("paper-rate", preset::paper_rate()),
-            ("paper-delay", preset::paper_delay()),
-        ];
-        for (done, (name, stage)) in stages.iter().enumerate() {
+        for (done, (name, stage)) in stages().iter().enumerate() {
             let progress = |share: f64| progress(0.5 * (done as f64 + share));
             let study = study(name, stage, seed, &|share| progress(0.2 * share))?;
             races.push(race(&study.records, seed, &|share| progress(0.2 + 0.8 * share))?);
@@ -224,12 +228,8 @@ mod tests {
 
     /// Both stages whole, but for the swarm, which races over two short records.
     static REDONE: LazyLock<Redone> = LazyLock::new(|| {
-        let stages = [
-            ("paper-rate", preset::paper_rate()),
-            ("paper-delay", preset::paper_delay()),
-        ];
         let (mut studies, mut races) = (Vec::new(), Vec::new());
-        for (name, stage) in &stages {
+        for (name, stage) in &stages() {
             studies.push(study(name, stage, 1, &|_| ()).unwrap());
             let short = sines(stage, &[250.0, 500.0], [0.0, 26.0], |_| 400, 1).unwrap();
             races.push(race(&short, 1, &|_| ()).unwrap());

@@ -1,7 +1,7 @@
 //! The models of Table 1 beside the paper's own.
 
+use super::stages;
 use crate::paper::{RIVALS_HZ, RivalRow, rivals};
-use hysteron_plant::preset;
 use hysteron_tracking::TrackingError;
 use std::fmt::Write;
 
@@ -18,11 +18,9 @@ impl Rivals {
     /// # Errors
     /// Those of [`rivals`].
     pub fn new(seed: u64) -> Result<Self, TrackingError> {
-        let stages = [
-            ("paper-rate", preset::paper_rate()),
-            ("paper-delay", preset::paper_delay()),
-        ];
-        let tables = stages.iter().map(|(name, stage)| Ok((*name, rivals(stage, seed)?)));
+        let tables = stages()
+            .into_iter()
+            .map(|(name, stage)| Ok((name, rivals(&stage, seed)?)));
         Ok(Self {
             tables: tables.collect::<Result<_, TrackingError>>()?,
             seed,
