@@ -248,6 +248,36 @@ fn val_import_fit_compare() {
 }
 
 #[test]
+fn val_a_record_is_appended_to_a_dataset_that_is_there() {
+    let folder = fitted();
+    let before = std::fs::read(folder.path().join("stage/dataset.toml")).unwrap();
+    let there = hysteron_data::read_dataset(&folder.path().join("stage")).unwrap();
+    let first = there.records[0].file.clone();
+    std::fs::copy(folder.path().join("stage").join(&first), folder.path().join(&first)).unwrap();
+    let append = ["import", "--validate", first.as_str(), "--append", "-o"];
+    // Nothing is appended to what is no dataset, and nothing is half appended.
+    let refused = stderr_of(folder.path(), &[&append[..], &["elsewhere"]].concat(), 2);
+    assert!(refused.contains("no dataset.toml"), "{refused}");
+    assert_eq!(std::fs::read(folder.path().join("stage/dataset.toml")).unwrap(), before);
+    assert_cmd::Command::new(env!("CARGO_BIN_EXE_hysteron"))
+        .current_dir(folder.path())
+        .args([&append[..], &["stage"]].concat())
+        .assert()
+        .success();
+    let now = hysteron_data::read_dataset(&folder.path().join("stage")).unwrap();
+    assert_eq!(now.records[..there.records.len()], there.records[..]);
+    let added = now.records.last().unwrap();
+    assert_eq!(
+        (added.file.as_str(), added.role, &added.position_um),
+        (
+            format!("{}-2.csv", first.trim_end_matches(".csv")).as_str(),
+            hysteron_data::Role::Validate,
+            &there.records[0].position_um
+        )
+    );
+}
+
+#[test]
 fn refuse_bad_input_with_what_to_do() {
     let folder = fitted();
     let at = |name: &str| folder.path().join(name);

@@ -17,7 +17,7 @@ pub mod units;
 
 pub use error::DataError;
 pub use native::{
-    Overwrite, clock_of, read_dataset, read_dataset_with_progress, read_record, read_record_from, read_reference,
-    validate_record, write_dataset, write_record_csv, write_record_to,
+    Entry, Manifest, Overwrite, append_records, clock_of, read_dataset, read_dataset_with_progress, read_record,
+    read_record_from, read_reference, validate_record, write_dataset, write_record_csv, write_record_to,
 };
 pub use record::{Dataset, Known, Notice, Record, Reference, Role};

@@ -5,18 +5,19 @@ use crate::exit::Done;
 use crate::{output, progress};
 use clap::{Args, ValueEnum};
 use hysteron_data::import::{
-    ColumnChoice, Decimal, Gaps, ImportOptions, Jitter, Missing, Separator, import, import_joined,
+    ColumnChoice, Decimal, Gaps, ImportOptions, Jitter, Missing, Separator, import, import_joined, name_apart,
 };
-use hysteron_data::{Dataset, Overwrite, Record, Role, write_dataset};
+use hysteron_data::{Dataset, Manifest, Overwrite, Role, append_records, write_dataset};
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hysteron import scope.csv -o stage\n  \
     hysteron import run1.mat run2.mat --validate run3.mat --rate 50000 --column voltage=u:V --column position=y:um -o stage\n  \
     hysteron import log.tdms -o stage --column voltage=AO0:V*20 --column position=AI1:um*5-50    # an amplifier, a sensor\n  \
     hysteron import --join F0001CH1.CSV F0001CH2.CSV -o stage \\\n    \
-    --column voltage=F0001CH1:V*20 --column position=F0001CH2:um*10\n\n\
+    --column voltage=F0001CH1:V*20 --column position=F0001CH2:um*10\n  \
+    hysteron import next.csv --append -o stage    # one more record for a dataset that is there\n\n\
     QUANTITY is one of time, voltage, position, reference, temperature, voltage2; COLUMN a name or a number from 1.\n\
     A number x of the file is x*FACTOR+OFFSET in UNIT. --dry-run shows what was found, and writes nothing.\n\
     docs/recordings.md lists what oscilloscopes and programs write, and how each is read.")]
@@ -68,6 +69,9 @@ pub(crate) struct ImportArgs {
     /// Replace a dataset that is there already
     #[arg(long)]
     pub overwrite: bool,
+    /// Add the records to a dataset that is there already
+    #[arg(long, conflicts_with_all = ["overwrite", "name"])]
+    pub append: bool,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -131,28 +135,30 @@ pub(crate) fn run(args: &ImportArgs) -> Result<Done, CliError> {
         dataset.records.extend(imported.records);
     }
     bar.finish_and_clear();
-    name_apart(&mut dataset.records);
+    match args.output.as_deref().filter(|_| args.append) {
+        Some(folder) => {
+            let there = Manifest::read(folder)?;
+            name_apart(
+                &mut dataset.records,
+                there.records.iter().map(|entry| entry.file.as_str()),
+            );
+        }
+        None => name_apart(&mut dataset.records, []),
+    }
     super::load::warn(&dataset);
     match &args.output {
         Some(folder) if !args.dry_run => {
-            let folder_name = folder.file_name().map(|name| name.to_string_lossy().into_owned());
-            dataset.name = args
-                .name
-                .clone()
-                .or(folder_name)
-                .unwrap_or_else(|| "imported".to_owned());
-            dataset.description = "imported".to_owned();
-            let overwrite = if args.overwrite {
-                Overwrite::Allow
+            if args.append {
+                append_records(folder, &dataset.records)?;
             } else {
-                Overwrite::Refuse
-            };
-            write_dataset(&dataset, folder, overwrite)?;
+                write_new(args, folder, &mut dataset)?;
+            }
             let count = dataset.records.len();
             let _ = writeln!(
                 text,
-                "{count} record{} written to {}",
+                "{count} record{} {} {}",
                 if count == 1 { "" } else { "s" },
+                if args.append { "added to" } else { "written to" },
                 folder.display()
             );
             let _ = writeln!(text, "next: hysteron fit {} --model mrpi", folder.display());
@@ -161,6 +167,24 @@ pub(crate) fn run(args: &ImportArgs) -> Result<Done, CliError> {
     }
     output::print(&text)?;
     Ok(Done::Answered)
+}
+
+/// Writes the records as a dataset of its own.
+fn write_new(args: &ImportArgs, folder: &Path, dataset: &mut Dataset) -> Result<(), CliError> {
+    let folder_name = folder.file_name().map(|name| name.to_string_lossy().into_owned());
+    dataset.name = args
+        .name
+        .clone()
+        .or(folder_name)
+        .unwrap_or_else(|| "imported".to_owned());
+    dataset.description = "imported".to_owned();
+    let overwrite = if args.overwrite {
+        Overwrite::Allow
+    } else {
+        Overwrite::Refuse
+    };
+    write_dataset(dataset, folder, overwrite)?;
+    Ok(())
 }
 
 /// What is read at once: each file, or all of a role where they are joined.
@@ -210,17 +234,4 @@ fn options(args: &ImportArgs, role: Role) -> Result<ImportOptions, CliError> {
             JitterName::Interpolate => Jitter::Interpolate,
         },
     })
-}
-
-/// Files of one name from different folders get numbers: `run.csv`, `run-2.csv`.
-fn name_apart(records: &mut [Record]) {
-    let mut taken = std::collections::HashSet::new();
-    for record in records {
-        let stem = record.file.trim_end_matches(".csv").to_owned();
-        let mut number = 1;
-        while !taken.insert(record.file.clone()) {
-            number += 1;
-            record.file = format!("{stem}-{number}.csv");
-        }
-    }
 }

@@ -72,6 +72,20 @@ impl Imported {
     }
 }
 
+/// Tells records of one name apart, from each other and from those that are there: `run.csv`, `run-2.csv`. Names that differ in case
+/// alone are one: on Windows and macOS one file would overwrite the other.
+pub fn name_apart<'a>(records: &mut [Record], there: impl IntoIterator<Item = &'a str>) {
+    let mut taken: std::collections::HashSet<String> = there.into_iter().map(str::to_lowercase).collect();
+    for record in records {
+        let stem = record.file.trim_end_matches(".csv").to_owned();
+        let mut number = 1;
+        while !taken.insert(record.file.to_lowercase()) {
+            number += 1;
+            record.file = format!("{stem}-{number}.csv");
+        }
+    }
+}
+
 /// Imports a recording of another program; `progress` gets the bytes read so far and in all.
 ///
 /// # Errors

@@ -1,7 +1,7 @@
 //! Reads and writes a dataset folder.
 
 use std::fs;
-use std::io::{Read, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::atomic::Pending;
@@ -44,11 +44,7 @@ pub fn read_dataset_with_progress(path: &Path, progress: &mut dyn FnMut(u64, u64
     if !kind.is_dir() {
         return one_csv(path, &shown, kind.len(), progress);
     }
-    let manifest_path = path.join("dataset.toml");
-    if !manifest_path.exists() {
-        return Err(DataError::NoManifest { folder: shown });
-    }
-    let manifest = read_manifest(&manifest_path)?;
+    let manifest = Manifest::read(path)?;
     let paths: Vec<PathBuf> = manifest.records.iter().map(|entry| path.join(&entry.file)).collect();
     let total: u64 = paths
         .iter()
@@ -101,28 +97,6 @@ fn one_csv(path: &Path, shown: &str, total: u64, progress: &mut dyn FnMut(u64, u
     })
 }
 
-fn read_manifest(path: &Path) -> Result<Manifest, DataError> {
-    let shown = path.display().to_string();
-    let file = fs::File::open(path).map_err(DataError::io(&shown, "open it"))?;
-    let mut bytes = Vec::new();
-    file.take(manifest::LONGEST + 1)
-        .read_to_end(&mut bytes)
-        .map_err(DataError::io(&shown, "read it"))?;
-    let refuse = |found: &str, what_to_do: &str| DataError::Format {
-        file: shown.clone(),
-        found: found.into(),
-        what_to_do: what_to_do.into(),
-    };
-    if bytes.len() as u64 > manifest::LONGEST {
-        return Err(refuse(
-            "longer than a megabyte",
-            "samples belong in CSV files, dataset.toml only lists them",
-        ));
-    }
-    let text = std::str::from_utf8(&bytes).map_err(|_| refuse("not UTF-8", "save it as UTF-8"))?;
-    manifest::parse_manifest(text.strip_prefix('\u{feff}').unwrap_or(text), &shown)
-}
-
 /// Writes a dataset as a folder; every file is there whole or not at all, `dataset.toml` comes last.
 ///
 /// What it replaces: `dataset.toml` and the CSVs of the same names, and only when told so. Other files stay.
@@ -134,7 +108,7 @@ fn read_manifest(path: &Path) -> Result<Manifest, DataError> {
 pub fn write_dataset(dataset: &Dataset, folder: &Path, overwrite: Overwrite) -> Result<(), DataError> {
     let shown = folder.display().to_string();
     validate(dataset, &shown)?;
-    let manifest_path = folder.join("dataset.toml");
+    let manifest_path = folder.join(manifest::FILE);
     let paths: Vec<PathBuf> = dataset.records.iter().map(|record| folder.join(&record.file)).collect();
     if overwrite == Overwrite::Refuse
         && let Some(there) = std::iter::once(&manifest_path).chain(&paths).find(|path| path.exists())
@@ -143,11 +117,7 @@ pub fn write_dataset(dataset: &Dataset, folder: &Path, overwrite: Overwrite) -> 
             file: there.display().to_string(),
         });
     }
-    let text = manifest::render(dataset).map_err(|error| DataError::Unwritable {
-        file: manifest_path.display().to_string(),
-        found: error.to_string(),
-        allowed: "names and numbers that TOML can hold",
-    })?;
+    let text = Manifest::of(dataset).render(&manifest_path)?;
     let mut pending = Vec::with_capacity(paths.len() + 1);
     for (record, path) in dataset.records.iter().zip(&paths) {
         if let Some(parent) = path.parent() {

@@ -1,13 +1,18 @@
 //! `dataset.toml`.
 
+use std::io::{Read, Write};
 use std::path::{Component, Path};
 
+use super::atomic::Pending;
 use crate::error::DataError;
 use crate::place::Place;
-use crate::record::{Dataset, Known, Role};
+use crate::record::{Dataset, Known, Record, Role};
 
 /// The version of the format that is read and written.
 pub(crate) const FORMAT: i64 = 1;
+
+/// Its name.
+pub(crate) const FILE: &str = "dataset.toml";
 
 /// Longest `dataset.toml` that is read, bytes: thousands of records.
 pub(crate) const LONGEST: u64 = 1 << 20;
@@ -181,18 +186,83 @@ fn place(error: &toml::de::Error, text: &str, file: &str) -> Place {
     Place::cell(file, line, column, "")
 }
 
-/// The text of `dataset.toml` for a dataset.
-pub(crate) fn render(dataset: &Dataset) -> Result<String, toml::ser::Error> {
-    let entry = |record: &crate::record::Record| Entry {
-        file: record.file.clone(),
-        role: record.role,
-        excitation: record.excitation.clone(),
-    };
-    toml::to_string(&Manifest {
-        format: FORMAT,
-        name: dataset.name.clone(),
-        description: dataset.description.clone(),
-        known: dataset.known,
-        records: dataset.records.iter().map(entry).collect(),
-    })
+impl Manifest {
+    /// The manifest of a dataset.
+    pub fn of(dataset: &Dataset) -> Self {
+        Self {
+            format: FORMAT,
+            name: dataset.name.clone(),
+            description: dataset.description.clone(),
+            known: dataset.known,
+            records: dataset.records.iter().map(Entry::of).collect(),
+        }
+    }
+
+    /// Reads the `dataset.toml` of a folder.
+    ///
+    /// # Errors
+    /// [`DataError::NoManifest`], [`DataError::Manifest`] with line and column, [`DataError::Format`] for a file that is no text or too long, [`DataError::Io`].
+    pub fn read(folder: &Path) -> Result<Self, DataError> {
+        let path = folder.join(FILE);
+        if !path.exists() {
+            return Err(DataError::NoManifest {
+                folder: folder.display().to_string(),
+            });
+        }
+        let shown = path.display().to_string();
+        let file = std::fs::File::open(&path).map_err(DataError::io(&shown, "open it"))?;
+        let mut bytes = Vec::new();
+        file.take(LONGEST + 1)
+            .read_to_end(&mut bytes)
+            .map_err(DataError::io(&shown, "read it"))?;
+        let refuse = |found: &str, what_to_do: &str| DataError::Format {
+            file: shown.clone(),
+            found: found.into(),
+            what_to_do: what_to_do.into(),
+        };
+        if bytes.len() as u64 > LONGEST {
+            return Err(refuse(
+                "longer than a megabyte",
+                "samples belong in CSV files, dataset.toml only lists them",
+            ));
+        }
+        let text = std::str::from_utf8(&bytes).map_err(|_| refuse("not UTF-8", "save it as UTF-8"))?;
+        parse_manifest(text.strip_prefix('\u{feff}').unwrap_or(text), &shown)
+    }
+
+    /// Writes the `dataset.toml` of a folder, whole or not at all, in place of one that is there.
+    ///
+    /// # Errors
+    /// [`DataError::Unwritable`] for what TOML cannot hold; [`DataError::Io`].
+    pub fn write(&self, folder: &Path) -> Result<(), DataError> {
+        let path = folder.join(FILE);
+        let text = self.render(&path)?;
+        Pending::write(&path, |out| out.write_all(text.as_bytes()))?.commit()
+    }
+
+    /// Whether it lists a file of this name; without case, as Windows and macOS take names.
+    pub fn has(&self, file: &str) -> bool {
+        let same = |entry: &Entry| entry.file.to_lowercase() == file.to_lowercase();
+        self.records.iter().any(same)
+    }
+
+    /// Its text.
+    pub(crate) fn render(&self, path: &Path) -> Result<String, DataError> {
+        toml::to_string(self).map_err(|error| DataError::Unwritable {
+            file: path.display().to_string(),
+            found: error.to_string(),
+            allowed: "names and numbers that TOML can hold",
+        })
+    }
+}
+
+impl Entry {
+    /// The entry of a record.
+    pub fn of(record: &Record) -> Self {
+        Self {
+            file: record.file.clone(),
+            role: record.role,
+            excitation: record.excitation.clone(),
+        }
+    }
 }
