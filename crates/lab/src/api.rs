@@ -4,13 +4,14 @@ use crate::error::Refusal;
 use crate::export::{self, Download};
 use crate::guard::{self, Guard};
 use crate::session::Session;
-use crate::{App, assets, bring, jobs, riddle, state, table, views, work};
+use crate::{App, assets, bring, grow, jobs, riddle, state, table, views, work};
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
+use hysteron_data::Role;
 use serde::Deserialize;
 use serde_json::json;
 use std::collections::HashMap;
@@ -43,6 +44,7 @@ pub(crate) fn router(
         .route("/api/session", get(session))
         .route("/api/upload", post(bring::upload).layer(DefaultBodyLimit::disable()))
         .route("/api/reading", post(bring::reading))
+        .route("/api/use", post(bring::use_as))
         .route("/api/forget", post(bring::forget))
         .route("/api/do", post(perform))
         .route("/api/raw", get(views::raw))
@@ -110,9 +112,12 @@ async fn session(State(app): Shared, Query(parameters): Parameters) -> Answer {
 #[serde(tag = "what", rename_all = "kebab-case", deny_unknown_fields)]
 enum Deed {
     TakeFiles,
+    AddFiles,
+    Role { record: String, role: Role },
     Start { name: String },
     Fit { model: String, plays: usize },
     Add { effect: String },
+    Refit,
     Diagnose,
     Report,
     Table { bench: table::Bench },
@@ -140,10 +145,13 @@ async fn perform(State(app): Shared, content: Bytes) -> Answer {
         ));
     }
     match deed {
-        Deed::TakeFiles => work::take_files(&app)?,
-        Deed::Start { name } => work::take_start(&app, &name)?,
+        Deed::TakeFiles => grow::take_files(&app)?,
+        Deed::AddFiles => grow::add_files(&app)?,
+        Deed::Role { record, role } => grow::change_role(&app, &record, role)?,
+        Deed::Start { name } => grow::take_start(&app, &name)?,
         Deed::Fit { model, plays } => work::fit(&app, &model, plays)?,
         Deed::Add { effect } => work::add(&app, &effect)?,
+        Deed::Refit => work::refit(&app)?,
         Deed::Diagnose => work::diagnose(&app)?,
         Deed::Report => work::report(&app)?,
         Deed::Table { bench } => table::make(&app, &bench)?,

@@ -56,13 +56,19 @@ pub(crate) fn report_page(
     diagnosis: Option<&Diagnosis>,
 ) -> Result<String, Refusal> {
     let (dataset, model, data, model_file, folder) = {
-        let session = app.session();
-        let data = session.book.data.clone().unwrap_or_default();
+        let mut session = app.session();
+        let dataset = session.data_of(number)?;
+        let step = session.step(number)?;
+        let data = session
+            .book
+            .generations
+            .get(step.generation)
+            .map(|generation| generation.data.clone());
         (
-            session.data()?,
+            dataset,
             session.model(number)?,
-            data,
-            session.step(number)?.model.clone(),
+            data.unwrap_or_default(),
+            step.model.clone(),
             session.folder.clone(),
         )
     };
@@ -84,7 +90,13 @@ pub(crate) fn session(app: &App) -> Result<Download, Refusal> {
     let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let options = zip::write::SimpleFileOptions::default();
     let zipped = |error: &dyn std::fmt::Display| Refusal::disk(&session.folder, error);
-    for part in ["", "uploads", "data"].into_iter().chain(RESULTS) {
+    let data = session
+        .book
+        .generations
+        .iter()
+        .map(|generation| generation.data.as_str());
+    let own = data.filter(|data| session.folder.join(data).parent() == Some(&session.folder));
+    for part in ["", "uploads"].into_iter().chain(own).chain(RESULTS) {
         let folder = session.folder.join(part);
         let mut files: Vec<_> = std::fs::read_dir(&folder)
             .into_iter()

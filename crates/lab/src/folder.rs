@@ -1,5 +1,6 @@
 //! The session's folder on disk: nothing of others in it, nothing half done after a server that was cut off.
 
+use crate::book::Book;
 use crate::error::Refusal;
 use std::fs::File;
 use std::io::Write;
@@ -29,6 +30,20 @@ pub(crate) fn fresh(folder: &Path) -> Result<PathBuf, Refusal> {
     Ok(fresh)
 }
 
+/// The folders of the data as they grew, by the book that is there; none where it cannot be read.
+fn grown(folder: &Path) -> Vec<PathBuf> {
+    let Ok(Some(book)) = Book::read(&folder.join("session.json")) else {
+        return Vec::new();
+    };
+    let names = book.generations.into_iter().skip(1).map(|generation| generation.data);
+    // Only what the workbench itself names so.
+    let own = |name: &String| {
+        name.strip_prefix("data-")
+            .is_some_and(|number| number.parse::<u32>().is_ok())
+    };
+    names.filter(own).map(|name| folder.join(name)).collect()
+}
+
 /// Puts what lies ready in the fresh folder into its place: data and their key, if there are any, and the book. The book is
 /// written last into the fresh folder and leaves it last, so this can be broken off anywhere and begun again; results on
 /// the data that were there go with them.
@@ -39,6 +54,9 @@ pub(crate) fn finish_taking(folder: &Path) -> Result<(), Refusal> {
         return Ok(());
     }
     let moved = || -> std::io::Result<()> {
+        for generation in grown(folder).iter().filter(|generation| generation.exists()) {
+            std::fs::remove_dir_all(generation)?;
+        }
         if fresh.join("data").exists() {
             if data.exists() {
                 std::fs::remove_dir_all(&data)?;
@@ -64,8 +82,32 @@ pub(crate) fn finish_taking(folder: &Path) -> Result<(), Refusal> {
 
 /// Writes a file beside its place, to the disk, then into its place.
 pub(crate) fn write_whole(file: &Path, bytes: &[u8]) -> Result<(), Refusal> {
+    write_for(file, bytes, Readers::AsUsual)
+}
+
+/// Who may read a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Readers {
+    /// As the system does it for every file.
+    AsUsual,
+    /// Only who started the program; where the system knows no such thing, as the folder does it.
+    Owner,
+}
+
+/// The same, for certain readers.
+pub(crate) fn write_for(file: &Path, bytes: &[u8], readers: Readers) -> Result<(), Refusal> {
     let beside = file.with_extension("part");
-    File::create(&beside)
+    let mut options = File::options();
+    options.write(true).create(true).truncate(true);
+    #[cfg(unix)]
+    if readers == Readers::Owner {
+        use std::os::unix::fs::OpenOptionsExt;
+        options.mode(0o600);
+        // The mode counts for a file that is made.
+        let _ = std::fs::remove_file(&beside);
+    }
+    options
+        .open(&beside)
         .and_then(|mut out| out.write_all(bytes).and_then(|()| out.sync_all()))
         .and_then(|()| std::fs::rename(&beside, file))
         .map_err(|error| Refusal::disk(file, &error))
@@ -134,6 +176,28 @@ mod tests {
             }
             assert!(!folder.join("fresh").exists());
         }
+    }
+
+    #[test]
+    fn val_the_data_as_they_grew_end_with_the_book_that_names_them() {
+        use crate::book::Generation;
+        let place = ready();
+        let folder = place.path();
+        let generation = |data: &str| Generation {
+            data: data.to_owned(),
+            ..Generation::default()
+        };
+        let book = Book {
+            generations: ["data", "data-2", "elsewhere", "data-x"].map(generation).to_vec(),
+            ..Book::default()
+        };
+        book.write(&folder.join("session.json")).unwrap();
+        for own in ["data-2", "data-3", "data-x", "elsewhere"] {
+            std::fs::create_dir_all(folder.join(own)).unwrap();
+        }
+        finish_taking(folder).unwrap();
+        let left = ["data-2", "data-3", "data-x", "elsewhere"].map(|own| folder.join(own).exists());
+        assert_eq!(left, [false, true, true, true]);
     }
 
     #[test]

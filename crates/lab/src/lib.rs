@@ -5,15 +5,20 @@
 //! by the same functions as on the command line.
 #![forbid(unsafe_code)]
 
+mod address;
 mod api;
+mod archive;
 mod assets;
+mod book;
 mod bring;
 mod error;
 mod explain;
 mod export;
 mod folder;
+mod grow;
 mod guard;
 mod jobs;
+mod reading;
 mod riddle;
 mod series;
 mod session;
@@ -25,11 +30,13 @@ mod work;
 
 pub use error::LabError;
 
+use address::Address;
+use book::Generation;
 use guard::Guard;
 use hysteron_identify::Model;
 use jobs::Job;
 use session::Session;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::watch;
@@ -84,6 +91,8 @@ pub(crate) struct App {
     pub(crate) starts: Vec<StartingPoint>,
     pub(crate) table: TableMaker,
     pub(crate) version: &'static str,
+    /// Tells one run of the server from the next, for a page that was open all the while.
+    pub(crate) run: String,
 }
 
 impl App {
@@ -117,12 +126,8 @@ impl Lab {
         if let Some(data) = &options.data {
             begin_with(&mut session, data)?;
         }
-        let address = SocketAddr::from((Ipv4Addr::LOCALHOST, options.port));
-        let listener = TcpListener::bind(address).map_err(|source| LabError::Listen {
-            port: options.port,
-            source,
-        })?;
-        let guard = Guard::new(listener.local_addr()?.port())?;
+        let (listener, address) = Address::take(&options.session, options.port)?;
+        let guard = Guard::new(&address);
         let app = App {
             session: Mutex::new(session),
             job: Mutex::default(),
@@ -130,6 +135,7 @@ impl Lab {
             starts: options.starts,
             table: options.table,
             version: options.version,
+            run: address::random()?,
         };
         Ok(Self {
             listener,
@@ -165,10 +171,15 @@ impl Lab {
 fn begin_with(session: &mut Session, data: &Path) -> Result<(), LabError> {
     let whole = std::path::absolute(data)?;
     let shown = whole.display().to_string();
-    if session.book.data.as_ref() == Some(&shown) {
+    if session
+        .book
+        .generations
+        .first()
+        .is_some_and(|first| first.data == shown)
+    {
         return Ok(());
     }
-    if session.book.data.is_some() && !session.book.steps.is_empty() {
+    if !session.book.steps.is_empty() {
         return Err(LabError::Session {
             folder: session.folder.display().to_string(),
             reason: "it has models of other data; give another folder with --session, or leave DATA out to go on"
@@ -176,7 +187,11 @@ fn begin_with(session: &mut Session, data: &Path) -> Result<(), LabError> {
         });
     }
     let dataset = hysteron_data::read_dataset(data)?;
-    let taken = folder::fresh(&session.folder).and_then(|_| session.take_data(shown, String::new(), dataset));
+    let first = Generation {
+        data: shown,
+        ..Generation::default()
+    };
+    let taken = folder::fresh(&session.folder).and_then(|_| session.begin(first, &[], dataset));
     taken.map_err(|refusal| LabError::Session {
         folder: session.folder.display().to_string(),
         reason: refusal.message,

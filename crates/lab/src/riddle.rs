@@ -2,18 +2,17 @@
 
 use crate::App;
 use crate::error::Refusal;
+use crate::reading::quoted;
 use crate::session::Session;
-use crate::work::data_word;
 use hysteron_challenge::ChallengeError;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// How the challenge stands; nothing where the data are none.
 pub(crate) fn state(session: &Session) -> Option<Value> {
-    let folder = session
-        .data_folder()
-        .filter(|folder| hysteron_challenge::is_challenge(folder))?;
-    let data = data_word(session);
+    let folder = place(session)?;
+    let data = session.data_word(0);
+    let key = quoted(&format!("{}.key", session.book.generations.first()?.data));
     let stands = hysteron_challenge::stands(&folder);
     let error = stands.as_ref().err().map(|error| shown(session, error));
     let (answer, revealed) = stands.unwrap_or_default();
@@ -26,8 +25,14 @@ pub(crate) fn state(session: &Session) -> Option<Value> {
         "seed": seed,
         "error": error,
         "answer_command": format!("hysteron challenge answer {data} EFFECT"),
-        "reveal_command": format!("hysteron challenge reveal {data} {data}.key"),
+        "reveal_command": format!("hysteron challenge reveal {data} {key}"),
     }))
+}
+
+/// The folder of the challenge: that of the data as they began, however they grew.
+fn place(session: &Session) -> Option<PathBuf> {
+    session.book.generations.first()?;
+    Some(session.data_folder(0)).filter(|folder| hysteron_challenge::is_challenge(folder))
 }
 
 /// Takes the answer.
@@ -50,9 +55,7 @@ pub(crate) fn reveal(app: &App) -> Result<(), Refusal> {
 }
 
 fn folder(session: &Session) -> Result<PathBuf, Refusal> {
-    session
-        .data_folder()
-        .filter(|folder| hysteron_challenge::is_challenge(folder))
+    place(session)
         .ok_or_else(|| Refusal::conflict("nothing is hidden in these data; begin with a stage with something hidden"))
 }
 

@@ -1,88 +1,36 @@
 //! The session: data, models as a tree of steps, and the folder that holds them.
 //!
-//! The folder is written so that the command line opens it: `data/` is a dataset, `models/N.toml` are models, and every
-//! step carries the command that does the same when typed in the folder.
+//! The folder is written so that the command line opens it: `data/` is a dataset, and `data-2/` the same dataset once it has
+//! grown; `models/N.toml` are models, and every step carries the command that does the same when typed in the folder.
 
+use crate::book::{Book, Generation, Recipe, Stands, Step, model_name};
 use crate::error::{LabError, Refusal};
-use crate::folder::{RESULTS, finish_taking, nothing_else_in, write_whole};
-use crate::table::Made;
-use crate::uploads::{Reading, Uploads};
+use crate::folder::{RESULTS, finish_taking, nothing_else_in};
+use crate::grow;
+use crate::reading::quoted;
+use crate::uploads::{self, Uploads};
 use hysteron_data::Dataset;
 use hysteron_diagnose::{Comparison, RecordComparison};
 use hysteron_identify::Model;
-use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Version of `session.json`.
-const VERSION: u32 = 1;
-
 /// Comparisons held in memory: the one looked at, the one before, and one to set beside them.
 const COMPARISONS: usize = 3;
-
-/// What is on disk in `session.json`.
-#[derive(Debug, Clone, Serialize, Deserialize, PartialEq, Default)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Book {
-    version: u32,
-    /// Grows with every change; a tab that saw an older one is told so.
-    pub(crate) revision: u64,
-    /// Folder or file of the dataset, as the commands name it.
-    pub(crate) data: Option<String>,
-    /// The command that made the dataset.
-    pub(crate) data_command: Option<String>,
-    /// The steps; a step's number is its place, from 0.
-    pub(crate) steps: Vec<Step>,
-    /// The step looked at.
-    pub(crate) current: Option<usize>,
-    /// The tables for the firmware that were made, by step.
-    #[serde(default)]
-    pub(crate) tables: BTreeMap<usize, Made>,
-    /// How the files that were brought are read.
-    #[serde(default)]
-    pub(crate) reading: Reading,
-    /// Whether the files that were brought last are used, or the data came otherwise.
-    #[serde(default)]
-    pub(crate) files_taken: bool,
-}
-
-/// A model and how it came about.
-#[derive(Debug, Clone, Serialize, Deserialize, PartialEq)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Step {
-    /// The step it was made from.
-    pub(crate) parent: Option<usize>,
-    /// The step that redo leads to.
-    pub(crate) redo: Option<usize>,
-    /// `mrpi` or `+ delay`.
-    pub(crate) title: String,
-    /// Its file, as the commands name it.
-    pub(crate) model: String,
-    /// The command that makes it.
-    pub(crate) command: String,
-    /// Pooled error on the records it was fitted to, percent of peak to peak.
-    pub(crate) identify_percent: Option<f64>,
-    /// The same on validation records.
-    pub(crate) validate_percent: Option<f64>,
-    /// Each record's error, percent of peak to peak, in the order of the dataset.
-    pub(crate) records: Vec<(String, Option<f64>)>,
-    /// What the noise alone would leave of each record, percent of peak to peak, in the same order.
-    #[serde(default)]
-    pub(crate) record_noise: Vec<Option<f64>>,
-    /// The error that the noise alone would leave, percent of peak to peak, on the records that count.
-    pub(crate) noise_percent: Option<f64>,
-}
 
 /// Everything the server knows, behind one lock.
 pub(crate) struct Session {
     pub(crate) folder: PathBuf,
     pub(crate) book: Book,
     pub(crate) uploads: Uploads,
+    /// The present data.
     pub(crate) dataset: Option<Arc<Dataset>>,
-    /// What the page shows of its records.
+    /// What the page shows of their records.
     pub(crate) shown: Vec<serde_json::Value>,
+    /// Data as they were, for the step that was looked at last.
+    earlier: Option<(usize, Arc<Dataset>)>,
     comparisons: VecDeque<(usize, Arc<Comparison>)>,
     /// Held as long as the server runs: two servers on one folder would overwrite each other.
     _lock: File,
@@ -106,30 +54,29 @@ impl Session {
         lock.try_lock()
             .map_err(|_| failed("another `hysteron lab` has it open; use that one or give --session".to_owned()))?;
         finish_taking(folder).map_err(|refusal| failed(refusal.message))?;
-        let book = match std::fs::read_to_string(&file) {
-            Ok(text) => serde_json::from_str::<Book>(&text)
-                .map_err(|error| failed(format!("session.json: {error}; move the file away to begin anew")))?,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Book {
-                version: VERSION,
-                ..Book::default()
-            },
-            Err(error) => return Err(failed(format!("session.json: {error}"))),
-        };
-        book.check().map_err(failed)?;
+        let mut book = Book::read(&file).map_err(failed)?.unwrap_or_default();
+        let uploads = Uploads::open(&folder.join("uploads"), &book.files);
+        // The folder says which files there are: one may have come in just before the program ended.
+        book.files
+            .retain(|name, _| uploads.files.iter().any(|file| file.name == *name));
+        for file in &uploads.files {
+            book.files.entry(file.name.clone()).or_default();
+        }
         let mut session = Self {
             folder: folder.to_owned(),
-            uploads: Uploads::open(&folder.join("uploads"), &book.reading),
+            uploads,
             book,
             dataset: None,
             shown: Vec::new(),
+            earlier: None,
             comparisons: VecDeque::new(),
             _lock: lock,
         };
         if !file.exists() {
             session.save().map_err(|refusal| failed(refusal.message))?;
         }
-        if let Some(data) = session.book.data.clone() {
-            let dataset = hysteron_data::read_dataset(&folder.join(data))?;
+        if let Some(generation) = session.book.data() {
+            let dataset = hysteron_data::read_dataset(&folder.join(&generation.data))?;
             session.shown = dataset.records.iter().map(crate::state::record).collect();
             session.dataset = Some(Arc::new(dataset));
         }
@@ -142,67 +89,124 @@ impl Session {
         self.book.write(&self.folder.join("session.json"))
     }
 
-    /// Takes a dataset; steps on other data end. Where the fresh folder has data, they become the session's `data`. A server
+    /// Begins with a dataset; steps on other data end. Where the fresh folder has data, they become the session's `data`. A server
     /// that ends in the midst of it leaves the session as it was or as it will be: the next one finishes.
-    pub(crate) fn take_data(&mut self, data: String, command: String, dataset: Dataset) -> Result<(), Refusal> {
-        let book = Book {
-            version: VERSION,
+    pub(crate) fn begin(&mut self, first: Generation, files: &[String], dataset: Dataset) -> Result<(), Refusal> {
+        let mut book = Book {
             revision: self.book.revision + 1,
-            data: Some(data),
-            data_command: Some(command),
-            reading: self.book.reading.clone(),
-            files_taken: true,
+            generations: vec![first],
+            files: self.book.files.clone(),
             ..Book::default()
         };
+        for (name, file) in &mut book.files {
+            let taken = files.contains(name);
+            file.stands = if taken { Stands::Taken } else { Stands::Waits };
+            file.asked_by = None;
+        }
         book.write(&self.folder.join("fresh/session.json"))?;
         finish_taking(&self.folder)?;
         self.book = book;
         self.comparisons.clear();
+        self.earlier = None;
         self.shown = dataset.records.iter().map(crate::state::record).collect();
         self.dataset = Some(Arc::new(dataset));
         Ok(())
     }
 
-    /// Appends a model as a step and makes it the current one.
-    pub(crate) fn take_step(
-        &mut self,
-        parent: Option<usize>,
-        title: String,
-        command: String,
-        model: &Model,
-        comparison: Comparison,
-    ) -> Result<usize, Refusal> {
-        let number = self.book.steps.len();
-        let file = model_name(number);
-        model.write(&self.folder.join(&file)).map_err(Refusal::unusable)?;
-        let step = Step {
-            parent,
-            redo: None,
-            title,
-            model: file,
-            command,
-            identify_percent: comparison.identify.map(|pooled| pooled.nrmse_percent),
-            validate_percent: comparison.validate.map(|pooled| pooled.nrmse_percent),
-            records: comparison
-                .records
-                .iter()
-                .map(|r| (r.file.clone(), r.nrmse_percent))
-                .collect(),
-            record_noise: comparison
-                .records
-                .iter()
-                .map(|r| noise_of(r, comparison.noise_rms_um))
-                .collect(),
-            noise_percent: noise_percent(&comparison),
-        };
-        self.book.steps.push(step);
-        if let Some(parent) = parent {
-            self.book.steps[parent].redo = Some(number);
+    /// Goes on with the data as they have grown; they lie in their folder already. Steps stay, and stay on the data that they
+    /// were fitted on. A generation that no step was fitted on gives way to the new one.
+    pub(crate) fn grow(&mut self, mut next: Generation, files: &[String], dataset: Dataset) -> Result<(), Refusal> {
+        let mut book = self.book.clone();
+        let now = book.now().unwrap_or_default();
+        let mut gone = Vec::new();
+        if now > 0 && book.steps.iter().all(|step| step.generation < now) {
+            gone.extend(book.generations.pop());
         }
-        self.book.current = Some(number);
-        self.remember(number, Arc::new(comparison));
-        self.save()?;
-        Ok(number)
+        if let Some(before) = gone.first() {
+            next.take_over(before);
+        }
+        for name in files {
+            if let Some(file) = book.files.get_mut(name) {
+                file.stands = Stands::Taken;
+            }
+        }
+        if next.nothing_new() {
+            gone.push(next);
+        } else {
+            // A file that the session began with is no folder that could be copied.
+            let folder = book
+                .data()
+                .is_some_and(|before| self.folder.join(&before.data).is_dir());
+            next.command = folder.then(|| grow::command(&book, &dataset, &next)).flatten();
+            book.generations.push(next);
+        }
+        book.revision += 1;
+        book.write(&self.folder.join("session.json"))?;
+        self.book = book;
+        // To find a record's period takes a transform of it: what is known of those that were there stays.
+        self.shown.truncate(dataset.records.len());
+        for (shown, record) in self.shown.iter_mut().zip(&dataset.records) {
+            shown["role"] = serde_json::json!(record.role);
+        }
+        let new = dataset.records.iter().skip(self.shown.len());
+        self.shown.extend(new.map(crate::state::record));
+        let before = self.dataset.replace(Arc::new(dataset));
+        self.earlier = before.filter(|_| gone.is_empty()).map(|dataset| (now, dataset));
+        for generation in gone {
+            // No step needs it; where it cannot be removed it does no harm.
+            let _ = std::fs::remove_dir_all(self.folder.join(generation.data));
+        }
+        Ok(())
+    }
+
+    /// Appends models as steps, each made of the one before it, and makes the last the current one; all of them or none.
+    pub(crate) fn take_steps(&mut self, parent: Option<usize>, fitted: Vec<Fitted>) -> Result<(), Refusal> {
+        let generation = self.book.now().unwrap_or_default();
+        let mut book = self.book.clone();
+        let mut parent = parent;
+        let mut comparisons = Vec::new();
+        for one in fitted {
+            let number = book.steps.len();
+            let file = model_name(number);
+            one.model.write(&self.folder.join(&file)).map_err(Refusal::unusable)?;
+            let data = self.data_word(generation);
+            let command = match one.recipe {
+                Recipe::Fit { family, plays } => {
+                    format!(
+                        "hysteron fit {data} --model {} --plays {plays} -o {file}",
+                        family.name()
+                    )
+                }
+                Recipe::Add { effect } => {
+                    let before = model_name(parent.unwrap_or_default());
+                    format!("hysteron add {effect} {data} {before} -o {file}")
+                }
+            };
+            let made_of = if matches!(one.recipe, Recipe::Fit { .. }) {
+                None
+            } else {
+                parent
+            };
+            book.steps.push(step(
+                (made_of, number, generation),
+                one.recipe,
+                command,
+                &one.comparison,
+            ));
+            if let Some(parent) = made_of {
+                book.steps[parent].redo = Some(number);
+            }
+            parent = Some(number);
+            comparisons.push((number, one.comparison));
+        }
+        book.current = parent;
+        book.revision += 1;
+        book.write(&self.folder.join("session.json"))?;
+        self.book = book;
+        for (number, comparison) in comparisons {
+            self.remember(number, Arc::new(comparison));
+        }
+        Ok(())
     }
 
     /// The model of a step.
@@ -220,11 +224,46 @@ impl Session {
         })
     }
 
-    /// The dataset.
+    /// The present data.
     pub(crate) fn data(&self) -> Result<Arc<Dataset>, Refusal> {
         self.dataset
             .clone()
             .ok_or_else(|| Refusal::conflict("there are no recordings yet; bring some first"))
+    }
+
+    /// The data that a step was fitted on.
+    pub(crate) fn data_of(&mut self, number: usize) -> Result<Arc<Dataset>, Refusal> {
+        let step = self.step(number)?;
+        let generation = step.generation;
+        if self.book.fresh(step) {
+            return self.data();
+        }
+        if let Some((_, dataset)) = self.earlier.as_ref().filter(|earlier| earlier.0 == generation) {
+            return Ok(Arc::clone(dataset));
+        }
+        let dataset = Arc::new(uploads::read_native(&self.data_folder(generation))?);
+        self.earlier = Some((generation, Arc::clone(&dataset)));
+        Ok(dataset)
+    }
+
+    /// The folder or file of a generation of the data.
+    pub(crate) fn data_folder(&self, generation: usize) -> PathBuf {
+        let data = self
+            .book
+            .generations
+            .get(generation)
+            .map_or("data", |generation| &generation.data);
+        self.folder.join(data)
+    }
+
+    /// The same as a command names it.
+    pub(crate) fn data_word(&self, generation: usize) -> String {
+        quoted(
+            self.book
+                .generations
+                .get(generation)
+                .map_or("data", |generation| &generation.data),
+        )
     }
 
     /// A comparison still in memory.
@@ -264,47 +303,41 @@ impl Session {
         format!("tables/{}.toml", number + 1)
     }
 
-    /// The folder of the data, if there are data.
-    pub(crate) fn data_folder(&self) -> Option<PathBuf> {
-        self.book.data.as_ref().map(|data| self.folder.join(data))
-    }
-
     /// Where the voltage of the record to take next is kept.
     pub(crate) fn next_record_file(&self, number: usize) -> PathBuf {
         self.folder.join(format!("diagnoses/{number}-next.csv"))
     }
 }
 
-impl Book {
-    fn write(&self, file: &Path) -> Result<(), Refusal> {
-        let text = serde_json::to_string_pretty(self).map_err(|error| Refusal::disk(file, &error))?;
-        write_whole(file, text.as_bytes())
-    }
-
-    /// Whether every number in it names a step that is there.
-    fn check(&self) -> Result<(), String> {
-        if self.version != VERSION {
-            return Err(format!(
-                "session.json is of version {}, this program reads {VERSION}",
-                self.version
-            ));
-        }
-        let count = self.steps.len();
-        let there = |number: Option<usize>| number.is_none_or(|number| number < count);
-        let sound = there(self.current)
-            && self.steps.iter().enumerate().all(|(number, step)| {
-                step.parent.is_none_or(|parent| parent < number) && there(step.redo) && step.model == model_name(number)
-            })
-            && self.tables.keys().all(|&number| number < count);
-        sound
-            .then_some(())
-            .ok_or_else(|| "session.json names steps that are not there; move the file away to begin anew".to_owned())
-    }
+/// A model that was fitted and compared, not a step yet.
+pub(crate) struct Fitted {
+    pub(crate) recipe: Recipe,
+    pub(crate) model: Model,
+    pub(crate) comparison: Comparison,
 }
 
-/// The file of a step's model.
-pub(crate) fn model_name(number: usize) -> String {
-    format!("models/{}.toml", number + 1)
+/// A step with the figures of its comparison.
+fn step(
+    (parent, number, generation): (Option<usize>, usize, usize),
+    recipe: Recipe,
+    command: String,
+    comparison: &Comparison,
+) -> Step {
+    let records = || comparison.records.iter();
+    Step {
+        parent,
+        redo: None,
+        generation,
+        recipe,
+        title: recipe.title(),
+        model: model_name(number),
+        command,
+        identify_percent: comparison.identify.map(|pooled| pooled.nrmse_percent),
+        validate_percent: comparison.validate.map(|pooled| pooled.nrmse_percent),
+        records: records().map(|r| (r.file.clone(), r.nrmse_percent)).collect(),
+        record_noise: records().map(|r| noise_of(r, comparison.noise_rms_um)).collect(),
+        noise_percent: noise_percent(comparison),
+    }
 }
 
 /// The noise in percent of each record's peak to peak, pooled like the errors that count.

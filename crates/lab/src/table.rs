@@ -3,7 +3,7 @@
 use crate::App;
 use crate::error::Refusal;
 use crate::session::Session;
-use crate::work::{current, data_word};
+use crate::work::{self, Base};
 use crate::{folder, jobs};
 use hysteron_identify::{Direction, FitOptions, Model};
 use serde::{Deserialize, Serialize};
@@ -108,20 +108,23 @@ fn inverse_name(number: usize) -> String {
 
 /// Fits the direct inverse of the current step's family to the data, and makes the table for the firmware.
 pub(crate) fn make(app: &Arc<App>, bench: &Bench) -> Result<(), Refusal> {
-    let (dataset, number, model) = current(&app.session())?;
-    if let Some(why) = no_table(&model) {
+    let base = Base::of(&app.session())?;
+    if let Some(why) = no_table(&base.model) {
         return Err(Refusal::conflict(why));
     }
     let options = bench.options()?;
     let own = Arc::clone(app);
     jobs::start(app, "making the table", move |progress| {
+        let Base { dataset, number, model } = work::up_to_date(&own, base, progress, 0.4)?;
         let plays = model.thresholds.len();
         let fit = FitOptions {
             plays,
             direction: Direction::Inverse,
             ..FitOptions::new(model.family)
         };
-        let fitted = hysteron_identify::fit(&dataset, &fit, &|share| progress.at(0.95 * share, "direct inverse"));
+        let fitted = hysteron_identify::fit(&dataset, &fit, &|share| {
+            progress.at(0.4 + 0.55 * share, "direct inverse")
+        });
         let inverse = fitted.map_err(Refusal::unusable)?.model;
         let (text, said) = (own.table)(&inverse, &options).map_err(Refusal::unusable)?;
         let mut session = own.session();
@@ -130,7 +133,7 @@ pub(crate) fn make(app: &Arc<App>, bench: &Bench) -> Result<(), Refusal> {
         folder::write_whole(&session.folder.join(&table), text.as_bytes())?;
         let mut command = format!(
             "hysteron fit {} --model {} --plays {plays} --direction inverse -o {file} && hysteron export {file}",
-            data_word(&session),
+            session.data_word(session.step(number)?.generation),
             model.family.name(),
         );
         for option in options.iter().chain([&format!("-o {table}")]) {

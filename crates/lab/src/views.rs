@@ -2,12 +2,15 @@
 
 use crate::api::{Answer, Parameters, Shared, aside, number};
 use crate::error::Refusal;
+use crate::uploads::Found;
 use crate::{explain, series, table, work};
 use axum::Json;
 use axum::extract::{Query, State};
 use axum::http::header;
 use axum::response::IntoResponse;
+use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_diagnose::{Comparison, RecordComparison};
+use hysteron_identify::EffectName;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 
@@ -20,7 +23,7 @@ pub(crate) async fn raw(State(app): Shared, Query(parameters): Parameters) -> An
         let session = app.session();
         let absent = || Refusal::absent("there is no such record");
         let records: Vec<&hysteron_data::Record> = if uploaded {
-            session.uploads.files.iter().filter_map(|file| file.read.as_ref().ok()).flat_map(|read| &read.0).collect()
+            session.uploads.files.iter().filter_map(|file| file.read.as_ref().ok()).flat_map(Found::records).collect()
         } else {
             session.dataset.iter().flat_map(|dataset| &dataset.records).collect()
         };
@@ -79,7 +82,7 @@ pub(crate) async fn words(State(app): Shared, Query(parameters): Parameters) -> 
         let session = app.session();
         let model = session.model(number)?;
         let step = session.step(number)?;
-        let (data, file) = (work::data_word(&session), &step.model);
+        let (data, file) = (session.data_word(step.generation), &step.model);
         let row = |name: String, p: &hysteron_identify::Parameter| json!({"name": name, "value": p.value, "unit": p.unit, "standard_error": p.standard_error});
         let parameters = model.parameters();
         let own = parameters.iter().map(|p| row(p.name.clone(), p));
@@ -167,8 +170,7 @@ pub(crate) async fn diagnosis(State(app): Shared, Query(parameters): Parameters)
         return Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response());
     }
     let numbers: Value = serde_json::from_str(&text).map_err(|error| Refusal::disk(&file, &error))?;
-    let read: hysteron_diagnose::diagnosis::Diagnosis =
-        serde_json::from_str(&text).map_err(|error| Refusal::disk(&file, &error))?;
+    let read: Diagnosis = serde_json::from_str(&text).map_err(|error| Refusal::disk(&file, &error))?;
     let read_names: Vec<String> = read.ranking.iter().map(|effect| effect.effect.to_string()).collect();
     let signatures: Vec<hysteron_diagnose::Signature> = tokio::fs::read_to_string(&shown)
         .await
@@ -177,8 +179,8 @@ pub(crate) async fn diagnosis(State(app): Shared, Query(parameters): Parameters)
         .unwrap_or_default();
     let bounds: Vec<_> = {
         let (dataset, model) = {
-            let session = app.session();
-            (session.data()?, session.model(step)?)
+            let mut session = app.session();
+            (session.data_of(step)?, session.model(step)?)
         };
         aside(move || {
             Ok(read_names
@@ -190,6 +192,7 @@ pub(crate) async fn diagnosis(State(app): Shared, Query(parameters): Parameters)
     };
     Ok(Json(json!({
         "numbers": numbers,
+        "named": named(&read),
         "bounds": bounds,
         "signatures": signatures,
         "verdict": hysteron_report::verdict_sentence(&read),
@@ -197,6 +200,12 @@ pub(crate) async fn diagnosis(State(app): Shared, Query(parameters): Parameters)
         "lines": hysteron_report::diagnosis_lines(&read),
     }))
     .into_response())
+}
+
+/// The effect that a diagnosis names and that can be added, where it could answer at all.
+fn named(diagnosis: &Diagnosis) -> Option<&EffectName> {
+    let answers = !diagnosis.cannot_answer.iter().any(|reason| reason.blocks());
+    diagnosis.verdict.effect().filter(|name| answers && name.id().is_some())
 }
 
 pub(crate) async fn effects() -> Json<Value> {

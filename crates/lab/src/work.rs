@@ -1,17 +1,16 @@
-//! The long jobs: fit, add, compare, diagnose, take data.
+//! The long jobs: fit, add, fit anew, compare, diagnose, report.
 
 use crate::App;
+use crate::book::{Book, Recipe};
 use crate::error::Refusal;
 use crate::jobs::{self, Progress};
-use crate::session::{Session, model_name};
-use crate::uploads::{self, quoted};
+use crate::session::{Fitted, Session};
 use crate::{export, folder, series};
-use hysteron_data::{Dataset, Overwrite, write_dataset};
+use hysteron_data::Dataset;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_diagnose::{Comparison, Signature, signatures};
 use hysteron_identify::effects::UnknownEffect;
 use hysteron_identify::{Direction, EffectId, Family, FitOptions, Model};
-use std::path::Path;
 use std::sync::Arc;
 
 /// Most plays; as the command line.
@@ -19,85 +18,6 @@ const PLAYS: std::ops::RangeInclusive<usize> = 1..=64;
 
 /// Columns of a card's picture.
 const CARD_COLUMNS: usize = 300;
-
-/// Takes the files that were brought as the session's data.
-pub(crate) fn take_files(app: &Arc<App>) -> Result<(), Refusal> {
-    let own = Arc::clone(app);
-    jobs::start(app, "writing the recordings", move |progress| {
-        progress.at(0.1, "data");
-        let (folder, native, command, records) = {
-            let session = own.session();
-            let uploads = &session.uploads;
-            let names: Vec<String> = uploads.files.iter().map(|file| file.name.clone()).collect();
-            if names.is_empty() {
-                return Err(Refusal::unusable("there is no file to use"));
-            }
-            let native = uploads.is_dataset();
-            if let Some(refused) = uploads.files.iter().find_map(|file| file.read.as_ref().err())
-                && !native
-            {
-                return Err(Refusal::unusable(format!(
-                    "correct or take away the file first: {refused}"
-                )));
-            }
-            let read = uploads.files.iter().filter_map(|file| file.read.as_ref().ok());
-            let records: Vec<_> = read.flat_map(|read| read.0.clone()).collect();
-            (
-                session.folder.clone(),
-                native,
-                session.book.reading.command(&names),
-                records,
-            )
-        };
-        let data = folder::fresh(&folder)?.join("data");
-        let command = if native {
-            let read = uploads::read_native(&folder.join("uploads"))?;
-            copy_native(&folder.join("uploads"), &data, &read)?;
-            format!("cp -r uploads data    # the dataset {}, as it came", read.name)
-        } else {
-            let dataset = uploads::imported(records);
-            write_dataset(&dataset, &data, Overwrite::Refuse).map_err(Refusal::unusable)?;
-            command
-        };
-        progress.at(0.9, "data");
-        take_fresh(&own, command)
-    })
-}
-
-/// Copies a dataset of ours as it came, byte by byte.
-fn copy_native(from: &Path, to: &Path, dataset: &Dataset) -> Result<(), Refusal> {
-    std::fs::create_dir_all(to).map_err(|error| Refusal::disk(to, &error))?;
-    let records = dataset.records.iter().map(|record| record.file.as_str());
-    for name in records.chain(["dataset.toml"]) {
-        std::fs::copy(from.join(name), to.join(name)).map_err(|error| Refusal::disk(&to.join(name), &error))?;
-    }
-    Ok(())
-}
-
-/// Makes the data of a starting point.
-pub(crate) fn take_start(app: &Arc<App>, name: &str) -> Result<(), Refusal> {
-    let index = app
-        .starts
-        .iter()
-        .position(|start| start.name == name)
-        .ok_or_else(|| Refusal::absent(format!("there is no starting point `{name}`")))?;
-    let own = Arc::clone(app);
-    jobs::start(app, "recording", move |progress| {
-        let start = &own.starts[index];
-        progress.at(0.05, &start.title);
-        let folder = own.session().folder.clone();
-        let data = folder::fresh(&folder)?.join("data");
-        (start.make)(&data, &|share| progress.at(0.8 * share, &start.title)).map_err(Refusal::unusable)?;
-        take_fresh(&own, start.command.clone())
-    })
-}
-
-/// Takes what was made in the fresh folder, once it is known to be readable.
-fn take_fresh(app: &App, command: String) -> Result<(), Refusal> {
-    let folder = app.session().folder.clone();
-    let dataset = uploads::read_native(&folder.join("fresh/data"))?;
-    app.session().take_data("data".to_owned(), command, dataset)
-}
 
 /// Fits a model as a new root.
 pub(crate) fn fit(app: &Arc<App>, family: &str, plays: usize) -> Result<(), Refusal> {
@@ -120,62 +40,176 @@ pub(crate) fn fit(app: &Arc<App>, family: &str, plays: usize) -> Result<(), Refu
     let dataset = app.session().data()?;
     let own = Arc::clone(app);
     jobs::start(app, "fitting", move |progress| {
-        let options = FitOptions {
-            plays,
-            ..FitOptions::new(family)
-        };
-        let fitted = hysteron_identify::fit(&dataset, &options, &|share| progress.at(0.7 * share, family.name()));
-        let model = fitted.map_err(Refusal::unusable)?.model;
-        let comparison = compare(&dataset, &model, progress);
-        let mut session = own.session();
-        let command = format!(
-            "hysteron fit {} --model {} --plays {plays} -o {}",
-            data_word(&session),
-            family.name(),
-            model_name(session.book.steps.len())
-        );
-        session.take_step(
-            None,
-            format!("{}, {plays} plays", family.name()),
-            command,
-            &model,
-            comparison,
-        )?;
-        Ok(())
+        let fitted = perform(Recipe::Fit { family, plays }, &dataset, None, &|share, what| {
+            progress.at(share, what);
+        })?;
+        own.session().take_steps(None, vec![fitted])
     })
 }
 
-/// Adds an effect to the current step's model.
+/// Adds an effect to the current step's model; one that was fitted before the data grew is fitted anew first.
 pub(crate) fn add(app: &Arc<App>, effect: &str) -> Result<(), Refusal> {
     let effect: EffectId = effect
         .parse()
         .map_err(|unknown: UnknownEffect| Refusal::bad(unknown.to_string()))?;
-    let (dataset, number, model) = current(&app.session())?;
+    let (dataset, plan) = {
+        let session = app.session();
+        let Base { dataset, number, .. } = Base::of(&session)?;
+        (dataset, Plan::of(&session.book, number).and(Recipe::Add { effect }))
+    };
     let own = Arc::clone(app);
     jobs::start(app, "adding", move |progress| {
-        let added = hysteron_diagnose::add(&dataset, &model, effect, &|share| {
-            progress.at(0.8 * share, effect.name())
-        });
-        let model = added.map_err(Refusal::unusable)?.model;
-        let comparison = compare(&dataset, &model, progress);
-        let mut session = own.session();
-        let (before, after) = (model_name(number), model_name(session.book.steps.len()));
-        let command = format!("hysteron add {effect} {} {before} -o {after}", data_word(&session));
-        session.take_step(Some(number), format!("+ {effect}"), command, &model, comparison)?;
-        Ok(())
+        plan.carry_out(&own, &dataset, progress, 1.0)
     })
 }
 
-/// Diagnoses the current step's model, and shows what the first candidates do to the data.
+/// Fits the current step anew on the data as they are, and all steps that it is made of.
+pub(crate) fn refit(app: &Arc<App>) -> Result<(), Refusal> {
+    let (dataset, number, plan) = {
+        let session = app.session();
+        let Base { dataset, number, .. } = Base::of(&session)?;
+        (dataset, number, Plan::of(&session.book, number))
+    };
+    if plan.missing.is_empty() && plan.there == Some(number) {
+        return Err(Refusal::conflict("this step is fitted on the data as they are"));
+    }
+    let own = Arc::clone(app);
+    jobs::start(app, "fitting anew", move |progress| {
+        plan.carry_out(&own, &dataset, progress, 1.0)
+    })
+}
+
+/// The current step, with the present data.
+pub(crate) struct Base {
+    pub(crate) dataset: Arc<Dataset>,
+    pub(crate) number: usize,
+    pub(crate) model: Model,
+}
+
+impl Base {
+    pub(crate) fn of(session: &Session) -> Result<Self, Refusal> {
+        let number = session
+            .book
+            .current
+            .ok_or_else(|| Refusal::conflict("there is no model yet; fit one first"))?;
+        Ok(Self {
+            dataset: session.data()?,
+            number,
+            model: session.model(number)?,
+        })
+    }
+}
+
+/// The current step if it is on the present data, else the step that its recipes come to on them, which is the current one then.
+pub(crate) fn up_to_date(app: &App, base: Base, progress: &Progress, whole: f64) -> Result<Base, Refusal> {
+    let plan = Plan::of(&app.session().book, base.number);
+    if plan.missing.is_empty() && plan.there == Some(base.number) {
+        return Ok(base);
+    }
+    plan.carry_out(app, &base.dataset, progress, whole)?;
+    Base::of(&app.session())
+}
+
+/// How one comes to a step on the present data: from a step that is there, by recipes that are to be carried out.
+struct Plan {
+    there: Option<usize>,
+    missing: Vec<Recipe>,
+}
+
+impl Plan {
+    /// The way to what a step is. A step on the present data that was made in the same way need not be made again.
+    fn of(book: &Book, number: usize) -> Self {
+        let recipes: Vec<Recipe> = book.way(number).iter().map(|&k| book.steps[k].recipe).collect();
+        let mut there = None;
+        let mut known = 0;
+        for recipe in &recipes {
+            // The step itself before another one that is the same.
+            let same = |k: &usize| {
+                let step = &book.steps[*k];
+                book.fresh(step) && step.parent == there && step.recipe == *recipe
+            };
+            let own = book.way(number).into_iter().find(same);
+            match own.or_else(|| (0..book.steps.len()).rev().find(same)) {
+                Some(found) => there = Some(found),
+                None => break,
+            }
+            known += 1;
+        }
+        Self {
+            there,
+            missing: recipes[known..].to_vec(),
+        }
+    }
+
+    fn and(mut self, recipe: Recipe) -> Self {
+        self.missing.push(recipe);
+        self
+    }
+
+    /// Carries out what is missing, all of it or nothing, and makes the end the current step.
+    fn carry_out(self, app: &App, dataset: &Dataset, progress: &Progress, whole: f64) -> Result<(), Refusal> {
+        let mut model = match self.there {
+            Some(number) => Some(app.session().model(number)?),
+            None => None,
+        };
+        let count = self.missing.len() as f64;
+        let mut fitted: Vec<Fitted> = Vec::new();
+        for (k, recipe) in self.missing.into_iter().enumerate() {
+            let at = |share: f64, what: &str| progress.at(whole * (k as f64 + share) / count, what);
+            let one = perform(recipe, dataset, model.as_ref(), &at)?;
+            model = Some(one.model.clone());
+            fitted.push(one);
+        }
+        let mut session = app.session();
+        if fitted.is_empty() {
+            session.book.current = self.there;
+            return session.save();
+        }
+        session.take_steps(self.there, fitted)
+    }
+}
+
+/// Carries out one recipe on a dataset, and compares.
+fn perform(
+    recipe: Recipe,
+    dataset: &Dataset,
+    before: Option<&Model>,
+    at: &(dyn Fn(f64, &str) + Sync),
+) -> Result<Fitted, Refusal> {
+    let model = match (recipe, before) {
+        (Recipe::Fit { family, plays }, _) => {
+            let options = FitOptions {
+                plays,
+                ..FitOptions::new(family)
+            };
+            let fitted = hysteron_identify::fit(dataset, &options, &|share| at(0.7 * share, family.name()));
+            fitted.map_err(Refusal::unusable)?.model
+        }
+        (Recipe::Add { effect }, Some(before)) => {
+            let added = hysteron_diagnose::add(dataset, before, effect, &|share| at(0.8 * share, effect.name()));
+            added.map_err(Refusal::unusable)?.model
+        }
+        (Recipe::Add { .. }, None) => return Err(Refusal::conflict("there is no model yet; fit one first")),
+    };
+    let comparison = hysteron_diagnose::compare(dataset, &model, &|share| at(0.8 + 0.2 * share, "comparing"));
+    Ok(Fitted {
+        recipe,
+        model,
+        comparison,
+    })
+}
+
+/// Diagnoses the current step's model, fitted anew first where the data have grown, and shows what the first candidates do to the data.
 pub(crate) fn diagnose(app: &Arc<App>) -> Result<(), Refusal> {
-    let (dataset, number, model) = current(&app.session())?;
-    if model.direction == Direction::Inverse {
+    let base = Base::of(&app.session())?;
+    if base.model.direction == Direction::Inverse {
         return Err(Refusal::conflict(
             "an inverse model has no place for physical effects; fit a forward one",
         ));
     }
     let own = Arc::clone(app);
     jobs::start(app, "diagnosing", move |progress| {
+        let Base { dataset, number, model } = up_to_date(&own, base, progress, 0.3)?;
         let diagnosis = diagnosed(&dataset, &model, progress, 0.7);
         let comparison = comparison(&own, number)?;
         let mut shown = signatures(&dataset, &model, &comparison, &diagnosis, &[], &|share, effect| {
@@ -222,7 +256,11 @@ fn keep(session: &Session, number: usize, diagnosis: &Diagnosis) -> Result<(), R
 
 /// Writes the report on the current step; what was diagnosed before is not diagnosed again.
 pub(crate) fn report(app: &Arc<App>) -> Result<(), Refusal> {
-    let (dataset, number, model) = current(&app.session())?;
+    let (dataset, number, model) = {
+        let mut session = app.session();
+        let Base { number, model, .. } = Base::of(&session)?;
+        (session.data_of(number)?, number, model)
+    };
     let own = Arc::clone(app);
     jobs::start(app, "writing the report", move |progress| {
         let comparison = comparison(&own, number)?;
@@ -241,32 +279,14 @@ pub(crate) fn report(app: &Arc<App>) -> Result<(), Refusal> {
 /// The comparison of a step, from memory or computed now.
 pub(crate) fn comparison(app: &App, number: usize) -> Result<Arc<Comparison>, Refusal> {
     let (dataset, model) = {
-        let session = app.session();
+        let mut session = app.session();
         session.step(number)?;
         if let Some(there) = session.remembered(number) {
             return Ok(there);
         }
-        (session.data()?, session.model(number)?)
+        (session.data_of(number)?, session.model(number)?)
     };
     let comparison = Arc::new(hysteron_diagnose::compare(&dataset, &model, &|_| ()));
     app.session().remember(number, Arc::clone(&comparison));
     Ok(comparison)
-}
-
-fn compare(dataset: &Dataset, model: &Model, progress: &Progress) -> Comparison {
-    hysteron_diagnose::compare(dataset, model, &|share| progress.at(0.8 + 0.2 * share, "comparing"))
-}
-
-pub(crate) fn current(session: &Session) -> Result<(Arc<Dataset>, usize, Model), Refusal> {
-    let dataset = session.data()?;
-    let number = session
-        .book
-        .current
-        .ok_or_else(|| Refusal::conflict("there is no model yet; fit one first"))?;
-    Ok((dataset, number, session.model(number)?))
-}
-
-/// The dataset as a command names it.
-pub(crate) fn data_word(session: &Session) -> String {
-    quoted(session.book.data.as_deref().unwrap_or("data"))
 }

@@ -17,9 +17,10 @@ export async function tell(path, body) {
   return answer(await fetch(`api/${path}`, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) }));
 }
 
-/** Sends a file under its path within what was brought. */
-export async function send(file, path) {
-  return answer(await fetch(`api/upload?${new URLSearchParams({ name: path })}`, { method: "POST", body: file }));
+/** Sends a file under its path within what was brought; `asked` is the step whose diagnosis asked for it. */
+export async function send(file, path, asked = null) {
+  const query = new URLSearchParams({ name: path, ...(asked === null ? {} : { asked }) });
+  return answer(await fetch(`api/upload?${query}`, { method: "POST", body: file }));
 }
 
 export const download = (what, step) => `api/export/${what}?step=${step}`;

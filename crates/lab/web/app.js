@@ -8,6 +8,7 @@ import { diagnosePage } from "./diagnose.js";
 import { effectName, effectPage } from "./effects.js";
 import { ladderPage } from "./ladder.js";
 import { exportPage } from "./take.js";
+import { staleNotice } from "./stale.js";
 
 const STATIONS = [["data", "Data"], ["fit", "Fit"], ["compare", "Compare"], ["diagnose", "Diagnose"], ["ladder", "Ladder"], ["export", "Export"]];
 const by = (id) => document.getElementById(id);
@@ -95,7 +96,7 @@ function drawJob() {
 /** What a page depends on; while it is the same, the page is left alone. */
 function key() {
   const s = lab.state;
-  return JSON.stringify([location.hash, s.revision, s.files, s.reading, s.data === null, s.current, s.diagnosed, s.reported, s.tables, s.challenge, s.job.running]);
+  return JSON.stringify([location.hash, s.run, s.revision, s.files, s.data === null, s.current, s.diagnosed, s.reported, s.tables, s.challenge, s.job.running]);
 }
 
 async function draw() {
@@ -124,7 +125,7 @@ async function draw() {
 async function fitPage() {
   const { state } = lab;
   const step = state.current === null ? null : state.steps[state.current];
-  const page = el("div", {}, el("h2", {}, "Choose a model"), fitForm(lab));
+  const page = el("div", {}, staleNotice(lab) || "", el("h2", {}, "Choose a model"), fitForm(lab));
   if (step) {
     const words = await ask("words", { step: state.current });
     const rows = words.parameters.map((p) => {
@@ -150,6 +151,7 @@ for (const event of ["click", "submit", "change"]) {
     if (control) origin = control.id;
   }, true);
 }
+by("back-close").addEventListener("click", () => { by("back").hidden = true; });
 by("undo").addEventListener("click", () => lab.act({ what: "undo" }));
 by("redo").addEventListener("click", () => lab.act({ what: "redo" }));
 by("job-stop").addEventListener("click", async () => {
@@ -173,16 +175,19 @@ async function listen() {
       const was = lab.state;
       lab.state = await ask("session", seen ? { seen } : {});
       seen = lab.state.tick;
+      // Another version of the program has another page.
+      if (was && was.version !== lab.state.version) { location.reload(); return; }
       if (lost) { say(null); lost = false; }
+      if (was && was.run !== lab.state.run) by("back").hidden = false;
       const { job } = lab.state;
       if (was && was.job.running && !job.running) {
         if (job.failed) { say(new Error(job.failed), started); follow = null; }
-        if (job.stopped) { say(new Error(`${job.kind.charAt(0).toUpperCase()}${job.kind.slice(1)} was stopped; nothing was changed.`), started); follow = null; }
+        if (job.stopped) { say(new Error(`${job.kind.charAt(0).toUpperCase()}${job.kind.slice(1)} was stopped; ${was.revision === lab.state.revision ? "nothing was changed" : "what was fitted before that stays"}.`), started); follow = null; }
         if (follow) { const to = follow; follow = null; lab.go(to); }
       }
       await draw();
     } catch (error) {
-      say(new Error("The server does not answer. It ends with the terminal it runs in; start `hysteron lab` again and open the address it prints."), null);
+      say(new Error("The server does not answer. It ends with the terminal it runs in; start `hysteron lab` on the same folder again, and this page goes on."), null);
       lost = true;
       await new Promise((done) => setTimeout(done, 2000));
       seen = 0;

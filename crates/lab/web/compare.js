@@ -5,8 +5,17 @@ import { count, num, percent, quantity, unit } from "./numbers.js";
 import { timePlot, loopPlot, spectrumPlot, COLOURS } from "./plots.js";
 import { errorMap } from "./map.js";
 import { effectName } from "./effects.js";
+import { staleNotice } from "./stale.js";
 
-let chosen = 0;
+/** The record that was chosen, by its file; before that the one that tells most. */
+let chosen = null;
+
+/** Where to look first: the largest error in percent among the records not fitted to, else among all. */
+function worst(records) {
+  const judged = records.some((r) => r.role === "validate" && r.nrmse_percent !== null);
+  const size = (r) => ((r.role === "validate") === judged || !judged ? r.nrmse_percent ?? -1 : -2);
+  return records.reduce((most, r, index) => (size(r) > size(records[most]) ? index : most), 0);
+}
 
 const WORDS = {
   offset: "a constant offset", speed: "the speed of the motion", acceleration: "the acceleration", position: "the position",
@@ -33,9 +42,10 @@ export async function comparePage(lab) {
   const raw = comparison.output_unit;
   const outputUnit = unit(raw);
   const inverse = raw === "V";
-  chosen = Math.min(chosen, comparison.records.length - 1);
-  const select = el("select", { id: "record", change: () => { chosen = Number(select.value); show(); } },
-    comparison.records.map((r, index) => el("option", { value: index, selected: index === chosen }, `${r.file} (${r.role}, ${percent(r.nrmse_percent)})`)));
+  const before = comparison.records.findIndex((r) => r.file === chosen);
+  let shown = before < 0 ? worst(comparison.records) : before;
+  const select = el("select", { id: "record", change: () => { shown = Number(select.value); chosen = comparison.records[shown].file; show(); } },
+    comparison.records.map((r, index) => el("option", { value: index, selected: index === shown }, `${r.file} (${r.role}, ${percent(r.nrmse_percent)})`)));
   const hosts = { overlay: el("div", { class: "plot", id: "overlay" }), residual: el("div", { class: "plot", id: "residual" }), loop: el("div", { class: "plot", id: "loop" }), spectrum: el("div", { class: "plot" }) };
   const hint = () => el("p", { class: "hint" }, "Drag over the error, or press Enter on it, to ask what it is there and which effects could make it.");
   const selection = el("div", { id: "selection", role: "status" }, hint());
@@ -44,6 +54,7 @@ export async function comparePage(lab) {
   const { error_map: byRate, swing_map: bySwing } = comparison;
   const output = inverse ? "voltage" : "position";
   const page = el("div", {},
+    staleNotice(lab),
     el("h2", {}, `Beside the measurement: ${lab.state.steps[step].title}`),
     ...words.headline.map((line, index) => el("p", { class: index ? "" : "lead" }, line)),
     tiles([
@@ -68,7 +79,7 @@ export async function comparePage(lab) {
 
   let charts = [];
   let at = null;
-  const points = (range) => ask("series", { step, record: chosen, width: 1200, ...range });
+  const points = (range) => ask("series", { step, record: shown, width: 1200, ...range });
   /** The cursor of the views over time, in the loop. */
   const cursor = (index) => {
     if (!charts[2]) return;
@@ -76,9 +87,9 @@ export async function comparePage(lab) {
     else charts[2].mark(at.input[index], [at.measured[index], at.modelled[index]]);
   };
   async function finer(from, to) {
-    const record = chosen;
+    const record = shown;
     const more = await points({ from, to });
-    if (record !== chosen) return;
+    if (record !== shown) return;
     at = more.at;
     charts[0].renew(more.points, (y) => y.slice(0, 2));
     charts[1].renew(more.points, (y) => y.slice(2));
@@ -86,7 +97,7 @@ export async function comparePage(lab) {
   }
   async function region(from, to) {
     try {
-      const found = await ask("region", { step, record: chosen, from, to });
+      const found = await ask("region", { step, record: shown, from, to });
       selection.replaceChildren(el("p", {}, el("strong", {}, `${num(from)} to ${num(to)} s`)), ...regionText(found, raw));
     } catch (error) { selection.replaceChildren(el("p", { class: "refused" }, error.message)); }
   }

@@ -4,6 +4,7 @@ import { el, table, command, panel, right, typed } from "./dom.js";
 import { count, quantity } from "./numbers.js";
 import { timePlot, loopPlot, COLOURS } from "./plots.js";
 import { challengeNotice } from "./riddle.js";
+import { staleNotice } from "./stale.js";
 
 const FAMILIES = [
   ["mrpi", "MRPI: rate-dependent (the paper's)"], ["mpi", "MPI: with a cubic input function"], ["pi", "PI: plays alone"],
@@ -26,7 +27,6 @@ async function dropped(transfer) {
   return (await Promise.all(entries.map(walk))).flat();
 }
 
-const chosen = (input) => [...input.files].map((file) => ({ file, path: file.webkitRelativePath || file.name }));
 const RECORDING = /(^|\/)([^./][^/]*\.(csv|tsv|txt|dat|mat|asc|zip)|dataset\.toml)$/i;
 
 /** The folder that all are in says nothing about which is which. */
@@ -36,18 +36,27 @@ function common(paths) {
   return folder.length;
 }
 
-async function bring(lab, files) {
+/** Sends files; `asked` is the step whose diagnosis asked for them. */
+export async function bring(lab, files, asked = null) {
   const wanted = files.length > 1 ? files.filter(({ path }) => RECORDING.test(path)) : files;
   const skip = wanted.length ? common(wanted.map(({ path }) => path)) : 0;
   const refused = [];
+  const known = [];
   for (const [index, { file, path }] of wanted.entries()) {
     status(`Reading ${file.name} (${index + 1} of ${wanted.length})`);
-    try { await send(file, path.slice(skip)); } catch (error) { refused.push(error.message); }
+    try { known.push(...(await send(file, path.slice(skip), asked)).known); } catch (error) { refused.push(error.message); }
   }
-  status("");
+  again = false;
   await lab.refresh();
-  lab.say(refused.length ? new Error(refused.join("\n")) : wanted.length ? null : new Error("There is no recording among these files: a recording is .csv, .tsv, .txt, .dat, .asc or .mat, or a zip with such files."), "drop");
+  status(known.length ? `In the project already: ${known.join(", ")}.` : "");
+  // What the cards say of their files is not said twice.
+  const told = lab.state.files.map((file) => file.error);
+  const more = refused.filter((message) => !message.split("\n").every((line) => told.some((said) => said && said.split("\n").includes(line))));
+  lab.say(more.length ? new Error(more.join("\n")) : wanted.length ? null : new Error("There is no recording among these files: a recording is .csv, .tsv, .txt, .dat, .asc or .mat, or a zip with such files."), "drop");
 }
+
+/** Files chosen one by one. */
+export const chosen = (input) => [...input.files].map((file) => ({ file, path: file.webkitRelativePath || file.name }));
 
 function status(text) {
   const line = document.getElementById("bring-status");
@@ -77,60 +86,79 @@ function starts(lab) {
     el("button", { type: "button", id: `start-${start.name}`, "aria-label": `Begin with it: ${start.title}`, disabled: lab.state.job.running, click: () => lab.act({ what: "start", name: start.name }) }, "Begin with it"))));
 }
 
-function readingForm(lab) {
-  const { reading } = lab.state;
-  const field = (id, title, attributes) => el("p", {}, el("label", { for: id }, title), el("input", { id, ...attributes }));
-  const select = (id, title, value, options) => el("p", {}, el("label", { for: id }, title),
-    el("select", { id }, options.map(([name, words]) => el("option", { value: name, selected: name === (value || "refuse") }, words))));
+/** How a file is read, to be corrected; for it alone or for all files that are shown. */
+function readingForm(lab, file, index, others) {
+  const { reading } = file;
+  const id = (name) => `${name}-${index}`;
+  const field = (name, title, attributes) => el("p", {}, el("label", { for: id(name) }, title), el("input", { id: id(name), ...attributes }));
+  const select = (name, title, value, options) => el("p", {}, el("label", { for: id(name) }, title),
+    el("select", { id: id(name) }, options.map(([option, words]) => el("option", { value: option, selected: option === (value || "refuse") }, words))));
   const column = (quantity) => (reading.columns.find((text) => text.startsWith(`${quantity}=`)) || "").slice(quantity.length + 1);
-  const form = el("form", { class: "reading", id: "reading", submit: async (event) => {
-    event.preventDefault();
-    const value = (id) => form.querySelector(`#${id}`).value.trim();
+  const value = (name) => form.querySelector(`#${id(name)}`).value.trim();
+  const others_too = others.filter((name) => name !== file.name);
+  const read = async (files) => {
     const columns = ["time", "voltage", "position"].filter((q) => value(`column-${q}`)).map((q) => `${q}=${value(`column-${q}`)}`);
+    // Columns that have no field here stay as they are.
+    columns.push(...reading.columns.filter((text) => !/^(time|voltage|position)=/.test(text)));
     try {
-      await tell("reading", { columns, rate_hz: typed(value("rate")), missing: value("missing"), gaps: value("gaps"), jitter: value("jitter"), validate: reading.validate });
+      await tell("reading", { files, reading: { columns, rate_hz: typed(value("rate")), missing: value("missing"), gaps: value("gaps"), jitter: value("jitter") } });
       lab.say(null);
-    } catch (error) { lab.say(error, "reading"); }
-  } },
-  el("p", { class: "hint" }, "Where a column was taken wrongly, say which it is by its name or number, then its unit and factor: CH1:mV*20 is the column CH1 in millivolts, times 20; :um corrects the unit alone."),
-  el("div", { class: "fields" },
-    ...["time", "voltage", "position"].map((q) => field(`column-${q}`, `Column of ${q}`, { value: column(q), placeholder: "as found" })),
-    field("rate", "Sample rate, Hz", { type: "number", step: "any", min: "0", value: reading.rate_hz ?? "", placeholder: "from the time" }),
-    select("missing", "Empty cells", reading.missing, [["refuse", "refuse the file"], ["trim", "cut off at the ends"], ["interpolate", "interpolate"]]),
-    select("gaps", "Gaps in time", reading.gaps, [["refuse", "refuse the file"], ["split", "split into records"]]),
-    select("jitter", "Uneven time stamps", reading.jitter, [["refuse", "refuse the file"], ["clock", "trust the clock"], ["interpolate", "interpolate"]])),
-  el("button", { type: "submit", id: "read-again" }, "Read again"));
-  return el("details", { id: "correct", open: lab.state.files.some((file) => file.error) }, el("summary", {}, "Correct columns, units, rate"), form);
+    } catch (error) { lab.say(error, id("reading")); }
+  };
+  const form = el("form", { class: "reading", id: id("reading"), submit: (event) => { event.preventDefault(); read([file.name]); } },
+    el("p", { class: "hint" }, "Where a column was taken wrongly, say which it is by its name or number, then its unit and factor: CH1:mV*20 is the column CH1 in millivolts, times 20; :um corrects the unit alone."),
+    el("div", { class: "fields" },
+      ...["time", "voltage", "position"].map((q) => field(`column-${q}`, `Column of ${q}`, { value: column(q), placeholder: "as found" })),
+      field("rate", "Sample rate, Hz", { type: "number", step: "any", min: "0", value: reading.rate_hz ?? "", placeholder: "from the time" }),
+      select("missing", "Empty cells", reading.missing, [["refuse", "refuse the file"], ["trim", "cut off at the ends"], ["interpolate", "interpolate"]]),
+      select("gaps", "Gaps in time", reading.gaps, [["refuse", "refuse the file"], ["split", "split into records"]]),
+      select("jitter", "Uneven time stamps", reading.jitter, [["refuse", "refuse the file"], ["clock", "trust the clock"], ["interpolate", "interpolate"]])),
+    el("p", { class: "row" },
+      el("button", { type: "submit", id: id("read-again") }, others_too.length ? "Read this file again" : "Read again"),
+      others_too.length ? el("button", { type: "button", id: id("read-all"), click: () => read([file.name, ...others_too]) }, `Read all ${others_too.length + 1} files so`) : null));
+  return el("details", { id: id("correct"), open: Boolean(file.error) }, el("summary", {}, "Correct columns, units, rate"), form);
 }
 
 const periodOf = (r) => right(r.period_samples ? quantity(r.period_samples / r.rate_hz, "s") : "none found");
 const COLUMNS = ["Samples", "Sample rate", "Length", "Period"];
 const measures = (r) => [right(count(r.samples)), right(quantity(r.rate_hz, "Hz")), right(quantity(r.seconds, "s")), periodOf(r)];
 
-function fileCard(lab, file) {
-  const { reading } = lab.state;
+const ROLES = [["identify", "fit the model"], ["validate", "judge the model"]];
+const MANIFEST = "dataset.toml";
+
+/** What a recording is used for, and how that is changed. */
+function roleSelect(id, role, change, attributes = {}) {
+  const select = el("select", { id, ...attributes, change: () => change(select.value) }, ROLES.map(([name, words]) => el("option", { value: name, selected: name === role }, words)));
+  return select;
+}
+
+/** The words for a record that a diagnosis asked for. */
+const askedBy = (lab, step) => (step === null || step === undefined ? null : `the record that the diagnosis of step ${step + 1}${lab.state.steps[step] ? `, ${lab.state.steps[step].title},` : ""} asked for`);
+
+function fileCard(lab, file, others) {
   const index = lab.state.files.indexOf(file);
   const id = `role-${index}`;
-  const role = el("select", { id, change: async () => {
-    const validate = reading.validate.filter((name) => name !== file.name).concat(role.value === "validate" ? [file.name] : []);
-    try { await tell("reading", { ...reading, validate }); } catch (error) { lab.say(error, id); }
-  } }, [["identify", "fit the model"], ["validate", "judge the model"]].map(([name, words]) => el("option", { value: name, selected: (name === "validate") === reading.validate.includes(file.name) }, words)));
-  const native = lab.state.files.some((one) => one.name === "dataset.toml");
+  const role = roleSelect(id, file.role, async (value) => { try { await tell("use", { file: file.name, role: value }); } catch (error) { lab.say(error, id); } });
+  const asked = askedBy(lab, file.asked_by);
+  const manifest = file.name === MANIFEST;
   return el("article", { class: file.error ? "card bad" : "card" },
     el("h3", {}, file.name),
+    asked ? el("p", { class: "hint" }, `Brought as ${asked}.`) : null,
     file.error ? el("p", { class: "refused" }, file.error) : el("pre", { tabindex: "0", "aria-label": `What was found in ${file.name}` }, file.preview),
     file.records.length ? table(`Records in ${file.name}`, ["Record", ...COLUMNS], file.records.map((r) => [r.file, ...measures(r)])) : null,
     el("p", { class: "row" },
-      native || file.error ? null : el("span", {}, el("label", { for: id }, "Used to "), role),
-      el("button", { type: "button", class: "small", id: `forget-${index}`, "aria-label": `Take away ${file.name}`, click: async () => { try { await tell("forget", { name: file.name }); } catch (error) { lab.say(error, "drop"); } } }, "Take away")));
+      manifest || file.error ? null : el("span", {}, el("label", { for: id }, "Used to "), role),
+      el("button", { type: "button", class: "small", id: `forget-${index}`, "aria-label": `Take away ${file.name}`, click: async () => { try { await tell("forget", { name: file.name }); lab.say(null); } catch (error) { lab.say(error, "drop"); } } }, "Take away")),
+    manifest ? null : readingForm(lab, file, index, others));
 }
 
 /** A record as it came: over time, and as a loop. */
 export function rawView(lab, of, records) {
-  const select = el("select", { id: "raw-record", change: () => show() }, records.map((record, index) => el("option", { value: index }, record.file)));
+  const id = `raw-record-${of}`;
+  const select = el("select", { id, change: () => show() }, records.map((record, index) => el("option", { value: record.index ?? index }, record.file)));
   const time = el("div", { class: "plot" });
   const loop = el("div", { class: "plot" });
-  const view = el("div", {}, el("p", {}, el("label", { for: "raw-record" }, "Look at "), select,
+  const view = el("div", {}, el("p", {}, el("label", { for: id }, "Look at "), select,
     el("span", { class: "hint" }, " Wheel zooms, Shift and wheel pans, double click shows all; by keyboard: arrows, plus, minus, 0.")),
   el("div", { class: "wide-narrow" }, panel("Over time", time), panel("Loop", loop)));
   let chart = null;
@@ -149,63 +177,120 @@ export function rawView(lab, of, records) {
   return view;
 }
 
-/** That other data end the models there are. */
-const end = (state) => (state.steps.length ? el("p", { class: "notice" }, `Other recordings take the place of the data of this session; its models (${state.steps.length}) end with them. Export what should stay.`) : null);
+const many = (count, one, more = `${one}s`) => `${count} ${count === 1 ? one : more}`;
 
-/** Files that were brought and are not used yet. */
-function found(lab, views) {
-  const { state } = lab;
-  const records = state.files.flatMap((file) => file.records);
-  const native = state.files.some((file) => file.name === "dataset.toml");
-  const usable = native || (records.length > 0 && state.files.every((file) => !file.error));
-  const view = records.length ? rawView(lab, "files", records) : null;
+/** That other data end the models there are. */
+const end = (state) => (state.steps.length ? el("p", { class: "notice" }, `Beginning anew takes the place of the data of this session; its models (${state.steps.length}) end with them. Export what should stay.`) : null);
+
+/** Files as cards, and their records as pictures. */
+function found(lab, files, views) {
+  const records = files.flatMap((file) => file.records);
+  const names = files.filter((file) => file.name !== MANIFEST).map((file) => file.name);
+  // A picture's record goes by its place among all that were brought.
+  const all = lab.state.files.flatMap((file) => file.records.map((record) => ({ file, record })));
+  const own = all.map(({ file, record }, index) => ({ ...record, index, of: file })).filter((record) => files.includes(record.of));
+  const view = records.length ? rawView(lab, "files", own) : null;
   if (view) views.push(view);
+  return [el("div", { class: "cards" }, files.map((file) => fileCard(lab, file, names))), view];
+}
+
+/** Which files are left out, where others can be used. */
+function leftOut(files) {
+  const bad = files.filter((file) => file.error).map((file) => file.name);
+  if (!bad.length || bad.length === files.length) return null;
+  const [are, their, them] = bad.length === 1 ? ["is", "its", "it"] : ["are", "their", "them"];
+  return el("p", { class: "notice", id: "left-out" }, `${bad.join(", ")} cannot be read and ${are} left out: correct ${their} columns, or take ${them} away.`);
+}
+
+/** Why a button cannot be pressed; it says so itself. */
+function deed(lab, id, title, kind, why, click) {
+  return el("p", {}, el("button", { type: "button", id, class: kind, disabled: Boolean(why) || lab.state.job.running, "aria-describedby": why ? `${id}-why` : null, click }, title),
+    why ? el("span", { class: "hint", id: `${id}-why` }, ` ${why}`) : null);
+}
+
+/** Files that wait to be used. */
+function waiting(lab, files, views) {
+  const { state } = lab;
+  const records = files.flatMap((file) => file.records);
+  const judging = files.some((file) => file.role === "validate") || (state.data && state.data.records.some((r) => r.role === "validate"));
+  const why = records.length ? null : files.some((file) => file.error) ? "No file can be read yet: see what is said of each, and correct it." : "No recording is among them.";
   return [
     el("h2", {}, "What was found"),
-    el("div", { class: "cards" }, state.files.map((file) => fileCard(lab, file))),
-    readingForm(lab),
-    view,
-    end(state),
-    native || state.files.some((file) => state.reading.validate.includes(file.name)) || state.files.length < 2 ? null : el("p", { class: "notice" }, "No file is kept to judge the model by. Let one that was recorded differently judge it: only that tells whether a model holds beyond its own data."),
-    el("p", {}, el("button", { type: "button", id: "use", class: "main", disabled: !usable || state.job.running, click: () => lab.act({ what: "take-files" }) }, "Use these recordings")),
-    command(native ? "cp -r uploads data" : state.import_command),
+    leftOut(files),
+    judging || records.length < 2 ? null : el("p", { class: "notice" }, "No file is kept to judge the model by. Let one that was recorded differently judge it: only that tells whether a model holds beyond its own data."),
+    state.data
+      ? deed(lab, "add-files", records.length ? `Add ${many(records.length, "record")} to the project` : "Add to the project", "main", why, () => lab.act({ what: "add-files" }))
+      : deed(lab, "use", records.length && files.some((file) => file.error) ? "Use the recordings that can be read" : "Use these recordings", "main", why, () => lab.act({ what: "take-files" })),
+    state.data && state.steps.length && records.length ? el("p", { class: "hint" }, "Data and models that are there stay. The models are marked as fitted before these records, until you fit them anew.") : null,
+    ...found(lab, files, views),
   ];
+}
+
+/** The records of the data; what each is used for can be changed. */
+function records(lab) {
+  const { data, job } = lab.state;
+  const role = (r, index) => ({ element: roleSelect(`record-role-${index}`, r.role, async (value) => { if (!await lab.act({ what: "role", record: r.file, role: value })) lab.redraw(); }, { "aria-label": `${r.file} is used to`, disabled: job.running }) });
+  const came = (r) => (r.came_in ? `${r.came_in}${r.asked_by === null ? "" : `, ${askedBy(lab, r.asked_by)}`}` : "with the data");
+  const files = data.records.some((r) => r.came_in);
+  return table("Records", ["Record", "Used to", "Excitation", ...(files ? ["Came in"] : []), ...COLUMNS],
+    data.records.map((r, index) => [r.file, role(r, index), { element: el("span", { class: "words" }, r.excitation || "–") }, ...(files ? [came(r)] : []), ...measures(r)]));
 }
 
 /** The data of the session. */
 function taken(lab, views) {
-  const { data } = lab.state;
+  const { data, steps } = lab.state;
   const view = rawView(lab, "data", data.records);
   views.push(view);
   return [
     el("h2", {}, `The data: ${data.name}`),
     challengeNotice(lab),
-    table("Records", ["Record", "Role", "Excitation", ...COLUMNS], data.records.map((r) => [r.file, r.role, r.excitation, ...measures(r)])),
+    records(lab),
     ...data.notices.map((notice) => el("p", { class: "notice" }, notice)),
     view,
-    el("p", {}, el("a", { class: "button", href: "#fit", id: "to-fit" }, "Choose a model")),
+    el("p", {}, el("a", { class: steps.length ? "button quiet" : "button", href: "#fit", id: "to-fit" }, steps.length ? "Fit another model" : "Choose a model")),
     data.command ? command(data.command) : null,
   ];
 }
 
 let again = false;
 
+/** Begin anew: the files that were brought, corrected, or a starting point. */
+function anew(lab, views) {
+  const { state } = lab;
+  const brought = state.files.filter((file) => file.stands === "taken");
+  const redraw = (value) => { again = value; lab.redraw(); };
+  const box = el("details", { class: "other", open: again }, el("summary", {}, "Begin anew"));
+  if (again && brought.length) {
+    const usable = state.files.some((file) => file.records.length);
+    box.append(el("h2", {}, "All files that were brought"), end(state) || "", leftOut(state.files) || "",
+      deed(lab, "use", "Begin anew with these recordings", "", usable ? null : "No file can be read yet.", () => { again = false; lab.act({ what: "take-files" }); }),
+      ...found(lab, state.files, views).filter(Boolean),
+      el("p", {}, el("button", { type: "button", click: () => redraw(false) }, "Back to the data")));
+    return box;
+  }
+  if (brought.length) box.append(el("p", {}, el("button", { type: "button", id: "files-again", click: () => redraw(true) }, `Correct the files that were brought (${brought.length}), then begin anew`)));
+  box.append(el("p", {}, brought.length ? "Or begin anew with" : "Begin anew with"), starts(lab), end(state) || "");
+  return box;
+}
+
 export async function dataPage(lab) {
   const { state } = lab;
   const views = [];
   const page = el("div", {});
-  const pending = state.files.length > 0 && (!state.files_taken || again);
-  if (pending) {
-    page.append(el("h2", {}, "Bring recordings"), dropZone(lab), ...found(lab, views).filter(Boolean));
-    if (state.data && state.files_taken) page.append(el("p", {}, el("button", { type: "button", click: () => { again = false; lab.redraw(); } }, "Back to the data")));
-    else if (state.data) page.append(el("p", { class: "hint" }, `Until then the data stay ${state.data.name}.`));
-  } else if (state.data) {
-    page.append(...taken(lab, views).filter(Boolean),
-      el("details", { class: "other" }, el("summary", {}, "Bring other recordings"), dropZone(lab),
-        state.files.length ? el("p", {}, el("button", { type: "button", id: "files-again", click: () => { again = true; lab.redraw(); } }, `See the files brought before (${state.files.length})`)) : null,
-        el("p", {}, "Or begin anew with"), starts(lab), end(state)));
+  const files = state.files.filter((file) => file.stands === "waits");
+  if (!state.data) {
+    page.append(el("h2", {}, "Bring recordings"));
+    if (!files.length) page.append(el("p", {}, "From recordings of a piezo stage to a model that explains them: go the way above from left to right."));
+    page.append(dropZone(lab));
+    if (files.length) page.append(...waiting(lab, files, views).filter(Boolean));
+    else page.append(el("h2", {}, "Or begin with"), starts(lab));
   } else {
-    page.append(el("h2", {}, "Bring recordings"), el("p", {}, "From recordings of a piezo stage to a model that explains them: go the way above from left to right."), dropZone(lab), el("h2", {}, "Or begin with"), starts(lab));
+    const wait = files.length && !again ? waiting(lab, files, views).filter(Boolean) : [];
+    const more = [el("h2", {}, "Bring more recordings"), dropZone(lab), ...wait];
+    const data = taken(lab, views).filter(Boolean);
+    // What is to be decided now comes first.
+    const first = wait.length && files.some((file) => file.records.length) ? [...more, ...data] : [...data, ...more];
+    page.append(staleNotice(lab) || "", ...first, anew(lab, views));
   }
   page.addEventListener("shown", () => views.forEach((view) => view.dispatchEvent(new CustomEvent("shown"))));
   return page;

@@ -5,6 +5,8 @@ import { between, count, num, percent, readable, text } from "./numbers.js";
 import { tracePlot } from "./plots.js";
 import { effects, effectName } from "./effects.js";
 import { riddlePart } from "./riddle.js";
+import { bring, chosen } from "./data.js";
+import { staleNotice } from "./stale.js";
 
 /** Why a candidate does not count, from its figures. */
 function whyNot(effect, numbers) {
@@ -74,10 +76,24 @@ function card(lab, found, index, words, views) {
       el("a", { href: `#effects/${effect.effect}` }, "See it in your loops")));
 }
 
+/** What to do now: add what is named, then take the record that would tell more. */
+function nextSteps(lab, { numbers, named }) {
+  const step = lab.state.current;
+  const input = el("input", { type: "file", id: "bring-next", class: "file", change: () => { lab.go("data"); bring(lab, chosen(input), step); } });
+  const next = numbers.next_record ? [
+    el("a", { class: named ? "button quiet" : "button", href: download("next", step), download: true, id: "next-record" }, "Download the record to take next"),
+    el("span", { class: "choose" }, input, el("label", { for: "bring-next", class: "button quiet" }, "Bring its recording"))] : [];
+  return [
+    el("p", { class: "row", id: "next-steps" },
+      named ? el("button", { type: "button", class: "main", id: "add-named", disabled: lab.state.job.running, click: () => lab.act({ what: "add", effect: named }, "ladder") }, `Add ${effectName(named)}`) : null,
+      ...next),
+    el("p", { id: "bring-status", role: "status" })];
+}
+
 export async function diagnosePage(lab) {
   const step = lab.state.current;
   const [known, words] = await Promise.all([effects(), ask("words", { step })]);
-  const page = el("div", {}, el("h2", {}, `Which effect is missing from ${lab.state.steps[step].title}?`));
+  const page = el("div", {}, staleNotice(lab) || "", el("h2", {}, `Which effect is missing from ${lab.state.steps[step].title}?`));
   const run = (title, kind) => el("button", { type: "button", class: kind, id: "diagnose", disabled: lab.state.job.running, click: () => lab.act({ what: "diagnose" }) }, title);
   const riddle = riddlePart(lab) || "";
   if (!lab.state.diagnosed[step]) {
@@ -91,9 +107,9 @@ export async function diagnosePage(lab) {
   page.append(
     el("section", { class: numbers.cannot_answer.length ? "panel verdict unsure" : "panel verdict" },
       el("p", { class: "sentence", id: "verdict" }, verdict),
+      ...nextSteps(lab, found),
       lines.length ? el("ul", {}, lines.map((line) => el("li", {}, line))) : null,
-      el("p", { class: "hint" }, "How often such a verdict is right was counted on simulated stages only: take it as a hint, and take the record it asks for."),
-      numbers.next_record ? el("p", {}, el("a", { class: "button", href: download("next", step), download: true, id: "next-record" }, "Download the record to take next")) : null),
+      el("p", { class: "hint" }, "How often such a verdict is right was counted on simulated stages only: take it as a hint, and take the record it asks for.")),
     tiles([
       ["The model", percent(numbers.before.validate_percent), "of peak to peak, records not fitted to"],
       [numbers.shape_determined ? "A hysteresis of free shape instead" : "Its plays, fitted anew", percent(numbers.free_shape.validate_percent), "of peak to peak, records not fitted to"],

@@ -16,10 +16,11 @@ export function el(name, attributes = {}, ...children) {
 /** A cell that stands to the right, as numbers do. */
 export const right = (text) => ({ text });
 
-/** A table; cells that are numbers stand to the right. */
+/** A table; cells that are numbers stand to the right, a cell may hold an element. */
 export function table(caption, columns, rows) {
-  const numeric = (value) => typeof value === "number" || value === null || (typeof value === "object" && "text" in value);
-  const shown = (value) => (value !== null && typeof value === "object" && "text" in value ? value.text : numeric(value) ? num(value) : value);
+  const is = (value, part) => value !== null && typeof value === "object" && part in value;
+  const numeric = (value) => typeof value === "number" || value === null || is(value, "text");
+  const shown = (value) => (is(value, "element") ? value.element : is(value, "text") ? value.text : numeric(value) ? num(value) : value);
   const cell = (value, index) => {
     const attributes = numeric(value) ? { class: "number" } : {};
     return index === 0 ? el("th", { scope: "row", ...attributes }, shown(value)) : el("td", attributes, shown(value));
@@ -32,8 +33,9 @@ export function table(caption, columns, rows) {
       el("tbody", {}, rows.map((row) => el("tr", {}, row.map(cell))))));
 }
 
-/** The command that does the same. */
-export function command(text) {
+/** The command that does the same. A line that is pasted must stay one line: no name in it may end it. */
+export function command(words) {
+  const text = words.replace(/[\p{Cc}\u2028\u2029]/gu, " ");
   const copy = el("button", { type: "button", class: "small", "aria-label": `Copy the command ${text}`, click: async () => {
     await navigator.clipboard.writeText(text);
     copy.textContent = "Copied";

@@ -2,7 +2,9 @@
 import { el, table, command, right } from "./dom.js";
 import { percent } from "./numbers.js";
 import { effects, effectName } from "./effects.js";
+import { sinceWords, staleNotice } from "./stale.js";
 
+const many = (count, one) => `${count} ${one}${count === 1 ? "" : "s"}`;
 const error = (step) => step.validate_percent ?? step.identify_percent;
 
 /** The steps in the order of a tree: each behind its parent, branches indented. */
@@ -33,7 +35,7 @@ function rung(lab, number, depth, most) {
   const floor = el("span", { class: "floor", title: "noise floor" });
   floor.style.left = `${100 * (step.noise_percent || 0) / most}%`;
   const row = el("li", { class: here ? "rung here" : "rung" },
-    el("button", { type: "button", id: `step-${number}`, "aria-current": here ? "step" : null, click: () => lab.act({ what: "go-to", step: number }) }, `${number + 1}: ${step.title}`),
+    el("button", { type: "button", id: `step-${number}`, "aria-current": here ? "step" : null, click: () => lab.act({ what: "go-to", step: number }) }, `${number + 1}: ${step.title}`, step.since ? el("span", { class: "since", title: sinceWords(step.since) }, `fitted before ${step.since.records.length ? many(step.since.records.length, "record") : many(step.since.roles.length, "role")}`) : null),
     el("span", { class: "track", role: "img", "aria-label": `error ${percent(value)} of peak to peak, noise floor ${percent(step.noise_percent)}` }, bar, floor),
     el("span", { class: "figure" }, percent(value)));
   // Only the name is indented: all bars begin at one line, so that they can be compared.
@@ -45,7 +47,10 @@ function rung(lab, number, depth, most) {
 function beside(steps, a, b, caption, titles) {
   const ratio = (before, after) => right(before && after !== null ? percent(100 * after / before) : "–");
   const line = (name, before, after, noise) => [name, right(percent(before)), right(percent(after)), ratio(before, after), right(percent(noise))];
-  const rows = steps[b].records.map(([file, after], index) => line(file, (steps[a].records[index] || [])[1] ?? null, after, (steps[b].record_noise || [])[index] ?? null));
+  // Steps on different data know different records: each has its line.
+  const [before, after] = [new Map(steps[a].records), new Map(steps[b].records)];
+  const noise = new Map([a, b].flatMap((k) => steps[k].records.map(([file], index) => [file, steps[k].record_noise[index]])));
+  const rows = [...new Set([...before.keys(), ...after.keys()])].map((file) => line(file, before.get(file) ?? null, after.get(file) ?? null, noise.get(file) ?? null));
   const judged = steps[b].validate_percent !== null;
   const pooled = (step) => (judged ? step.validate_percent : step.identify_percent);
   rows.unshift(line(judged ? "all not fitted to" : "all fitted to", pooled(steps[a]), pooled(steps[b]), steps[b].noise_percent));
@@ -61,6 +66,7 @@ export async function ladderPage(lab) {
   const step = steps[current];
   const judged = step.validate_percent !== null;
   const page = el("div", {},
+    staleNotice(lab),
     el("h2", {}, "How the error fell"),
     el("p", { class: "lead" }, way(steps, current).map((k) => `${steps[k].title}: ${percent(error(steps[k]))}`).join(" → "),
       step.noise_percent ? `; the noise floor is ${percent(step.noise_percent)}.` : "."),
@@ -82,9 +88,10 @@ export async function ladderPage(lab) {
   if (steps.length > 1) {
     const others = steps.map((_, k) => k).filter((k) => k !== current);
     branch = others.includes(branch) ? branch : others.at(-1);
-    const to = el("select", { id: "branch", change: () => { branch = Number(to.value); holder.replaceChildren(pair()); } }, others.map((k) => el("option", { value: k, selected: k === branch }, `${k + 1}: ${steps[k].title}`)));
+    const to = el("select", { id: "branch", change: () => { branch = Number(to.value); holder.replaceChildren(apart(), pair()); } }, others.map((k) => el("option", { value: k, selected: k === branch }, `${k + 1}: ${steps[k].title}`)));
     const pair = () => beside(steps, current, branch, `Error of each record, percent of peak to peak: step ${current + 1}, ${step.title}, and step ${branch + 1}, ${steps[branch].title}`, [`Step ${current + 1}`, `Step ${branch + 1}`]);
-    const holder = el("div", {}, pair());
+    const apart = () => (steps[branch].generation === step.generation ? "" : el("p", { class: "notice" }, "These steps were fitted on different records: only the errors of the same record can be compared."));
+    const holder = el("div", {}, apart(), pair());
     tables.append(el("section", { class: "panel" }, el("h3", {}, "Branches beside each other"), el("p", {}, el("label", { for: "branch" }, "Set this step beside "), to), holder));
   }
   return page;

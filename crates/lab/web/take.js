@@ -1,6 +1,7 @@
 // What is taken home: model, table, report, session.
 import { ask, download } from "./api.js";
 import { el, command, typed } from "./dom.js";
+import { staleNotice } from "./stale.js";
 
 /** What the bench is: its part, then field, title and what holds where it is left empty. */
 const BENCH = [
@@ -47,11 +48,12 @@ export async function exportPage(lab) {
   const write = (title, kind) => el("button", { type: "button", id: "write-report", class: kind, disabled: state.job.running, click: () => lab.act({ what: "report" }) }, title);
   const written = state.reported[number];
   return el("div", {},
+    staleNotice(lab),
     el("h2", {}, `Take it home: ${state.steps[number].title}`),
     el("ul", { class: "exports" },
       item("Model", "All parameters with units and standard errors, as a readable file; the one that every command takes.", link("model", "Download the model"), state.steps[number].command),
       item("Report", `Comparison, diagnosis and ladder in one file to send to a colleague; it needs no program and no network.${state.diagnosed[number] || written ? "" : " This step is not diagnosed yet, so writing it takes some seconds; it can be stopped."}`,
         written ? [link("report", "Download the report"), write("Write it again", "small")] : write("Write the report", "main"), words.report_command),
-      item("Session", "Recordings, data, models, diagnoses and reports as a folder that the command line opens, and the workbench too.", link("session", "Download the session"), `hysteron lab --session ${state.folder}`),
+      item("Session", "Recordings, data, models, diagnoses and reports as a folder that the command line opens, and the workbench too.", link("session", "Download the session"), state.session_command),
       tableItem(lab, words, link)));
 }

@@ -15,14 +15,15 @@ use std::process::{Command, Stdio};
 #[derive(Args)]
 #[command(after_help = "Example:\n  hysteron lab stage\n\n\
     Listens on 127.0.0.1 only. The session folder holds data, models and diagnoses as the other commands read them;\n\
-    opened again, it goes on where it was left. Ctrl-C ends it.")]
+    opened again, it goes on where it was left, at the same address while its port is free. Records can be added at any\n\
+    time: data/ stays, data-2/ has them as well, and models stay until they are fitted anew. Ctrl-C ends it.")]
 pub(crate) struct LabArgs {
     /// Dataset folder, or one CSV, to begin with
     pub data: Option<PathBuf>,
     /// Do not open the browser
     #[arg(long)]
     pub no_open: bool,
-    /// Port; 0 for a free one
+    /// Port; 0 for the session's last one, or a free one
     #[arg(long, default_value_t = 0)]
     pub port: u16,
     /// Folder of the session, new or used

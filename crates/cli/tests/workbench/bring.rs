@@ -10,7 +10,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Four periods of a triangle with a loop: time, voltage, position.
-fn rows(samples: u32) -> impl Iterator<Item = (f64, f64, f64)> {
+pub(crate) fn rows(samples: u32) -> impl Iterator<Item = (f64, f64, f64)> {
     (0..samples).map(|k| {
         let phase = f64::from(k % 250) / 250.0;
         let voltage = 20.0 * (1.0 - (2.0 * phase - 1.0).abs());
@@ -19,7 +19,7 @@ fn rows(samples: u32) -> impl Iterator<Item = (f64, f64, f64)> {
     })
 }
 
-fn csv(samples: u32) -> String {
+pub(crate) fn csv(samples: u32) -> String {
     let mut text = "time_s,voltage_v,position_um\n".to_owned();
     for (t, v, y) in rows(samples) {
         let _ = writeln!(text, "{t:.3},{v:.4},{y:.5}");
@@ -145,13 +145,13 @@ fn val_what_was_taken_wrongly_is_corrected_in_the_page() {
         browser.drop_files("#drop", &[file]).await;
         let said = browser.see(".card.bad .refused").await;
         assert!(said.len() > 20, "{said}");
-        browser.see("#correct[open]").await;
+        browser.see("#correct-0[open]").await;
         browser.see("#use[disabled]").await;
-        browser.type_into("#column-voltage", "CH1:mV*20").await;
-        browser.type_into("#column-position", "CH2:nm").await;
-        browser.type_into("#rate", "1000").await;
+        browser.type_into("#column-voltage-0", "CH1:mV*20").await;
+        browser.type_into("#column-position-0", "CH2:nm").await;
+        browser.type_into("#rate-0", "1000").await;
         browser.picture("corrections").await;
-        browser.click("#read-again").await;
+        browser.click("#read-again-0").await;
         browser.see("#use:not([disabled])").await;
         let said = browser.see(".cards article").await.replace('\u{a0}', " ");
         assert!(said.contains("1000 Hz") && said.contains("0.250 s"), "{said}");
@@ -190,15 +190,20 @@ fn regress_files_that_were_brought_are_found_again() {
         let server = Server::start(&session);
         let brought = server.ask("POST", "api/upload?name=up/run.csv", csv(1000).as_bytes());
         assert_eq!(brought.status, 200, "{}", brought.text());
-        let reading = br#"{"columns":["position=position_um:nm"],"validate":["up-run.csv"]}"#;
+        let reading = br#"{"files":["up-run.csv"],"reading":{"columns":["position=position_um:nm"]}}"#;
         assert_eq!(server.ask("POST", "api/reading", reading).status, 200);
+        let role = br#"{"file":"up-run.csv","role":"validate"}"#;
+        assert_eq!(server.ask("POST", "api/use", role).status, 200);
         server.state()
     };
     let after = Server::start(&session).state();
-    for part in ["files", "reading", "import_command", "files_taken"] {
-        assert_eq!(before[part], after[part], "{part}");
-    }
-    assert_eq!(after["files"][0]["name"], "up-run.csv");
+    assert_eq!(before["files"], after["files"]);
+    let file = &after["files"][0];
+    assert_eq!(
+        (&file["name"], &file["role"], &file["stands"]),
+        (&json!("up-run.csv"), &json!("validate"), &json!("waits"))
+    );
+    assert_eq!(file["reading"]["columns"][0], "position=position_um:nm");
 }
 
 #[test]

@@ -172,6 +172,24 @@ fn refuse_fifty_bad_requests() {
     ] {
         bad(path, server.ask("GET", path, b""), &[400, 404, 422]);
     }
+    for (path, body) in [
+        (
+            "api/upload?name=a.csv&asked=9",
+            "time_s,voltage_v,position_um\n0,1,2\n0.1,1,2\n",
+        ),
+        (
+            "api/upload?name=a.csv&asked=x",
+            "time_s,voltage_v,position_um\n0,1,2\n0.1,1,2\n",
+        ),
+        ("api/reading", r#"{"files":["nothing.csv"],"reading":{}}"#),
+        (
+            "api/reading",
+            r#"{"files":[],"reading":{"columns":["voltage=a:parsec"]}}"#,
+        ),
+        ("api/use", r#"{"file":"nothing.csv","role":"identify"}"#),
+    ] {
+        bad(path, server.ask("POST", path, body.as_bytes()), &[400, 404, 422]);
+    }
     bad("a deed by GET", server.ask("GET", "api/do", b""), &[405]);
     let revision = &before["revision"];
     for deed in [
@@ -189,6 +207,9 @@ fn refuse_fifty_bad_requests() {
         r#"{"what":"table","bench":{"dac_min_v":10,"dac_full_v":-10}}"#,
         r#"{"what":"table","bench":{"mode_hz":100}}"#,
         r#"{"what":"start","name":"../x"}"#,
+        r#"{"what":"refit"}"#,
+        r#"{"what":"role","record":"../x","role":"identify"}"#,
+        r#"{"what":"role","record":"x.csv","role":"admire"}"#,
     ] {
         bad(
             deed,
@@ -396,12 +417,18 @@ fn refuse_fifty_broken_uploads() {
         (found["error"].is_null(), found["records"][0]["samples"].as_u64()),
         (true, Some(400))
     );
-    let refused_use = server.act(r#"{"what":"take-files"}"#);
-    assert_eq!(refused_use.status, 200);
-    assert!(
-        server.state()["job"]["failed"].as_str().unwrap().contains("first"),
-        "bad files are not used silently"
-    );
+    // The good one is used, and those that cannot be read stay where they are, each with its reason and to be taken away.
+    server.act(r#"{"what":"take-files"}"#);
+    let after = server.state();
+    assert_eq!(after["job"]["failed"], serde_json::Value::Null);
+    assert_eq!(after["data"]["records"].as_array().unwrap().len(), 1);
+    let waits = |state: &serde_json::Value| -> usize {
+        let files = state["files"].as_array().unwrap().iter();
+        files
+            .filter(|file| file["stands"] == "waits" && file["error"].as_str().is_some())
+            .count()
+    };
+    assert_eq!(waits(&after), state["files"].as_array().unwrap().len() - 1);
     for file in state["files"]
         .as_array()
         .unwrap()
@@ -415,8 +442,7 @@ fn refuse_fifty_broken_uploads() {
         );
         assert_eq!(gone.status, 200, "{}", gone.text());
     }
-    server.act(r#"{"what":"take-files"}"#);
-    assert_eq!(server.state()["data"]["records"].as_array().unwrap().len(), 1);
+    assert_eq!(waits(&server.state()), 0);
     // Nothing was written outside.
     let outside: Vec<_> = std::fs::read_dir(folder.path())
         .unwrap()

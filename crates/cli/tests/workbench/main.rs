@@ -7,6 +7,7 @@
 
 mod bring;
 mod browser;
+mod grow;
 mod hostile;
 mod same;
 mod server;

@@ -54,10 +54,21 @@ impl Server {
         Self::with_share(session, Share::All { _guard: guard })
     }
 
+    /// Starts it on a session folder with data of the user's own.
+    pub(crate) fn start_with(session: &Path, data: &Path) -> Self {
+        let guard = MACHINE.read().unwrap_or_else(PoisonError::into_inner);
+        Self::with(session, Some(data), Share::Some { _guard: guard })
+    }
+
     fn with_share(session: &Path, share: Share) -> Self {
+        Self::with(session, None, share)
+    }
+
+    fn with(session: &Path, data: Option<&Path>, share: Share) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_hysteron"))
             .args(["lab", "--no-open", "--session"])
             .arg(session)
+            .args(data)
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();

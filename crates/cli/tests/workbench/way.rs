@@ -41,6 +41,7 @@ async fn the_way(browser: &Browser, session: &Path, name: &str, model: &str) {
     let tiles = browser.see(".tiles").await;
     assert!(tiles.contains(&error), "{tiles} should say {error}");
     browser.see("#residual canvas").await;
+    opens_on_the_worst(browser, &said).await;
     select_error(browser).await;
     browser.picture(&format!("{name}-compare")).await;
     browser.accessible("compare").await;
@@ -49,6 +50,7 @@ async fn the_way(browser: &Browser, session: &Path, name: &str, model: &str) {
     browser.click("#diagnose").await;
     let verdict = browser.see("#verdict").await;
     let said = hysteron(session, &["diagnose", "data", "models/1.toml", "--json"]);
+    what_to_do_comes_first(browser, &said).await;
     let first = said["ranking"][0]["effect"].as_str().unwrap().to_owned();
     let told = said["verdict"].as_str().unwrap();
     assert!(
@@ -122,13 +124,44 @@ async fn the_way(browser: &Browser, session: &Path, name: &str, model: &str) {
 
     browser.click("#to-effects").await;
     browser.click("a[href='#effects/delay']").await;
-    let before = browser.see("#parameter-0").await;
-    drop(before);
+    // The page before had parameters, too.
+    browser.see("a[href='#effects/delay'][aria-current]").await;
+    browser.see("#parameter-0").await;
     let slide = "const s = document.querySelector('#parameter-0'); const was = document.querySelector('output').textContent; s.value = 0.5; s.dispatchEvent(new Event('input')); return [was, document.querySelector('output').textContent]";
     let moved = browser.run(slide, vec![]).await;
     assert_ne!(moved[0], moved[1], "the parameter follows the slider");
     browser.picture(&format!("{name}-effect")).await;
     browser.accessible("effects").await;
+}
+
+/// The picture that is shown first is that of the worst record among those not fitted to.
+async fn opens_on_the_worst(browser: &Browser, said: &Value) {
+    let records = said["records"].as_array().unwrap();
+    let error = |record: &Value| record["nrmse_percent"].as_f64().unwrap_or(-1.0);
+    let judged = records.iter().filter(|record| record["role"] == "validate");
+    let worst = judged.max_by(|a, b| error(a).total_cmp(&error(b))).unwrap();
+    let shown = "return document.querySelector('#record').selectedOptions[0].textContent";
+    let shown = browser.run(shown, vec![]).await;
+    let file = worst["file"].as_str().unwrap();
+    assert!(shown.as_str().unwrap().starts_with(file), "{shown} should be {file}");
+}
+
+/// What is named is added by the first button, on the first screen; the record to take next comes second.
+async fn what_to_do_comes_first(browser: &Browser, said: &Value) {
+    browser.client.set_window_size(1440, 900).await.unwrap();
+    let seen = "scrollTo(0, 0); return [...document.querySelectorAll('#next-steps button, #next-steps .button')].map((e) => [e.id || e.htmlFor, e.getBoundingClientRect().bottom < innerHeight, getComputedStyle(e).backgroundColor === getComputedStyle(document.querySelector('#way a[aria-current]')).backgroundColor])";
+    let seen = browser.run(seen, vec![]).await;
+    let named = !["none", "unknown"].contains(&said["verdict"].as_str().unwrap());
+    let mut expected = Vec::new();
+    if named {
+        expected.push(json!(["add-named", true, true]));
+    }
+    if !said["next_record"].is_null() {
+        expected.push(json!(["next-record", true, !named]));
+        expected.push(json!(["bring-next", true, false]));
+    }
+    assert_eq!(seen, Value::Array(expected));
+    browser.client.set_window_size(1400, 1000).await.unwrap();
 }
 
 /// The table of the step without effects: refused in words where the bench cannot follow, made once the bench is named; the
