@@ -10,6 +10,16 @@ pub enum Role {
     Validate,
 }
 
+impl Role {
+    /// The name used on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Identify => "identify",
+            Self::Validate => "validate",
+        }
+    }
+}
+
 /// One uniformly sampled run of the stage. All columns have the same length, at least 2, and only finite values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record {

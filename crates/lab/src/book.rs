@@ -5,9 +5,9 @@
 
 use crate::error::Refusal;
 use crate::folder::write_whole;
-use crate::reading::Reading;
+use crate::reading::{MANIFEST, Reading, Source, Target, import_command, quoted};
 use crate::table::Made;
-use hysteron_data::Role;
+use hysteron_data::{Dataset, Role};
 use hysteron_identify::{EffectId, Family};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -39,10 +39,12 @@ pub(crate) struct Book {
 #[derive(Debug, Clone, Serialize, Deserialize, PartialEq, Default)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Generation {
-    /// Folder or file of the dataset, as the commands name it.
+    /// Folder of the dataset, as the commands name it.
     pub(crate) data: String,
     /// The command that made it, where there is one.
     pub(crate) command: Option<String>,
+    /// The folder or file of the user's own that it is a copy of.
+    pub(crate) from: Option<String>,
     /// The records that came with it, where they came in files that were brought.
     pub(crate) came: Vec<Came>,
     /// Records of the generation before that are used otherwise now, with the role that they had.
@@ -149,6 +151,45 @@ impl Generation {
     /// Whether it differs in nothing from the one before.
     pub(crate) fn nothing_new(&self) -> bool {
         self.came.is_empty() && self.roles.is_empty()
+    }
+
+    /// The command that makes a generation of the one before it, where there is one: a copy, the imports, and in words the roles.
+    pub(crate) fn command(
+        &self,
+        before: &Self,
+        files: &BTreeMap<String, Brought>,
+        dataset: &Dataset,
+    ) -> Option<String> {
+        let role = |name: &str| {
+            dataset
+                .records
+                .iter()
+                .find(|record| record.file == name)
+                .map(|record| record.role)
+        };
+        let mut sources: Vec<Source<'_>> = Vec::new();
+        for came in &self.came {
+            let (file, role) = (files.get(&came.file)?, role(&came.record)?);
+            match sources.iter().find(|source| source.name == came.file) {
+                Some(source) if source.role != role => return None,
+                Some(_) => {}
+                None => sources.push(Source {
+                    name: &came.file,
+                    reading: &file.reading,
+                    role,
+                }),
+            }
+        }
+        let mut command = format!("cp -r {} {}", quoted(&before.data), quoted(&self.data));
+        if !sources.is_empty() {
+            command.push_str(&format!(" && {}", import_command(&sources, &self.data, Target::There)));
+        }
+        if !self.roles.is_empty() {
+            let changed = |name: &String| Some(format!("{} is to {}", quoted(name), role(name)?.name()));
+            let changed: Vec<String> = self.roles.keys().filter_map(changed).collect();
+            command.push_str(&format!("    # then, in its dataset.toml, {}", changed.join(", ")));
+        }
+        Some(command)
     }
 
     /// Takes over what one brought that it was made of and takes the place of.
@@ -280,7 +321,7 @@ impl Book {
 
     /// How a file that comes is read: as all files before it, where they agree.
     pub(crate) fn reading_of_a_new_file(&self) -> Reading {
-        let tables = |name: &&String| name.as_str() != crate::uploads::MANIFEST;
+        let tables = |name: &&String| name.as_str() != MANIFEST;
         let mut readings = self
             .files
             .iter()

@@ -95,8 +95,7 @@ pub(crate) fn session(app: &App) -> Result<Download, Refusal> {
         .generations
         .iter()
         .map(|generation| generation.data.as_str());
-    let own = data.filter(|data| session.folder.join(data).parent() == Some(&session.folder));
-    for part in ["", "uploads"].into_iter().chain(own).chain(RESULTS) {
+    for part in ["", "uploads"].into_iter().chain(data).chain(RESULTS) {
         let folder = session.folder.join(part);
         let mut files: Vec<_> = std::fs::read_dir(&folder)
             .into_iter()

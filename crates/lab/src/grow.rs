@@ -8,9 +8,9 @@ use crate::book::{Book, Came, Generation, Stands};
 use crate::error::Refusal;
 use crate::folder;
 use crate::jobs;
-use crate::reading::{Source, Target, import_command, in_order, quoted};
+use crate::reading::{MANIFEST, Source, Target, import_command, in_order, quoted};
 use crate::session::Session;
-use crate::uploads::{self, MANIFEST, Uploads};
+use crate::uploads::{self, Uploads};
 use hysteron_data::import::name_apart;
 use hysteron_data::{Dataset, Manifest, Overwrite, Record, Role, append_records, write_dataset};
 use std::path::Path;
@@ -255,7 +255,10 @@ fn next(
         (session.folder.clone(), session.data_folder(now))
     };
     let making = folder::fresh(&session)?.join("data");
-    stay(dataset, &from, &making, from.starts_with(&session))?;
+    // Nothing changes a generation any more, so that a link is as good as a copy; some file systems have none.
+    stay(dataset, &from, &making, |file, place| {
+        std::fs::hard_link(file, place).or_else(|_| std::fs::copy(file, place).map(drop))
+    })?;
     let mut generation = Generation {
         came,
         ..Generation::default()
@@ -272,9 +275,13 @@ fn next(
     grown
 }
 
-/// The records of a dataset in another folder: linked where the session owns them, because nothing changes a generation any more;
-/// copied where they are the user's own.
-fn stay(dataset: &Dataset, from: &Path, to: &Path, owned: bool) -> Result<(), Refusal> {
+/// The records of a dataset in another folder, each put there by `put`, and its `dataset.toml`.
+pub(crate) fn stay(
+    dataset: &Dataset,
+    from: &Path,
+    to: &Path,
+    put: impl Fn(&Path, &Path) -> std::io::Result<()>,
+) -> Result<(), Refusal> {
     for record in &dataset.records {
         let place = to.join(&record.file);
         let failed = |error: std::io::Error| Refusal::disk(&place, &error);
@@ -284,9 +291,7 @@ fn stay(dataset: &Dataset, from: &Path, to: &Path, owned: bool) -> Result<(), Re
         } else {
             from.to_owned()
         };
-        if !(owned && std::fs::hard_link(&file, &place).is_ok()) {
-            std::fs::copy(&file, &place).map_err(failed)?;
-        }
+        put(&file, &place).map_err(failed)?;
     }
     Manifest::of(dataset).write(to).map_err(Refusal::unusable)
 }
@@ -298,46 +303,4 @@ fn free_name(session: &Path) -> String {
         number += 1;
     }
     format!("data-{number}")
-}
-
-/// The command that makes a generation of the one before it, where there is one: a copy, the imports, and in words the roles.
-pub(crate) fn command(book: &Book, dataset: &Dataset, next: &Generation) -> Option<String> {
-    let before = book.data()?;
-    let role = |name: &str| {
-        dataset
-            .records
-            .iter()
-            .find(|record| record.file == name)
-            .map(|record| record.role)
-    };
-    let mut sources: Vec<Source<'_>> = Vec::new();
-    for came in &next.came {
-        let (file, role) = (book.files.get(&came.file)?, role(&came.record)?);
-        match sources.iter().find(|source| source.name == came.file) {
-            Some(source) if source.role != role => return None,
-            Some(_) => {}
-            None => sources.push(Source {
-                name: &came.file,
-                reading: &file.reading,
-                role,
-            }),
-        }
-    }
-    let mut command = format!("cp -r {} {}", quoted(&before.data), quoted(&next.data));
-    if !sources.is_empty() {
-        command.push_str(&format!(" && {}", import_command(&sources, &next.data, Target::There)));
-    }
-    if !next.roles.is_empty() {
-        let changed = |name: &String| Some(format!("{} is to {}", quoted(name), role(name).map(verb)?));
-        let changed: Vec<String> = next.roles.keys().filter_map(changed).collect();
-        command.push_str(&format!("    # then, in its dataset.toml, {}", changed.join(", ")));
-    }
-    Some(command)
-}
-
-fn verb(role: Role) -> &'static str {
-    match role {
-        Role::Identify => "identify",
-        Role::Validate => "validate",
-    }
 }

@@ -18,6 +18,7 @@ mod folder;
 mod grow;
 mod guard;
 mod jobs;
+mod own;
 mod reading;
 mod riddle;
 mod series;
@@ -31,7 +32,6 @@ mod work;
 pub use error::LabError;
 
 use address::Address;
-use book::Generation;
 use guard::Guard;
 use hysteron_identify::Model;
 use jobs::Job;
@@ -124,7 +124,7 @@ impl Lab {
     pub fn open(options: Options) -> Result<Self, LabError> {
         let mut session = Session::open(&options.session)?;
         if let Some(data) = &options.data {
-            begin_with(&mut session, data)?;
+            own::begin_with(&mut session, data)?;
         }
         let (listener, address) = Address::take(&options.session, options.port)?;
         let guard = Guard::new(&address);
@@ -165,35 +165,4 @@ impl Lab {
         })?;
         Ok(())
     }
-}
-
-/// Takes the data given at the start, unless the session is about them already.
-fn begin_with(session: &mut Session, data: &Path) -> Result<(), LabError> {
-    let whole = std::path::absolute(data)?;
-    let shown = whole.display().to_string();
-    if session
-        .book
-        .generations
-        .first()
-        .is_some_and(|first| first.data == shown)
-    {
-        return Ok(());
-    }
-    if !session.book.steps.is_empty() {
-        return Err(LabError::Session {
-            folder: session.folder.display().to_string(),
-            reason: "it has models of other data; give another folder with --session, or leave DATA out to go on"
-                .to_owned(),
-        });
-    }
-    let dataset = hysteron_data::read_dataset(data)?;
-    let first = Generation {
-        data: shown,
-        ..Generation::default()
-    };
-    let taken = folder::fresh(&session.folder).and_then(|_| session.begin(first, &[], dataset));
-    taken.map_err(|refusal| LabError::Session {
-        folder: session.folder.display().to_string(),
-        reason: refusal.message,
-    })
 }

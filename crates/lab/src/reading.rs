@@ -5,6 +5,9 @@ use hysteron_data::Role;
 use hysteron_data::import::{ColumnChoice, Gaps, ImportOptions, Jitter, Missing};
 use serde::{Deserialize, Serialize};
 
+/// The file that makes a dataset of the recordings beside it.
+pub(crate) const MANIFEST: &str = "dataset.toml";
+
 /// How a file is read, in the options of `hysteron import`.
 #[derive(Debug, Clone, Serialize, Deserialize, Default, PartialEq)]
 #[serde(deny_unknown_fields, default)]

@@ -11,8 +11,9 @@ use std::path::PathBuf;
 /// How the challenge stands; nothing where the data are none.
 pub(crate) fn state(session: &Session) -> Option<Value> {
     let folder = place(session)?;
-    let data = session.data_word(0);
-    let key = quoted(&format!("{}.key", session.book.generations.first()?.data));
+    let first = session.book.generations.first()?;
+    let own = first.from.as_ref().unwrap_or(&first.data);
+    let (data, key) = (quoted(own), quoted(&format!("{own}.key")));
     let stands = hysteron_challenge::stands(&folder);
     let error = stands.as_ref().err().map(|error| shown(session, error));
     let (answer, revealed) = stands.unwrap_or_default();
@@ -29,10 +30,12 @@ pub(crate) fn state(session: &Session) -> Option<Value> {
     }))
 }
 
-/// The folder of the challenge: that of the data as they began, however they grew.
+/// The folder of the challenge: the user's own, or that of the data as they began, however they grew.
 fn place(session: &Session) -> Option<PathBuf> {
-    session.book.generations.first()?;
-    Some(session.data_folder(0)).filter(|folder| hysteron_challenge::is_challenge(folder))
+    let first = session.book.generations.first()?;
+    let own = first.from.as_ref().map(PathBuf::from);
+    own.or(Some(session.data_folder(0)))
+        .filter(|folder| hysteron_challenge::is_challenge(folder))
 }
 
 /// Takes the answer.

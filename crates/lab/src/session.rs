@@ -6,7 +6,6 @@
 use crate::book::{Book, Generation, Recipe, Stands, Step, model_name};
 use crate::error::{LabError, Refusal};
 use crate::folder::{RESULTS, finish_taking, nothing_else_in};
-use crate::grow;
 use crate::reading::quoted;
 use crate::uploads::{self, Uploads};
 use hysteron_data::Dataset;
@@ -29,6 +28,8 @@ pub(crate) struct Session {
     pub(crate) dataset: Option<Arc<Dataset>>,
     /// What the page shows of their records.
     pub(crate) shown: Vec<serde_json::Value>,
+    /// What is to be said of the data the session began with, as they are now.
+    pub(crate) notices: Vec<String>,
     /// Data as they were, for the step that was looked at last.
     earlier: Option<(usize, Arc<Dataset>)>,
     comparisons: VecDeque<(usize, Arc<Comparison>)>,
@@ -68,6 +69,7 @@ impl Session {
             book,
             dataset: None,
             shown: Vec::new(),
+            notices: Vec::new(),
             earlier: None,
             comparisons: VecDeque::new(),
             _lock: lock,
@@ -133,11 +135,8 @@ impl Session {
         if next.nothing_new() {
             gone.push(next);
         } else {
-            // A file that the session began with is no folder that could be copied.
-            let folder = book
-                .data()
-                .is_some_and(|before| self.folder.join(&before.data).is_dir());
-            next.command = folder.then(|| grow::command(&book, &dataset, &next)).flatten();
+            let before = book.data();
+            next.command = before.and_then(|before| next.command(before, &book.files, &dataset));
             book.generations.push(next);
         }
         book.revision += 1;
@@ -246,7 +245,7 @@ impl Session {
         Ok(dataset)
     }
 
-    /// The folder or file of a generation of the data.
+    /// The folder of a generation of the data.
     pub(crate) fn data_folder(&self, generation: usize) -> PathBuf {
         let data = self
             .book

@@ -55,12 +55,13 @@ fn data(session: &Session) -> Option<Value> {
         shown
     });
     let generation = book.data()?;
+    let read = dataset.notices.iter().map(|n| format!("{}: {}", n.file, n.text));
     Some(json!({
         "name": dataset.name,
         "path": generation.data,
         "command": generation.command,
         "generation": book.now(),
-        "notices": dataset.notices.iter().map(|n| format!("{}: {}", n.file, n.text)).collect::<Vec<_>>(),
+        "notices": read.chain(session.notices.iter().cloned()).collect::<Vec<_>>(),
         "records": records.collect::<Vec<_>>(),
     }))
 }

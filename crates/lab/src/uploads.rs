@@ -2,7 +2,7 @@
 
 use crate::book::{Book, Brought, Stands};
 use crate::error::Refusal;
-use crate::reading::{Reading, Source};
+use crate::reading::{MANIFEST, Reading, Source};
 use hysteron_data::import::import;
 use hysteron_data::{Dataset, Manifest, Record, Role};
 use std::collections::BTreeMap;
@@ -15,9 +15,6 @@ pub(crate) const FILE_LIMIT: u64 = 512 << 20;
 
 /// Most files in one session.
 pub(crate) const FILES: usize = 500;
-
-/// The file that makes a dataset of the recordings beside it.
-pub(crate) const MANIFEST: &str = "dataset.toml";
 
 /// A file, read or refused.
 pub(crate) struct Upload {
@@ -185,7 +182,8 @@ pub(crate) struct Put {
     pub(crate) known: Vec<String>,
 }
 
-fn same_bytes(a: &Path, b: &Path) -> bool {
+/// Whether two files are there and hold the same.
+pub(crate) fn same_bytes(a: &Path, b: &Path) -> bool {
     let length = |path: &Path| std::fs::metadata(path).ok().map(|data| data.len());
     if length(a).is_none() || length(a) != length(b) {
         return false;

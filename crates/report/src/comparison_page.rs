@@ -9,7 +9,7 @@ use crate::headline::{direction, headline, quantity_name, range};
 use crate::number::{count, percent as percent_text, quantity, readable_unit, signed, unit_text};
 use crate::page::{Block, Figure, Page, Section, Tile};
 use crate::palette::Ink;
-use crate::record_pictures::{record_pictures, role};
+use crate::record_pictures::record_pictures;
 use crate::table::{Cell, Table};
 
 /// What a comparison page says besides the comparison.
@@ -99,7 +99,7 @@ fn summary(comparison: &Comparison) -> Section {
         tiles.push(Tile {
             label: "Worst record".to_owned(),
             value: percent_text(percent),
-            note: format!("{}, {}", record.file, role(record.role)),
+            note: format!("{}, {}", record.file, record.role.name()),
         });
     }
     if comparison.noise_rms_um > 0.0 {
@@ -207,7 +207,7 @@ fn record_table(comparison: &Comparison) -> Table {
         |table, record| {
             table.row(vec![
                 Cell::text(&record.file),
-                Cell::text(role(record.role)),
+                Cell::text(record.role.name()),
                 Cell::number(record.nrmse_percent),
                 fit(record.fit_percent),
                 Cell::number(factor * record.rms_um),

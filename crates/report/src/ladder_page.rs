@@ -9,7 +9,6 @@ use crate::figures::{Bar, Line, Lines, bars, lines};
 use crate::number::{percent as percent_text, quantity, significant};
 use crate::page::{Block, Figure, Page, Section, Tile};
 use crate::palette::Ink;
-use crate::record_pictures::role;
 use crate::table::{Cell, Table};
 
 /// Series that are told apart by colour.
@@ -166,7 +165,7 @@ fn by_record(ladder: &Ladder) -> Section {
                 there.and_then(|r| r.percent)
             })
             .collect();
-        let mut cells = vec![Cell::text(&record.file), Cell::text(role(record.role))];
+        let mut cells = vec![Cell::text(&record.file), Cell::text(record.role.name())];
         cells.extend(errors.iter().map(|&error| Cell::number(error)));
         table = table.row(cells);
         let shown = !judged || record.role == Role::Validate;

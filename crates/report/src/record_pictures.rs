@@ -132,7 +132,7 @@ fn worst_part(record: &RecordComparison) -> Option<std::ops::Range<usize>> {
 fn facts(comparison: &Comparison, record: &RecordComparison) -> Vec<(String, String)> {
     let unit = comparison.output_unit;
     let percent = |value: Option<f64>| value.map(percent_text);
-    let mut facts = vec![("Role".to_owned(), role(record.role).to_owned())];
+    let mut facts = vec![("Role".to_owned(), record.role.name().to_owned())];
     let mut push = |name: &str, value: Option<String>| {
         if let Some(value) = value {
             facts.push((name.to_owned(), value));
@@ -155,14 +155,6 @@ fn facts(comparison: &Comparison, record: &RecordComparison) -> Vec<(String, Str
     push("Samples", Some(count(record.samples)));
     push("Start", Some(record.initial_state.clone()));
     facts
-}
-
-/// A role in words.
-pub(crate) fn role(role: Role) -> &'static str {
-    match role {
-        Role::Identify => "identify",
-        Role::Validate => "validate",
-    }
 }
 
 fn full(comparison: &Comparison, record: &RecordComparison) -> Block {
@@ -200,8 +192,8 @@ fn small(comparison: &Comparison, record: &RecordComparison) -> Block {
     let picture = loop_plot(&loop_data(comparison, record, range), size);
     figures.extend(picture.map(|picture| Figure::new(picture, caption)));
     let heading = match record.nrmse_percent {
-        Some(percent) => format!("{} ({}, {})", record.file, role(record.role), percent_text(percent)),
-        None => format!("{} ({}, does not move)", record.file, role(record.role)),
+        Some(percent) => format!("{} ({}, {})", record.file, record.role.name(), percent_text(percent)),
+        None => format!("{} ({}, does not move)", record.file, record.role.name()),
     };
     Block::Group(heading, vec![Block::Gallery(figures)])
 }

@@ -5,7 +5,6 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
-use hysteron_data::Role;
 use hysteron_identify::{Added, EffectName, FittedEffect, Step};
 use hysteron_report::amounts::{Amount, written};
 use std::fmt::Write;
@@ -115,7 +114,7 @@ pub(super) fn errors(text: &mut String, before: &Step, after: &Step) {
     for (b, a) in before.records.iter().zip(&after.records) {
         // A record that stands still has no such figure.
         if let (Some(pb), Some(pa)) = (b.percent, a.percent) {
-            let _ = writeln!(text, "{:<9} {:<widest$} {pb:>8.2} {pa:>8.2}", role(b.role), b.file);
+            let _ = writeln!(text, "{:<9} {:<widest$} {pb:>8.2} {pa:>8.2}", b.role.name(), b.file);
         }
     }
     text.push('\n');
@@ -131,13 +130,6 @@ pub(super) fn errors(text: &mut String, before: &Step, after: &Step) {
         text.push_str("no record was kept to judge by: give some the role validate, or a fall here proves nothing\n");
     } else if after.validate_percent >= before.validate_percent {
         text.push_str("the records not fitted to do not support it: their error did not fall\n");
-    }
-}
-
-fn role(role: Role) -> &'static str {
-    match role {
-        Role::Identify => "identify",
-        Role::Validate => "validate",
     }
 }
 

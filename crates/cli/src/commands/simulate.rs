@@ -112,10 +112,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<Done, CliError> {
     write_dataset(&dataset, &args.output, overwrite)?;
     let mut text = String::new();
     for record in &dataset.records {
-        let role = match record.role {
-            Role::Identify => "identify",
-            Role::Validate => "validate",
-        };
+        let role = record.role.name();
         // Writing to a String does not fail.
         let _ = writeln!(
             text,

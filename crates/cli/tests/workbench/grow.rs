@@ -128,6 +128,37 @@ fn val_a_project_with_models_takes_more_records() {
     assert_eq!(own, same);
 }
 
+/// Brings the record that the diagnosis of the first step asks for, as `a.csv`: by the button beside the verdict where there is a
+/// browser.
+fn bring_what_was_asked_for(server: &Server, place: &Path) {
+    let asked = server.ask("GET", "api/diagnosis?step=0", b"").json();
+    if !there() || asked["numbers"]["next_record"].is_null() {
+        let came = server.ask("POST", "api/upload?name=a.csv&asked=0", csv(1000).as_bytes());
+        assert_eq!(came.status, 200, "{}", came.text());
+        return;
+    }
+    let file = place.join("a.csv");
+    std::fs::write(&file, csv(1000)).unwrap();
+    in_browser(async {
+        let browser = Browser::open(&server.address(), true).await;
+        browser.click("#way a[href='#diagnose']").await;
+        browser.see("#bring-next").await;
+        let field = browser
+            .client
+            .find(fantoccini::Locator::Css("#bring-next"))
+            .await
+            .unwrap();
+        field.send_keys(file.to_str().unwrap()).await.unwrap();
+        // The page goes to the data by itself, where the record waits to be added.
+        browser
+            .see_text("Brought as the record that the diagnosis of step 1, pi, 3 plays, asked for")
+            .await;
+        browser.see("#add-files:not([disabled])").await;
+        browser.picture("grow-asked").await;
+        browser.close().await;
+    });
+}
+
 #[test]
 fn val_a_dataset_of_the_users_own_grows_in_the_session_alone() {
     let place = tempfile::tempdir().unwrap();
@@ -172,8 +203,7 @@ fn val_a_dataset_of_the_users_own_grows_in_the_session_alone() {
             assert_eq!(came.json()["known"], json!([name]), "{}", came.text());
         }
         assert_eq!(server.state()["files"], json!([]));
-        let came = server.ask("POST", "api/upload?name=a.csv&asked=0", csv(1000).as_bytes());
-        assert_eq!(came.status, 200, "{}", came.text());
+        bring_what_was_asked_for(&server, place.path());
         server.act(r#"{"what":"add-files"}"#);
         let state = server.state();
         assert_eq!(names(&state), ["a.csv", "b.csv", "a-2.csv"], "{}", state["job"]);
@@ -224,9 +254,29 @@ fn val_a_dataset_of_the_users_own_grows_in_the_session_alone() {
         );
         assert!(listed(&stage) == before, "the user's own folder is as it was");
     }
-    // The same call opens it again and goes on.
+    // The user's own dataset grows, and the same call opens the session again: what is new in it waits, with its role.
+    hysteron_data::append_records(&stage, &[record("c.csv", Role::Validate)]).unwrap();
     let server = Server::start_with(&session, &stage);
-    assert_eq!(names(&server.state()), ["a.csv", "b.csv", "a-2.csv"]);
+    let state = server.state();
+    assert_eq!(names(&state), ["a.csv", "b.csv", "a-2.csv"]);
+    let waits = |state: &Value| -> Vec<Value> {
+        let files = state["files"].as_array().unwrap().iter();
+        let files = files.filter(|file| file["stands"] == "waits");
+        files.map(|file| json!([file["name"], file["role"]])).collect()
+    };
+    assert_eq!(waits(&state), [json!(["c.csv", "validate"])]);
+    server.act(r#"{"what":"add-files"}"#);
+    server.act(r#"{"what":"role","record":"b.csv","role":"identify"}"#);
+    drop(server);
+    let server = Server::start_with(&session, &stage);
+    let state = server.state();
+    assert_eq!(names(&state), ["a.csv", "b.csv", "a-2.csv", "c.csv"]);
+    assert_eq!(waits(&state), [] as [Value; 0]);
+    let said = state["data"]["notices"][0].as_str().unwrap();
+    assert!(
+        said.starts_with("b.csv: ") && said.contains("validate now, here it is identify"),
+        "{said}"
+    );
 }
 
 /// Every command in an answer.
@@ -263,12 +313,13 @@ fn regress_no_name_ends_the_line_of_a_command() {
     };
     hysteron_data::write_dataset(&own, &stage, hysteron_data::Overwrite::Refuse).unwrap();
     let server = Server::start_with(&session, &stage);
+    let mut found = Vec::new();
+    commands(&server.state(), &mut found);
     server.act(r#"{"what":"fit","model":"pi","plays":3}"#);
     let came = server.ask("POST", "api/upload?name=b.csv", csv(1000).as_bytes());
     assert_eq!(came.status, 200, "{}", came.text());
     server.act(r#"{"what":"add-files"}"#);
     server.act(r#"{"what":"role","record":"a.csv","role":"validate"}"#);
-    let mut found = Vec::new();
     commands(&server.state(), &mut found);
     commands(&server.ask("GET", "api/words?step=0", b"").json(), &mut found);
     assert!(found.iter().any(|command| command.contains("touch evil")), "{found:?}");

@@ -1,7 +1,6 @@
 //! A comparison in words and tables.
 
 use super::amounts::prefixed;
-use super::role;
 use crate::headline::{OUT_OF_PROPORTION, direction, pooled_over_noise, range, tells};
 use hysteron_data::Role;
 use hysteron_diagnose::{Bin, Breakdown, Comparison, Pooled};
@@ -33,7 +32,7 @@ pub fn comparison_text(comparison: &Comparison) -> String {
         let _ = writeln!(
             text,
             "{:<9} {:<widest$} {:>11} {:>7} {:>8.decimals$} {:>8.decimals$} {:>9.1}",
-            role(record.role),
+            record.role.name(),
             record.file,
             percent(record.nrmse_percent),
             percent(record.fit_percent),
@@ -47,7 +46,7 @@ pub fn comparison_text(comparison: &Comparison) -> String {
         (Role::Identify, comparison.identify),
         (Role::Validate, comparison.validate),
     ] {
-        let name = role(role_of);
+        let name = role_of.name();
         if let Some(all) = pooled {
             let Pooled {
                 nrmse_percent,

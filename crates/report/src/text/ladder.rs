@@ -1,6 +1,6 @@
 //! A ladder as tables.
 
-use super::{percent, role};
+use super::percent;
 use hysteron_diagnose::{Ladder, Rung};
 use hysteron_identify::RecordError;
 use std::fmt::Write;
@@ -95,7 +95,7 @@ fn records(text: &mut String, ladder: &Ladder, title: &str, figure: &dyn Fn(&Rec
     }
     text.push('\n');
     for (i, record) in last.step.records.iter().enumerate().filter(|(_, r)| told(&r.file)) {
-        let role = role(record.role);
+        let role = record.role.name();
         let _ = write!(text, "{role:<9} {:<widest$}", record.file);
         for (rung, &width) in ladder.steps.iter().zip(&widths) {
             // Steps on other data have other records.

@@ -10,17 +10,9 @@ mod model;
 
 pub use comparison::comparison_text;
 pub use diagnosis::{diagnosis_details, diagnosis_text};
-use hysteron_data::Role;
 pub use ladder::{ladder_details, ladder_text};
 pub use learned::learned_text;
 pub use model::model_text;
-
-fn role(role: Role) -> &'static str {
-    match role {
-        Role::Identify => "identify",
-        Role::Validate => "validate",
-    }
-}
 
 /// Percent with three decimals, or two significant digits where these would all be zero.
 fn percent(value: Option<f64>) -> String {

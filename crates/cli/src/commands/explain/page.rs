@@ -1,7 +1,6 @@
 //! The page of `hysteron explain`.
 
 use super::{Explained, OnOwnData, fitted, verdict};
-use hysteron_data::Role;
 use hysteron_identify::effects::Description;
 use hysteron_identify::illustration::Illustration;
 use hysteron_report::explanation::{caption, paragraphs};
@@ -178,10 +177,7 @@ fn own_data(own: &OnOwnData, d: &Description) -> Section {
     for (before, after) in before.records.iter().zip(&after.records) {
         table = table.row(vec![
             Cell::text(&before.file),
-            Cell::text(match before.role {
-                Role::Identify => "identify",
-                Role::Validate => "validate",
-            }),
+            Cell::text(before.role.name()),
             Cell::number(before.percent),
             Cell::number(after.percent),
         ]);
