@@ -136,6 +136,8 @@ pub(crate) enum Stands {
     Waits,
     /// Its records are in the data.
     Taken,
+    /// Its records were in data that have ended: it is offered only where one begins anew.
+    Aside,
 }
 
 /// What came to the data after a step was fitted.

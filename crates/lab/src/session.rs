@@ -101,8 +101,11 @@ impl Session {
             ..Book::default()
         };
         for (name, file) in &mut book.files {
-            let taken = files.contains(name);
-            file.stands = if taken { Stands::Taken } else { Stands::Waits };
+            file.stands = match file.stands {
+                _ if files.contains(name) => Stands::Taken,
+                Stands::Taken | Stands::Aside => Stands::Aside,
+                Stands::Waits => Stands::Waits,
+            };
             file.asked_by = None;
         }
         book.write(&self.folder.join("fresh/session.json"))?;

@@ -80,10 +80,18 @@ function dropZone(lab) {
   el("p", { id: "bring-status", role: "status" }));
 }
 
+/** Begins anew; where models end with it, only on a second word. */
+function beginAnew(lab, deed) {
+  const count = lab.state.steps.length;
+  if (count && !confirm(`Begin anew? The data of this session and ${many(count, "model")} end with it.`)) return;
+  again = false;
+  lab.act(deed);
+}
+
 function starts(lab) {
   return el("ul", { class: "starts" }, lab.state.starts.map((start) => el("li", { class: "card" },
     el("h3", {}, start.title), el("p", {}, start.about),
-    el("button", { type: "button", id: `start-${start.name}`, "aria-label": `Begin with it: ${start.title}`, disabled: lab.state.job.running, click: () => lab.act({ what: "start", name: start.name }) }, "Begin with it"))));
+    el("button", { type: "button", id: `start-${start.name}`, "aria-label": `Begin with it: ${start.title}`, disabled: lab.state.job.running, click: () => beginAnew(lab, { what: "start", name: start.name }) }, "Begin with it"))));
 }
 
 /** How a file is read, to be corrected; for it alone or for all files that are shown. */
@@ -230,7 +238,7 @@ function waiting(lab, files, views) {
 function records(lab) {
   const { data, job } = lab.state;
   const role = (r, index) => ({ element: roleSelect(`record-role-${index}`, r.role, async (value) => { if (!await lab.act({ what: "role", record: r.file, role: value })) lab.redraw(); }, { "aria-label": `${r.file} is used to`, disabled: job.running }) });
-  const came = (r) => (r.came_in ? `${r.came_in}${r.asked_by === null ? "" : `, ${askedBy(lab, r.asked_by)}`}` : "with the data");
+  const came = (r) => (r.came_in ? `${r.came_in}${r.asked_by === null ? "" : `, asked for by step ${r.asked_by + 1}`}` : "with the data");
   const files = data.records.some((r) => r.came_in);
   return table("Records", ["Record", "Used to", "Excitation", ...(files ? ["Came in"] : []), ...COLUMNS],
     data.records.map((r, index) => [r.file, role(r, index), { element: el("span", { class: "words" }, r.excitation || "–") }, ...(files ? [came(r)] : []), ...measures(r)]));
@@ -257,13 +265,13 @@ let again = false;
 /** Begin anew: the files that were brought, corrected, or a starting point. */
 function anew(lab, views) {
   const { state } = lab;
-  const brought = state.files.filter((file) => file.stands === "taken");
+  const brought = state.files.filter((file) => file.stands !== "waits");
   const redraw = (value) => { again = value; lab.redraw(); };
   const box = el("details", { class: "other", open: again }, el("summary", {}, "Begin anew"));
   if (again && brought.length) {
     const usable = state.files.some((file) => file.records.length);
     box.append(el("h2", {}, "All files that were brought"), end(state) || "", leftOut(state.files) || "",
-      deed(lab, "use", "Begin anew with these recordings", "", usable ? null : "No file can be read yet.", () => { again = false; lab.act({ what: "take-files" }); }),
+      deed(lab, "use", "Begin anew with these recordings", "", usable ? null : "No file can be read yet.", () => beginAnew(lab, { what: "take-files" })),
       ...found(lab, state.files, views).filter(Boolean),
       el("p", {}, el("button", { type: "button", click: () => redraw(false) }, "Back to the data")));
     return box;

@@ -18,7 +18,7 @@ use std::process::{Command, Stdio};
     opened again, it goes on where it was left, at the same address while its port is free. Records can be added at any\n\
     time: data/ stays, data-2/ has them as well, and models stay until they are fitted anew. Ctrl-C ends it.")]
 pub(crate) struct LabArgs {
-    /// Dataset folder, or one CSV, to begin with
+    /// Dataset folder, or one CSV, to begin with; copied into the session
     pub data: Option<PathBuf>,
     /// Do not open the browser
     #[arg(long)]

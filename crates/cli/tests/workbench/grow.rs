@@ -91,6 +91,12 @@ fn val_a_project_with_models_takes_more_records() {
         // And what a record is used for is changed in the data.
         browser.choose("#record-role-1", "identify").await;
         browser.see_text("the role of second.csv changed").await;
+        // Models do not end by one click.
+        browser.click("details.other summary").await;
+        browser.click("#start-demo").await;
+        let asked = browser.client.get_alert_text().await.unwrap();
+        assert!(asked.contains("2 models end with it"), "{asked}");
+        browser.client.dismiss_alert().await.unwrap();
         browser.close().await;
     });
     let state = server.state();
