@@ -92,20 +92,19 @@ fn wants_a_page(headers: &HeaderMap) -> bool {
 
 /// A refusal as a page: an old bookmark must say what to do.
 fn page(refusal: &Refusal) -> Response {
+    let mut reason = refusal.message.clone();
+    if let Some(first) = reason.get_mut(..1) {
+        first.make_ascii_uppercase();
+    }
     let text = format!(
-        "<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"color-scheme\" content=\"light dark\"><title>Hysteron \
-         workbench</title><body style=\"font: 16px/1.5 system-ui, sans-serif; max-width: 40rem; margin: 3rem auto; padding: 0 1rem\">\
-         <h1 style=\"font-size: 1.3rem\">Not the address of this session</h1><p>{}.</p><p>A session keeps its address from one start to \
-         the next. Here runs another session, or another server: start <code>hysteron lab</code> with the <code>--session</code> that \
-         you want, and open the address that it prints.</p>",
-        refusal.message
+        "<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\"><meta \
+         name=\"color-scheme\" content=\"light dark\"><title>Hysteron workbench</title><body style=\"font: 16px/1.5 system-ui, \
+         sans-serif; max-width: 40rem; margin: 3rem auto; padding: 0 1rem\"><h1 style=\"font-size: 1.3rem\">Not the address of this \
+         session</h1><p>{reason}.</p><p>A session keeps its address from one start to the next. Here runs another session, or \
+         another server: start <code>hysteron lab</code> with the <code>--session</code> that you want.</p>"
     );
-    (
-        refusal.status,
-        [(header::CONTENT_TYPE, "text/html; charset=utf-8")],
-        text,
-    )
-        .into_response()
+    let kind = [(header::CONTENT_TYPE, "text/html; charset=utf-8")];
+    (refusal.status, kind, text).into_response()
 }
 
 /// Refuses strangers; takes the token off the path of everyone else.
