@@ -10,11 +10,12 @@ import { staleNotice } from "./stale.js";
 /** The record that was chosen, by its file; before that the one that tells most. */
 let chosen = null;
 
-/** Where to look first: the largest error in percent among the records not fitted to, else among all. */
-function worst(records) {
-  const judged = records.some((r) => r.role === "validate" && r.nrmse_percent !== null);
-  const size = (r) => ((r.role === "validate") === judged || !judged ? r.nrmse_percent ?? -1 : -2);
-  return records.reduce((most, r, index) => (size(r) > size(records[most]) ? index : most), 0);
+/** Where to look first: the largest error in percent among the records not fitted to, where one of them moves; else among all. */
+export function worst(records) {
+  const moving = records.map((record, index) => ({ ...record, index })).filter((record) => record.nrmse_percent !== null);
+  const judged = moving.filter((record) => record.role === "validate");
+  const most = (judged.length ? judged : moving).reduce((a, b) => (b.nrmse_percent > a.nrmse_percent ? b : a), { index: 0, nrmse_percent: -1 });
+  return most.index;
 }
 
 const WORDS = {

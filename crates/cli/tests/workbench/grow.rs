@@ -4,7 +4,7 @@
 use crate::bring::csv;
 use crate::browser::{Browser, there};
 use crate::server::Server;
-use crate::way::in_browser;
+use crate::way::{in_browser, shows_the_worst_of_all_where_none_is_judged};
 use hysteron_data::{Dataset, Record, Role, read_dataset};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -466,6 +466,7 @@ fn val_a_bookmark_and_an_open_tab_go_on_after_a_restart() {
         let said = browser.see("#back:not([hidden])").await;
         assert!(said.contains("This page goes on where it was"), "{said}");
         browser.see("#fault[hidden]").await;
+        shows_the_worst_of_all_where_none_is_judged(&browser).await;
         browser.click("#start-demo").await;
         browser.see_text("The data: paper-stage").await;
         // An address of another session says what to do, as a page.

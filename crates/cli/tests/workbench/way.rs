@@ -146,6 +146,23 @@ async fn opens_on_the_worst(browser: &Browser, said: &Value) {
     assert!(shown.as_str().unwrap().starts_with(file), "{shown} should be {file}");
 }
 
+/// Where nothing is judged, or what is judged does not move, the worst of all is shown first.
+pub(crate) async fn shows_the_worst_of_all_where_none_is_judged(browser: &Browser) {
+    let worst = "const [records, done] = arguments; import('./app/compare.js').then((page) => done(page.worst(records.map(([role, nrmse_percent]) => ({ role, nrmse_percent })))))";
+    for (records, index) in [
+        (
+            json!([["identify", 1], ["validate", 2], ["identify", 9], ["validate", 3]]),
+            3,
+        ),
+        (json!([["identify", 1], ["identify", 9], ["identify", 2]]), 1),
+        (json!([["identify", 1], ["validate", null], ["identify", 9]]), 2),
+        (json!([["identify", null], ["validate", null]]), 0),
+    ] {
+        let shown = browser.run_async(worst, vec![records.clone()]).await;
+        assert_eq!(shown, json!(index), "{records}");
+    }
+}
+
 /// What is named is added by the first button, on the first screen; the record to take next comes second.
 async fn what_to_do_comes_first(browser: &Browser, said: &Value) {
     browser.client.set_window_size(1440, 900).await.unwrap();
