@@ -51,7 +51,7 @@ fn not_congruent(search: &Search<'_>) -> Option<Candidate> {
     let same_ridge = search.under_ridge_of(&trial);
     let scale = Scale::of(search);
     let each = [Some(search.standing()), same_ridge.as_ref()].into_iter().flatten();
-    let candidates = each.map(|without| scale.candidate(search, &effect.name(), (without, &trial), false));
+    let candidates = each.map(|without| scale.candidate(search, &effect.name(), (without, &trial), None));
     candidates.min_by(|a, b| a.statistic.total_cmp(&b.statistic))
 }
 
@@ -68,7 +68,7 @@ fn beside(evidence: &mut Bends, mut fine: Search<'_>, free: &Trial) {
     let start = fine.standing().clone();
     let lacks = fine.pooled_percent(&start).powi(2) - evidence.free_percent.powi(2);
     let judged = |fine: &Search<'_>, effect: &Arc<dyn Effect>, trial: &Trial| {
-        let mut candidate = scale.candidate(fine, &effect.name(), (&start, trial), false);
+        let mut candidate = scale.candidate(fine, &effect.name(), (&start, trial), None);
         let left_percent = fine.pooled_percent(trial);
         let taken = lacks - (left_percent.powi(2) - evidence.free_percent.powi(2));
         candidate.share = taken / lacks.max(f64::MIN_POSITIVE);

@@ -10,6 +10,16 @@ use serde::{Deserialize, Serialize};
 /// densities, 0.1 % behind rates): a fall below it proves nothing.
 const COARSENESS: f64 = 1e-3;
 
+/// What speaks against a candidate, whatever it explains.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Against {
+    /// Its numbers are not physical, or the records contradict it.
+    Physics,
+    /// One sine is all that was played, and does not tell it.
+    OneSine,
+}
+
 /// What a candidate does to the errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
@@ -29,8 +39,8 @@ pub struct Candidate {
     pub does_percent: Option<f64>,
     /// Errors with it.
     pub errors: Before,
-    /// Whether physics, or what these records are, speaks against it.
-    pub implausible: bool,
+    /// What speaks against it.
+    pub against: Option<Against>,
     /// Whether a parameter stands on its physical bound.
     pub on_bound: bool,
     /// Its parameters.
@@ -173,7 +183,7 @@ impl Scale {
         search: &Search<'_>,
         effect: &EffectName,
         (without, with): (&Trial, &Trial),
-        implausible: bool,
+        against: Option<Against>,
     ) -> Candidate {
         let (was, is) = (self.excess(without), self.excess(with));
         let pooled = |trial: &Trial| search.pooled_percent(trial).powi(2);
@@ -193,7 +203,7 @@ impl Scale {
             taken_percent: fallen_percent.min(held_out_percent),
             does_percent: None,
             errors: errors(search, with),
-            implausible,
+            against,
             on_bound: !with.on_bound(effect).is_empty(),
             parameters: parameters.collect(),
         }
@@ -219,7 +229,7 @@ impl Candidate {
             && self
                 .does_percent
                 .is_none_or(|does| self.taken_percent < thresholds.of(RuleId::TakenOverDone) * does)
-            && !self.implausible
+            && self.against.is_none()
     }
 
     /// As an entry of the ranking.

@@ -1,7 +1,7 @@
 //! Rounds of candidates on one chain: each effect of the catalogue tried in its place, the best taken into the chain, and again.
 
 use crate::diagnosis::{Before, RankedEffect, Reason};
-use crate::evidence::{Candidate, Round, Scale, errors};
+use crate::evidence::{Against, Candidate, Round, Scale, errors};
 use crate::rules::{RuleId, Thresholds};
 use crate::witness::traces::{self, Traces};
 use crate::witness::{hum, rails, ringing};
@@ -226,10 +226,8 @@ impl<'a> Investigation<'a> {
                     .unwrap_or(standing);
             }
             let name = effect.name();
-            let implausible = self.implausible(effect.as_ref(), &trial);
-            let mut candidate = self
-                .scale
-                .candidate(&self.search, &name, (without, &trial), implausible);
+            let against = self.against(effect.as_ref(), &trial);
+            let mut candidate = self.scale.candidate(&self.search, &name, (without, &trial), against);
             if candidate.significant(first, &self.thresholds) {
                 candidate.does_percent = self.search.does_percent(&trial, &name);
             }
@@ -282,36 +280,21 @@ impl<'a> Investigation<'a> {
     }
 
     /// What physics, or what these records are, says against it.
-    fn implausible(&self, effect: &dyn Effect, trial: &Trial) -> bool {
-        let name = effect.name();
+    fn against(&self, effect: &dyn Effect, trial: &Trial) -> Option<Against> {
         if self.one_sine && !effect.shows_in_one_sine() {
-            return true;
+            return Some(Against::OneSine);
         }
-        if trial
-            .on_bound(&name)
-            .iter()
-            .any(|parameter| effect.refuted_on_bound(parameter))
-        {
-            return true;
-        }
+        let name = effect.name();
+        let on_bound = trial.on_bound(&name);
+        let parameters = self.search.parameters_of(trial, &name);
+        let values: Vec<f64> = parameters.iter().map(|p| p.value).collect();
+        let beyond_rails = |rails_v| rails::moves_beyond(&self.dataset.records, rails_v);
         // A position that follows the temperature moves the zero at the records' starts as well; creep does not.
-        let values: Vec<f64> = self
-            .search
-            .parameters_of(trial, &name)
-            .iter()
-            .map(|p| p.value)
-            .collect();
-        if let Some(rails_v) = effect.rails_v(&values)
-            && rails::moves_beyond(&self.dataset.records, rails_v)
-        {
-            return true;
-        }
-        let zero = if values.is_empty() {
-            None
-        } else {
-            effect.zero_um_per_k(&values)
-        };
-        zero.is_some_and(|um_per_k| !traces::moves_the_zero(&self.traces, um_per_k))
+        let starts_still = |um_per_k| !traces::moves_the_zero(&self.traces, um_per_k);
+        let refuted = on_bound.iter().any(|parameter| effect.refuted_on_bound(parameter))
+            || effect.rails_v(&values).is_some_and(beyond_rails)
+            || !values.is_empty() && effect.zero_um_per_k(&values).is_some_and(starts_still);
+        refuted.then_some(Against::Physics)
     }
 }
 

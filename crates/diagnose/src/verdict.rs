@@ -1,7 +1,7 @@
 //! From evidence to a verdict, by the rules' table.
 
 use crate::diagnosis::{Level, RankedEffect, Verdict};
-use crate::evidence::{Bend, Candidate, Evidence, Round};
+use crate::evidence::{Against, Bend, Candidate, Evidence, Round};
 use crate::rules::{RuleId, Thresholds};
 use hysteron_identify::{EffectId, EffectName};
 
@@ -106,8 +106,12 @@ fn of_found(
         || candidate
             .zip(round)
             .is_some_and(|(c, round)| is_a_part(c, round, thresholds));
-    let stands = by_witness || explains && !worse_held_out(evidence, found);
     decision.set = round.map_or_else(Vec::new, |round| set(round, coarse(evidence, thresholds), thresholds));
+    let mimicked = candidate
+        .zip(round)
+        .map_or_else(Vec::new, |(c, round)| better_in_one_sine(c, round));
+    let stands = by_witness || explains && mimicked.is_empty() && !worse_held_out(evidence, found);
+    decision.set.extend(mimicked);
     if evidence.one_amplitude
         && TURN_THE_PHASE.iter().any(|effect| first == *effect)
         && let Some(round) = round
@@ -163,6 +167,14 @@ fn worse_held_out(evidence: &Evidence, found: &[&Round]) -> bool {
         .is_some_and(|(own, before)| own > before)
 }
 
+/// Effects that explain more than a candidate, but that one sine does not tell: the candidate may be what one of them looks like there.
+fn better_in_one_sine(candidate: &Candidate, round: &Round) -> Vec<EffectName> {
+    let better = |c: &&Candidate| c.against == Some(Against::OneSine) && c.statistic > candidate.statistic;
+    let mut better: Vec<&Candidate> = round.candidates.iter().filter(better).collect();
+    better.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
+    better.iter().map(|c| c.effect.clone()).collect()
+}
+
 /// Whether a candidate has twice the evidence of a first effect, and takes a main part.
 fn large(candidate: &Candidate, thresholds: &Thresholds) -> bool {
     candidate.statistic > thresholds.of(RuleId::PartStatistic) && candidate.share > thresholds.of(RuleId::PartShare)
@@ -173,7 +185,7 @@ fn is_a_part(candidate: &Candidate, round: &Round, thresholds: &Thresholds) -> b
     let rivals = round
         .candidates
         .iter()
-        .filter(|c| c.effect != candidate.effect && !c.implausible);
+        .filter(|c| c.effect != candidate.effect && c.against.is_none());
     let next = rivals.map(|c| c.statistic).fold(0.0, f64::max);
     large(candidate, thresholds) && candidate.statistic > thresholds.of(RuleId::PartLead) * next
 }
@@ -330,7 +342,7 @@ pub(crate) fn ranking(evidence: &Evidence, thresholds: &Thresholds) -> Vec<Ranke
 mod tests {
     use super::*;
     use crate::diagnosis::{Before, Reason};
-    use crate::evidence::{Bends, Seen};
+    use crate::evidence::{Against, Bends, Seen};
 
     fn candidate(effect: EffectId, statistic: f64, share: f64) -> Candidate {
         Candidate {
@@ -342,7 +354,7 @@ mod tests {
             taken_percent: 1.0,
             does_percent: None,
             errors: Before::default(),
-            implausible: false,
+            against: None,
             on_bound: false,
             parameters: Vec::new(),
         }
@@ -510,7 +522,7 @@ mod tests {
         assert!(with(|c| c.share = 0.11) && !with(|c| c.share = 0.09));
         assert!(with(|c| c.taken_percent = 0.11) && !with(|c| c.taken_percent = 0.09));
         assert!(with(|c| c.does_percent = Some(0.55)) && !with(|c| c.does_percent = Some(0.45)));
-        assert!(!with(|c| c.implausible = true));
+        assert!(!with(|c| c.against = Some(Against::Physics)) && !with(|c| c.against = Some(Against::OneSine)));
         let next = |share: f64| candidate(EffectId::Creep, 3.0, share).significant(false, &Thresholds::DEFAULT);
         assert!(next(0.33) && !next(0.27));
     }
@@ -643,6 +655,24 @@ mod tests {
         let as_good = bend(EffectId::SensorNonlinearity, 0.91, -9.0);
         let both = vec![shape, EffectId::SensorNonlinearity.into()];
         assert_eq!(of([voltage, as_good], None), (named(EffectId::Asymmetry), both));
+    }
+
+    /// One sine does not tell a slew limit: what it explains better than a creep does is no creep.
+    #[test]
+    fn bva_one_sine_names_nothing_behind_a_better_rival_on_both_sides() {
+        let of = |statistic: f64, against: Option<Against>| {
+            let mut evidence = evidence();
+            let rival = candidate(EffectId::SlewLimit, statistic, 0.9);
+            evidence.rounds[0].candidates =
+                vec![candidate(EffectId::Creep, 10.0, 0.98), Candidate { against, ..rival }];
+            evidence.rounds[0].taken = Some(EffectId::Creep.into());
+            let decision = decide(&evidence, &Thresholds::DEFAULT);
+            (decision.verdict, decision.set)
+        };
+        let both: Vec<EffectName> = vec![EffectId::Creep.into(), EffectId::SlewLimit.into()];
+        assert_eq!(of(9.9, Some(Against::OneSine)), (named(EffectId::Creep), vec![]));
+        assert_eq!(of(10.1, Some(Against::OneSine)), (Verdict::Unknown, both));
+        assert_eq!(of(10.1, Some(Against::Physics)), (named(EffectId::Creep), vec![]));
     }
 
     #[test]
