@@ -302,11 +302,13 @@ impl<'a> Climb<'a> {
         let (effect, uncertain) = (best.effect.name(), !best.significant);
         let rivals = rivals(investigation, &best);
         let before = self.last_step();
-        let shapes = investigation.search.standing().family() != self.model.family;
+        // One sine shows one loop, and tells nothing of the loops inside it.
+        let keep_family = investigation.one_sine();
+        let shapes = keep_family || investigation.search.standing().family() != self.model.family;
         let of_effect = Arc::clone(&best.effect);
         investigation.take(best);
         let adding = Adding {
-            keep_family: false,
+            keep_family,
             ..self.adding()
         };
         let added = match add(self.dataset, &self.model, &of_effect, adding, &|_| ()) {
@@ -355,7 +357,8 @@ impl<'a> Climb<'a> {
         let better = counts
             .zip(percent(&own))
             .is_some_and(|(free, own)| free < SHAPE_HOLDS_UP * own);
-        if better && investigation.nothing_taken() && investigation.shape_determined {
+        let determined = investigation.shape_determined && !investigation.one_sine();
+        if better && investigation.nothing_taken() && determined {
             self.shape(investigation);
         }
     }

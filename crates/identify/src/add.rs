@@ -107,26 +107,20 @@ pub fn add_held(
     progress(0.6);
     let of_own = of_own.map(|trial| {
         let mut own = own;
-        let before_percent = own.pooled_percent(own.standing());
         own.stand_on(trial);
-        (told(dataset, model, &own, &name, before.clone()), before_percent)
+        told(dataset, model, &own, &name, before.clone())
     });
-    let of_free = free.map(|free| {
-        let trial = free.candidate_held(effect, held)?;
-        let before_percent = free.pooled_percent(free.standing());
-        Ok::<_, Refused>((free, trial, before_percent))
-    });
+    let of_free = free.map(|free| Ok::<_, Refused>((free.candidate_held(effect, held)?, free)));
     progress(0.8);
     let added = match (of_own, of_free) {
-        (Ok((own, own_percent)), Some(Ok((free, trial, free_percent)))) => {
+        (Ok(own), Some(Ok((trial, mut free)))) => {
             // The step that lets the error fall at once goes first: an effect that is missing can spoil a shape that is free.
-            let shape_first = free_percent <= own_percent;
-            let (step, last) = if shape_first {
-                (told(dataset, model, &free, &FREE_SHAPE.into(), before.clone()), &name)
+            let shape = told(dataset, model, &free, &FREE_SHAPE.into(), before.clone());
+            let (step, last) = if counts(&shape.after) <= counts(&before) {
+                (shape, &name)
             } else {
                 (own.clone(), &FREE_SHAPE.into())
             };
-            let mut free = free;
             free.stand_on(trial);
             let shaped = told(dataset, &step.model, &free, last, step.after);
             // Validation records alone do not tell: they may know nothing of what the fitted ones begin with.
@@ -137,12 +131,12 @@ pub fn add_held(
                 own
             }
         }
-        (Err(_), Some(Ok((mut free, trial, _)))) => {
+        (Err(_), Some(Ok((trial, mut free)))) => {
             let step = told(dataset, model, &free, &FREE_SHAPE.into(), before.clone());
             free.stand_on(trial);
             told(dataset, &step.model, &free, &name, step.after)
         }
-        (Ok((own, _)), _) => own,
+        (Ok(own), _) => own,
         (Err(reason), _) => return Err(refused(reason)),
     };
     progress(1.0);
