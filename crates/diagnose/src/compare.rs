@@ -114,7 +114,8 @@ fn compare_record(record: &Record, model: &Model, clipped: &[f64]) -> RecordComp
         max_um: errors.largest,
         noise_ratio: 0.0,
         samples: measured.len(),
-        initial_state: simulation.initial.to_string(),
+        initial_state: simulation.start(),
+        start_estimated: simulation.estimated(),
         series: Series {
             time_s: (0..measured.len())
                 .map(|k| record.start_s + k as f64 * record.period_s)
@@ -245,12 +246,12 @@ fn notices(
     }
     let estimated = records
         .iter()
-        .filter(|r| r.role == Role::Validate && r.initial_state.starts_with("remanent"))
+        .filter(|r| r.role == Role::Validate && r.start_estimated)
         .count();
     if estimated > 0 {
         notices.push(format!(
-            "the state before the first sample of {estimated} validation record{} is not in the file: one number each \
-             (initial_state) was chosen to fit",
+            "the state before the first sample of {estimated} validation record{} is not in the file: one number each, \
+             with creep two (initial_state), was chosen to fit",
             if estimated == 1 { "" } else { "s" }
         ));
     }

@@ -38,6 +38,9 @@ pub struct RecordComparison {
     pub samples: usize,
     /// How the record's start was taken: `periodic`, or `remanent 0.35`.
     pub initial_state: String,
+    /// Whether a number of it was chosen to fit, since the drive does not give it.
+    #[serde(skip)]
+    pub start_estimated: bool,
     /// The series themselves, for pictures.
     #[serde(skip)]
     pub series: Series,

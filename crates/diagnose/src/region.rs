@@ -178,6 +178,7 @@ mod tests {
             noise_ratio: 0.0,
             samples: 2000,
             initial_state: String::new(),
+            start_estimated: false,
             series: Series {
                 time_s: vec![],
                 input: vec![],

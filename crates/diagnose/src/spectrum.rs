@@ -133,6 +133,7 @@ mod tests {
             noise_ratio: 1.0,
             samples: n as usize,
             initial_state: String::new(),
+            start_estimated: false,
             series,
         };
         let found = spectrum(&[record], 0.01);

@@ -62,6 +62,7 @@ mod tests {
             noise_ratio: 0.0,
             samples: input.len(),
             initial_state: String::new(),
+            start_estimated: false,
             series: Series {
                 time_s: (0..input.len()).map(|k| k as f64).collect(),
                 input: input.to_vec(),

@@ -358,6 +358,13 @@ pub trait Effect: Send + Sync {
         Vec::new()
     }
 
+    /// What is left at each of some samples of a micrometre that its slow states held beyond the first position before a record;
+    /// none for an effect that forgets within a record.
+    fn remembered(&self, values: &[f64], period_s: f64, samples: usize) -> Option<Vec<f64>> {
+        let _ = (values, period_s, samples);
+        None
+    }
+
     /// Whether it adds lines to the spectrum of a record that do not come from the drive.
     fn adds_line_spectrum(&self) -> bool {
         false

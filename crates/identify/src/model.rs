@@ -62,6 +62,23 @@ pub struct Simulation {
     pub output: Vec<f64>,
     /// The state the record's start was taken in.
     pub initial: InitialState,
+    /// What the slow states of the effects held beyond the first position before the record, micrometres; 0 where they rested.
+    pub remembered_um: f64,
+}
+
+impl Simulation {
+    /// Whether a number of the start's state was chosen to fit.
+    pub fn estimated(&self) -> bool {
+        matches!(self.initial, InitialState::Remanent { fraction } if fraction != 0.0) || self.remembered_um != 0.0
+    }
+
+    /// The state that the record's start was taken in, in words.
+    pub fn start(&self) -> String {
+        if self.remembered_um == 0.0 {
+            return self.initial.to_string();
+        }
+        format!("{}, creep holds {:+.3} um", self.initial, self.remembered_um)
+    }
 }
 
 /// What a model was fitted on, and how.

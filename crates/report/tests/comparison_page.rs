@@ -30,6 +30,7 @@ fn record(file: &str, role: Role, samples: usize, hz: f64) -> RecordComparison {
         noise_ratio: 5.0 * hz,
         samples,
         initial_state: "periodic".to_owned(),
+        start_estimated: false,
         series,
     }
 }

@@ -102,13 +102,23 @@ impl Effect for Creep {
     }
 
     fn on_positions(&self, values: &[f64], signals: &Signals<'_>, positions_um: &mut [Vec<f64>]) {
-        let elements: Vec<(f64, f64)> = (0..ELEMENTS)
-            .map(|i| (values[0] * 10f64.powi(i as i32), values[i + 1]))
-            .filter(|(_, share)| *share != 0.0)
-            .collect();
+        let elements = elements(values);
         // From rest the elements begin with the record; what they would have been in the run-in is looked at by nobody.
         let from = if signals.rested { signals.run_in } else { 0 };
         run::relaxations(&elements, signals.period_s, from, signals.run_in - from, positions_um);
+    }
+
+    fn remembered(&self, values: &[f64], period_s: f64, samples: usize) -> Option<Vec<f64>> {
+        let mut held: Vec<(f64, f64)> = elements(values)
+            .into_iter()
+            .map(|(tau_s, share)| (share, (-period_s / tau_s).exp()))
+            .collect();
+        let step = |_| {
+            let sum = held.iter().map(|(left, _)| left).sum();
+            held.iter_mut().for_each(|(left, keeps)| *left *= *keeps);
+            sum
+        };
+        Some((0..samples).map(step).collect())
     }
 
     fn compensation(&self, values: &[f64]) -> Compensation {
@@ -121,4 +131,10 @@ impl Effect for Creep {
             "slow states run once in 50 samples",
         )
     }
+}
+
+/// Time constants, seconds, and shares of the elements that are there.
+fn elements(values: &[f64]) -> Vec<(f64, f64)> {
+    let each = (0..ELEMENTS).map(|i| (values[0] * 10f64.powi(i as i32), values[i + 1]));
+    each.filter(|(_, share)| *share != 0.0).collect()
 }
