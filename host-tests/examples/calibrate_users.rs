@@ -8,7 +8,7 @@
 use host_tests::users::harmless::{Harmless, turned};
 use host_tests::users::score::{Outcome, Questions, json, line, run};
 use host_tests::users::tables::markdown;
-use host_tests::users::{Case, Effect, Family, Kind, Programme, Spec};
+use host_tests::users::{Case, Spec};
 use rayon::prelude::*;
 use std::error::Error;
 use std::sync::Mutex;
@@ -60,7 +60,7 @@ fn options() -> Result<Options, Box<dyn Error>> {
                             .map_err(|_| format!("{word} is no number of cases\n{HELP}"))?
                     }
                     1 => options.first = word.parse().map_err(|_| format!("{word} is no seed\n{HELP}"))?,
-                    2 => options.spec = only(&word).ok_or_else(|| format!("{word} is not known\n{HELP}"))?,
+                    2 => options.spec = Spec::only(&word).ok_or_else(|| format!("{word} is not known\n{HELP}"))?,
                     _ => return Err(HELP.into()),
                 }
                 place += 1;
@@ -68,24 +68,6 @@ fn options() -> Result<Options, Box<dyn Error>> {
         }
     }
     Ok(options)
-}
-
-fn only(word: &str) -> Option<Spec> {
-    let kinds = [
-        ("nothing", Kind::Nothing),
-        ("one", Kind::One),
-        ("outside", Kind::Outside),
-        ("pair", Kind::Pair),
-    ];
-    let spec = Spec {
-        programme: Programme::ALL.into_iter().find(|programme| programme.name() == word),
-        family: Family::ALL.into_iter().find(|family| family.name() == word),
-        effect: Effect::ALL.into_iter().find(|effect| effect.name() == word),
-        kind: kinds.into_iter().find(|(name, _)| *name == word).map(|(_, kind)| kind),
-        adds_percent: None,
-    };
-    let known = spec.programme.is_some() || spec.family.is_some() || spec.effect.is_some() || spec.kind.is_some();
-    known.then_some(spec)
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -1,6 +1,6 @@
 //! Writes a case as users record them: the dataset, the records held out, and the truth.
 //!
-//! `cargo run --release -p host-tests --example users -- SEED DIR`, or `-- SEED COUNT list` for a line each of COUNT seeds.
+//! `cargo run --release -p host-tests --example users -- SEED DIR [WORD]` with a word of `calibrate users`, or `-- SEED COUNT list` for a line each of COUNT seeds.
 //! `-- SEED COUNT rig` counts what is found of the rigs, beside what was hidden.
 #![expect(clippy::print_stdout, reason = "an example of the command line")]
 
@@ -15,8 +15,12 @@ use std::path::Path;
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     match words.as_slice() {
-        [seed, folder] => {
-            let case = Case::generate(seed.parse()?, &Spec::default());
+        [seed, folder, only @ ..] if only.len() < 2 && folder.parse::<u64>().is_err() => {
+            let spec = match only {
+                [word] => Spec::only(word).ok_or_else(|| format!("there is no {word}"))?,
+                _ => Spec::default(),
+            };
+            let case = Case::generate(seed.parse()?, &spec);
             write_dataset(&case.dataset, &Path::new(folder).join("user"), Overwrite::Refuse)?;
             write_dataset(&case.held_out, &Path::new(folder).join("held-out"), Overwrite::Refuse)?;
             println!("{}", line(&case));
@@ -42,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 println!("| {title} | {cases} | {} |", hidden.join(", "));
             }
         }
-        _ => return Err("users SEED DIR, or users SEED COUNT list, or users SEED COUNT rig".into()),
+        _ => return Err("users SEED DIR [WORD], or users SEED COUNT list, or users SEED COUNT rig".into()),
     }
     Ok(())
 }

@@ -38,6 +38,27 @@ pub struct Spec {
     pub adds_percent: Option<f64>,
 }
 
+impl Spec {
+    /// Of all cases only a programme, a family, an effect, or one of nothing, one, outside, pair; none for another word.
+    pub fn only(word: &str) -> Option<Self> {
+        let kinds = [
+            ("nothing", Kind::Nothing),
+            ("one", Kind::One),
+            ("outside", Kind::Outside),
+            ("pair", Kind::Pair),
+        ];
+        let spec = Self {
+            programme: Programme::ALL.into_iter().find(|programme| programme.name() == word),
+            family: Family::ALL.into_iter().find(|family| family.name() == word),
+            effect: Effect::ALL.into_iter().find(|effect| effect.name() == word),
+            kind: kinds.into_iter().find(|(name, _)| *name == word).map(|(_, kind)| kind),
+            adds_percent: None,
+        };
+        let known = spec.programme.is_some() || spec.family.is_some() || spec.effect.is_some() || spec.kind.is_some();
+        known.then_some(spec)
+    }
+}
+
 /// A hidden thing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
