@@ -251,7 +251,7 @@ fn notices(
     if estimated > 0 {
         notices.push(format!(
             "the state before the first sample of {estimated} validation record{} is not in the file: one number each, \
-             with creep two (initial_state), was chosen to fit",
+             with creep or drift two (initial_state), was chosen to fit",
             if estimated == 1 { "" } else { "s" }
         ));
     }

@@ -8,7 +8,7 @@ use crate::witness::{hum, rails, ringing};
 use hysteron_data::Dataset;
 use hysteron_identify::effects::{Effect, UserEffect, catalogue};
 use hysteron_identify::search::{Search, Shape, Trial};
-use hysteron_identify::{EffectId, EffectName, Family, IdentifyError, Model};
+use hysteron_identify::{EffectId, EffectName, Family, IdentifyError, Model, one_loop};
 use std::sync::Arc;
 
 /// Fewer moving records than this may not determine a free shape; then straight plays are tried beside it.
@@ -31,6 +31,7 @@ pub(crate) struct Investigation<'a> {
     family: Family,
     effects: Vec<Arc<dyn Effect>>,
     one_sine: bool,
+    one_loop: bool,
     traces: Traces,
     /// What was left of every record before anything was taken.
     at_first: Vec<Vec<f64>>,
@@ -106,6 +107,7 @@ impl<'a> Investigation<'a> {
             family: model.family,
             effects,
             one_sine: reasons.contains(&Reason::OneSine),
+            one_loop: one_loop(search.dataset()),
             traces,
             at_first: Vec::new(),
             search,
@@ -115,6 +117,11 @@ impl<'a> Investigation<'a> {
     /// Whether one sine is all that was played.
     pub(crate) fn one_sine(&self) -> bool {
         self.one_sine
+    }
+
+    /// Whether no record shows a loop inside of another.
+    pub(crate) fn one_loop(&self) -> bool {
+        self.one_loop
     }
 
     pub(crate) fn traces(&self) -> &Traces {

@@ -291,7 +291,8 @@ impl<'a> Climb<'a> {
         }
         let pairs = search.standing().parts.iter().zip(&best.trial.parts);
         let lower = pairs.filter(|(a, b)| b.held_out_um2 < a.held_out_um2).count();
-        best.candidate.statistic > 1.0
+        best.candidate.against.is_none()
+            && best.candidate.statistic > 1.0
             && 2 * lower >= best.trial.parts.len()
             && after < FAR_BETTER * before
             && investigation.scale.excess(search.standing()) > 0.05 * investigation.base_excess
@@ -299,16 +300,20 @@ impl<'a> Climb<'a> {
 
     /// Takes a candidate into the chain, and tells the step; a model of another family gets the shape as a step beside it.
     fn climb(&mut self, investigation: &mut Investigation<'_>, best: Best) {
-        let (effect, uncertain) = (best.effect.name(), !best.significant);
-        let rivals = rivals(investigation, &best);
+        let effect = best.effect.name();
+        let mut rivals = rivals(investigation, &best);
+        // A bent sensor stands for the shape of the one loop as well.
+        let of_the_loop = investigation.one_loop() && effect == EffectId::SensorNonlinearity;
+        if of_the_loop {
+            rivals.push(EffectId::HysteresisShape.into());
+        }
+        let uncertain = !best.significant || of_the_loop;
         let before = self.last_step();
-        // One sine shows one loop, and tells nothing of the loops inside it.
-        let keep_family = investigation.one_sine();
-        let shapes = keep_family || investigation.search.standing().family() != self.model.family;
+        let shapes = investigation.one_loop() || investigation.search.standing().family() != self.model.family;
         let of_effect = Arc::clone(&best.effect);
         investigation.take(best);
         let adding = Adding {
-            keep_family,
+            keep_family: false,
             ..self.adding()
         };
         let added = match add(self.dataset, &self.model, &of_effect, adding, &|_| ()) {
@@ -321,6 +326,10 @@ impl<'a> Climb<'a> {
                 before.clone(),
             ),
         };
+        if percent(&added.after) > percent(&before) {
+            self.note(&effect, rivals, (&before, &added.after), false, uncertain);
+            return;
+        }
         let told = self.model.history.len().max(1);
         let mut last = before;
         for step in &added.model.history[told..] {
@@ -342,7 +351,11 @@ impl<'a> Climb<'a> {
         let shape = EffectName::from(EffectId::HysteresisShape);
         let before = self.last_step();
         let added = told(self.dataset, &self.model, &investigation.search, &shape, before);
-        self.note(&shape, Vec::new(), (&added.before, &added.after), true, false);
+        let better = percent(&added.after) <= percent(&added.before);
+        self.note(&shape, Vec::new(), (&added.before, &added.after), better, false);
+        if !better {
+            return;
+        }
         self.model = added.model.clone();
         self.rungs.push(added.model);
     }
@@ -357,7 +370,7 @@ impl<'a> Climb<'a> {
         let better = counts
             .zip(percent(&own))
             .is_some_and(|(free, own)| free < SHAPE_HOLDS_UP * own);
-        let determined = investigation.shape_determined && !investigation.one_sine();
+        let determined = investigation.shape_determined && !investigation.one_loop();
         if better && investigation.nothing_taken() && determined {
             self.shape(investigation);
         }

@@ -4,6 +4,7 @@ use crate::effects::{Effect, EffectName, FREE_SHAPE, Family, Shape as Reshaped, 
 use crate::error::IdentifyError;
 use crate::family::Direction;
 use crate::history::{self, record_errors};
+use crate::loops::one_loop;
 use crate::model::{Change, Model, Step, StepSubject};
 use crate::placement::free_thresholds;
 use crate::search::{Refused, Search, Shape};
@@ -37,7 +38,7 @@ const SHAPE_HOLDS_UP: f64 = 0.9;
 /// Adds an effect to a model and fits all parameters anew. `progress` is called with the share done, 0 to 1.
 ///
 /// Where the model's plays are too poor for the loops, and hide what the effect brings, `hysteresis-shape` becomes a step of
-/// its own before it, unless the family is to be kept.
+/// its own before it, unless the family is to be kept or the records show [one loop](one_loop).
 ///
 /// Deterministic: starts from the effect's own list, follows the best of them.
 ///
@@ -99,7 +100,7 @@ pub fn add_held(
     };
     let of_own = own.candidate_held(effect, held);
     progress(0.5);
-    let free = if model.family == Family::PlayPolynomial || adding.keep_family {
+    let free = if model.family == Family::PlayPolynomial || adding.keep_family || one_loop(dataset) {
         None
     } else {
         Search::new(dataset, model, &Shape::Free, adding.noise_um).ok()

@@ -77,7 +77,7 @@ impl Simulation {
         if self.remembered_um == 0.0 {
             return self.initial.to_string();
         }
-        format!("{}, creep holds {:+.3} um", self.initial, self.remembered_um)
+        format!("{}, slow states hold {:+.3} um", self.initial, self.remembered_um)
     }
 }
 

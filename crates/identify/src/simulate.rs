@@ -137,25 +137,28 @@ fn prepare<'a>(chain: &Chain, coefficients: &[f64], record: &'a Record) -> (Trac
 /// The squared error must fall by this share before slow states are believed to remember what was before a record.
 const REMEMBERS: f64 = 0.1;
 
-/// Adds what the slow states held from before a record, at most a stroke, chosen by least squares, where that explains enough of what is
-/// left; micrometres.
+/// Adds what the slow states of each effect held from before a record, at most a stroke, chosen by least squares, where that explains
+/// enough of what is left; all together, micrometres.
 fn remember(chain: &Chain, coefficients: &[f64], record: &Record, output: &mut [f64]) -> f64 {
     let n = output.len();
-    let find = |link: &Link| link.effect.remembered(&link.values, record.period_s, n);
-    let Some(of_one) = chain.links.iter().find_map(find) else {
-        return 0.0;
-    };
-    let left = || record.position_um.iter().zip(output.iter()).map(|(y, m)| y - m);
-    let product: f64 = left().zip(&of_one).map(|(e, c)| e * c).sum();
-    let square: f64 = of_one.iter().map(|c| c * c).sum();
-    let whole: f64 = left().map(|e| e * e).sum();
-    if square <= 0.0 || product.powi(2) / square < REMEMBERS * whole {
-        return 0.0;
+    let mut held_um = 0.0;
+    for link in &chain.links {
+        let Some(of_one) = link.effect.remembered(&link.values, record.period_s, n) else {
+            continue;
+        };
+        let left = || record.position_um.iter().zip(output.iter()).map(|(y, m)| y - m);
+        let product: f64 = left().zip(&of_one).map(|(e, c)| e * c).sum();
+        let square: f64 = of_one.iter().map(|c| c * c).sum();
+        let whole: f64 = left().map(|e| e * e).sum();
+        if square <= 0.0 || product.powi(2) / square < REMEMBERS * whole {
+            continue;
+        }
+        let ends_um = chain.respond_to_voltage(coefficients, &chain.range_v, record.period_s, InitialState::REST);
+        let stroke_um = peak_to_peak(&ends_um);
+        let own_um = (product / square).clamp(-stroke_um, stroke_um);
+        output.iter_mut().zip(&of_one).for_each(|(y, c)| *y += own_um * c);
+        held_um += own_um;
     }
-    let ends_um = chain.respond_to_voltage(coefficients, &chain.range_v, record.period_s, InitialState::REST);
-    let stroke_um = peak_to_peak(&ends_um);
-    let held_um = (product / square).clamp(-stroke_um, stroke_um);
-    output.iter_mut().zip(&of_one).for_each(|(y, c)| *y += held_um * c);
     held_um
 }
 

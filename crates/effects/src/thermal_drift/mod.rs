@@ -152,6 +152,19 @@ impl Effect for ThermalDrift {
         vec![unexplained[..looked_at].iter().sum::<f64>() / looked_at.max(1) as f64]
     }
 
+    /// How warm the body was before the record, as its shift.
+    fn remembered(&self, values: &[f64], period_s: f64, samples: usize) -> Option<Vec<f64>> {
+        let tau_s = values[1];
+        let left = |k: usize| {
+            if tau_s > 0.0 {
+                (-(k as f64) * period_s / tau_s).exp()
+            } else {
+                1.0
+            }
+        };
+        Some((0..samples).map(left).collect())
+    }
+
     fn compensation(&self, values: &[f64]) -> Compensation {
         let &[reference_c, tau_s, shift_um_per_k, gain_per_k, _] = values else {
             return Compensation::none(IN_TIME);
