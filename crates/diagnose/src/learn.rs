@@ -2,6 +2,7 @@
 
 use crate::diagnose::{conclude, controllers_delay_s};
 use crate::diagnosis::{Before, Diagnosis, Reason, Unexplained, Verdict};
+use crate::evidence::Against;
 use crate::investigation::{Best, Investigation};
 use crate::ladder::percent;
 use crate::noise::noise_floor;
@@ -291,7 +292,7 @@ impl<'a> Climb<'a> {
         }
         let pairs = search.standing().parts.iter().zip(&best.trial.parts);
         let lower = pairs.filter(|(a, b)| b.held_out_um2 < a.held_out_um2).count();
-        best.candidate.against.is_none()
+        best.candidate.against != Some(Against::OneSine)
             && best.candidate.statistic > 1.0
             && 2 * lower >= best.trial.parts.len()
             && after < FAR_BETTER * before
