@@ -4,6 +4,7 @@
 use crate::commands::commands;
 use crate::design::{Controller, ReferenceKind};
 use crate::error::ControlError;
+use crate::plan::Purpose;
 use crate::process::{self, ProcessStage};
 use crate::reference::{Reference, Shape, noise};
 use crate::usable::usable;
@@ -17,7 +18,7 @@ pub const TRAINING_PASSES: usize = 2;
 pub(crate) const PERIODS_KEPT: usize = 8;
 /// Rise from 0 V to where an excitation starts, seconds.
 const RISE_S: f64 = 0.02;
-/// Sample period of the holds, seconds: creep needs decades of time, not samples.
+/// Sample period of the holds, seconds, or as near to it as a whole number of samples comes: creep needs decades of time, not samples.
 const HOLD_PERIOD_S: f64 = 1e-3;
 /// Length of each hold, seconds: three decades beyond the ringing.
 const HOLD_S: f64 = 12.0;
@@ -64,16 +65,20 @@ pub fn on_process(
     };
     let play = |commands: Vec<Command>, progress: &dyn Fn(f64)| -> Result<Vec<Record>, ControlError> {
         let total = commands.len() as f64;
-        let mut came_back = Dataset::default();
+        let (mut records, mut wrong) = (Vec::new(), Vec::new());
         // One after the other: behind the process there may be a stage that is there once.
-        for command in &commands {
-            came_back.records.push(command.on_process(stage)?);
-            progress(came_back.records.len() as f64 / total);
+        for (number, command) in (1..).zip(&commands) {
+            match usable(command, &command.on_process(stage)?) {
+                Ok(record) => records.push(record),
+                Err(reason) => wrong.push(format!("{}: {reason}", command.file)),
+            }
+            progress(f64::from(number) / total);
         }
-        usable(&commands, &came_back).map_err(|wrong| ControlError::Unusable {
-            wrong,
-            asked: commands.len(),
-        })
+        if !wrong.is_empty() {
+            let asked = commands.len();
+            return Err(ControlError::Unusable { wrong, asked });
+        }
+        Ok(records)
     };
     protocol.play(records, &play, progress)
 }
@@ -88,6 +93,8 @@ pub struct Command {
     pub file: String,
     /// What it is, for a person.
     pub words: String,
+    /// What its record is for.
+    pub purpose: Purpose,
     /// Sample period, seconds.
     pub period_s: f64,
     /// Volts at the actuator.
@@ -189,6 +196,7 @@ impl Protocol {
         Ok(Command {
             file: "frf-small.csv".to_owned(),
             words: multisine.description(),
+            purpose: Purpose::SmallSignals,
             period_s,
             // The rise and the first period, in which creep and ringing settle, are left out.
             skip: voltage_v.len() - PERIODS_KEPT * 20_000,
@@ -200,7 +208,9 @@ impl Protocol {
 
     /// Half the range, then a fifth of it, 12 s each, after 50 ms at rest; moves of half a cosine in 20 ms, which hardly ring.
     fn holds(&self) -> Command {
-        let samples = |time_s: f64| (time_s / HOLD_PERIOD_S).round() as usize;
+        // A whole number of the controller's samples, so that a record of all commands has it as well.
+        let period_s = (HOLD_PERIOD_S / self.period_s).round().max(1.0) * self.period_s;
+        let samples = |time_s: f64| (time_s / period_s).round() as usize;
         let levels = [0.0, 0.5 * self.top_v, 0.2 * self.top_v];
         let mut voltage_v = vec![0.0; samples(0.05)];
         for pair in levels.windows(2) {
@@ -212,7 +222,8 @@ impl Protocol {
         Command {
             file: "hold.csv".to_owned(),
             words: format!("{} V and {} V held for {HOLD_S} s each", levels[1], levels[2]),
-            period_s: HOLD_PERIOD_S,
+            purpose: Purpose::Creep,
+            period_s,
             voltage_v,
             skip: 0,
             reference_um: None,
@@ -250,6 +261,7 @@ impl Protocol {
             Ok(Command {
                 file: format!("{file}.csv"),
                 words: excitation.description(),
+                purpose: Purpose::LargeSignals,
                 period_s,
                 voltage_v: with_rise(&excitation.samples(period_s)?, RISE_S, period_s)?,
                 skip: 0,
@@ -296,6 +308,7 @@ impl Protocol {
         let command = |(number, (file, reference)): (usize, (&str, Reference))| Command {
             file: format!("training{pass}-{file}.csv"),
             words: format!("open loop along {file}, pass {pass}"),
+            purpose: Purpose::Training,
             period_s,
             voltage_v: commands(&law, &reference),
             skip: law.ahead(),

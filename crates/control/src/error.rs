@@ -36,6 +36,14 @@ pub enum ControlError {
         /// What is wrong.
         reason: String,
     },
+    /// A plan of a campaign that cannot be read.
+    #[error("{file}: {reason}")]
+    Plan {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        reason: String,
+    },
     /// A wish for a design that makes no sense, in words.
     #[error("{0}")]
     Wish(String),
@@ -46,6 +54,12 @@ pub enum ControlError {
         wrong: Vec<String>,
         /// How many commands were played.
         asked: usize,
+    },
+    /// What came back of a plan and cannot be used yet.
+    #[error("the recordings cannot be used yet:\n{}", wrong.join("\n"))]
+    Recordings {
+        /// A sentence for each reason.
+        wrong: Vec<String>,
     },
     /// A reference that is not finite.
     #[error("reference_um[{index}] = {value} is not finite; give micrometres")]

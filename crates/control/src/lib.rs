@@ -13,6 +13,7 @@ pub mod expected;
 pub mod figures;
 pub mod learning;
 pub mod on_model;
+pub mod plan;
 pub mod process;
 pub mod reference;
 pub mod response;

@@ -1,16 +1,9 @@
 //! Whether what came back of a campaign's commands can be used, and cut to what is.
 
 use crate::campaign::{Command, PERIODS_KEPT};
-use hysteron_data::{Dataset, Record, Role};
-use hysteron_identify::control::FRF;
+use crate::plan::Purpose;
+use hysteron_data::{Record, Role};
 use hysteron_identify::family::{peak_to_peak, range};
-
-/// Largest difference between the voltage that was recorded and the command, rms, as a share of the command's range: a monitor output of an
-/// amplifier is good to a percent.
-const SAME_VOLTAGE: f64 = 0.02;
-
-/// A factor beyond this is another unit or an amplifier that was forgotten, not a monitor's tolerance.
-const SAME_GAIN: f64 = 0.05;
 
 /// Share of samples at an end of the range, while the command moves, from which on a sensor or converter is at its end.
 const AT_ITS_END: f64 = 0.01;
@@ -19,82 +12,34 @@ const AT_ITS_END: f64 = 0.01;
 /// lag to a microsecond.
 const STANDS_OUT: f64 = 100.0;
 
-/// The records of these commands, cut to what they are for.
+/// The record of a command, cut to what it is for, from one that begins with the command's first sample; its voltages are the command's.
 ///
 /// # Errors
-/// What is wrong with the recordings, one sentence each, and what to do.
-pub fn usable(commands: &[Command], recorded: &Dataset) -> Result<Vec<Record>, Vec<String>> {
-    let (mut records, mut wrong) = (Vec::new(), Vec::new());
-    for command in commands {
-        let found = recorded.records.iter().find(|record| record.file == command.file);
-        let missing = || "not there; play it and record the position".to_owned();
-        match found.ok_or_else(missing).and_then(|record| one(command, record)) {
-            Ok(record) => records.push(record),
-            Err(reason) => wrong.push(format!("{}: {reason}", command.file)),
-        }
-    }
-    if wrong.is_empty() { Ok(records) } else { Err(wrong) }
-}
-
-fn one(command: &Command, record: &Record) -> Result<Record, String> {
+/// What is wrong with the position, in a sentence, and what to do.
+pub fn usable(command: &Command, record: &Record) -> Result<Record, String> {
     let n = command.voltage_v.len();
-    if (record.period_s / command.period_s - 1.0).abs() > 1e-3 {
-        return Err(format!(
-            "sampled every {} s and played every {} s; record it at the rate that it is played at",
-            record.period_s, command.period_s
-        ));
-    }
-    if record.len() < n {
-        return Err(format!(
-            "{} samples, the command has {n}; record all of it",
-            record.len()
-        ));
-    }
-    same_voltage(&command.voltage_v, &record.voltage_v[..n])?;
+    let part = |series: &[f64]| -> Vec<f64> { series.iter().take(n).skip(command.skip).copied().collect() };
     let cut = Record {
         file: command.file.clone(),
-        role: Role::Identify,
+        role: match command.purpose {
+            // It is beside the first one, and no model is fitted to both.
+            Purpose::Drift => Role::Validate,
+            _ => Role::Identify,
+        },
         excitation: command.words.clone(),
         start_s: 0.0,
         period_s: command.period_s,
         voltage_v: command.voltage_v[command.skip..].to_vec(),
-        position_um: record.position_um[command.skip..n].to_vec(),
+        position_um: part(&record.position_um),
         reference_um: command.reference_um.clone(),
-        temperature_c: record.temperature_c.as_ref().map(|t| t[command.skip..n].to_vec()),
+        temperature_c: record.temperature_c.as_deref().map(part),
         voltage2_v: None,
     };
     at_its_end(&cut)?;
-    if cut.file.starts_with(FRF) {
+    if command.purpose.is_small() {
         stands_out(&cut.position_um, PERIODS_KEPT)?;
     }
     Ok(cut)
-}
-
-fn same_voltage(command_v: &[f64], recorded_v: &[f64]) -> Result<(), String> {
-    let n = command_v.len() as f64;
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / n;
-    let (middle, found) = (mean(command_v), mean(recorded_v));
-    let (mut alike, mut own, mut theirs, mut off) = (0.0, 0.0, 0.0, 0.0);
-    for (c, r) in command_v.iter().zip(recorded_v) {
-        alike += (c - middle) * (r - found);
-        own += (c - middle).powi(2);
-        theirs += (r - found).powi(2);
-        off += (c - r).powi(2);
-    }
-    let gain = if own > 0.0 { alike / own } else { 1.0 };
-    let share = (off / n).sqrt() / peak_to_peak(command_v).max(f64::MIN_POSITIVE);
-    if share <= SAME_VOLTAGE {
-        return Ok(());
-    }
-    if (gain - 1.0).abs() > SAME_GAIN && alike * alike > 0.9 * own * theirs {
-        return Err(format!(
-            "its voltage is {gain:.4} times the command's; volts are those at the actuator, after the amplifier"
-        ));
-    }
-    Err(format!(
-        "its voltage is not the command's, {:.0} % of the range off; the record must begin with the command's first sample",
-        100.0 * share
-    ))
 }
 
 /// How far the position has to go at least, peak to peak, as a multiple of what it does at rest, rms: noise alone reaches ten times.
@@ -179,6 +124,7 @@ mod tests {
         let command = Command {
             file: "large.csv".to_owned(),
             words: "sine".to_owned(),
+            purpose: Purpose::LargeSignals,
             period_s,
             voltage_v: voltage_v.clone(),
             skip: 0,
@@ -189,53 +135,29 @@ mod tests {
         (command, record)
     }
 
-    fn with(record: Record) -> Dataset {
-        Dataset {
-            records: vec![record],
-            ..Dataset::default()
-        }
-    }
-
     #[test]
-    fn val_a_record_of_its_command_is_taken_and_what_follows_it_left_out() {
-        let (command, mut record) = pair();
-        // A monitor output: half a percent off, with noise.
-        for (k, v) in record.voltage_v.iter_mut().enumerate() {
-            *v = 1.005 * *v + 0.1 * ((k * 7919) % 100) as f64 / 100.0;
-        }
+    fn val_a_record_of_its_command_is_taken_and_what_is_around_it_left_out() {
+        let (mut command, mut record) = pair();
+        record.voltage_v.iter_mut().for_each(|v| *v *= 1.005);
         record.voltage_v.extend([0.0; 300]);
         record.position_um.extend([0.0; 300]);
-        let records = usable(std::slice::from_ref(&command), &with(record)).unwrap();
-        assert_eq!(records[0].voltage_v, command.voltage_v);
-        assert_eq!(records[0].len(), 5000);
+        command.skip = 100;
+        let taken = usable(&command, &record).unwrap();
+        assert_eq!(taken.voltage_v, command.voltage_v[100..]);
+        assert_eq!(taken.position_um, record.position_um[100..5000]);
+        assert_eq!(taken.role, Role::Identify);
     }
 
     #[test]
-    fn refuse_records_that_are_of_no_use() {
-        let refused = |change: &dyn Fn(&mut Record)| {
-            let (command, mut record) = pair();
-            change(&mut record);
-            usable(&[command], &with(record)).unwrap_err().join("; ")
-        };
+    fn refuse_positions_that_are_of_no_use() {
         for (said, change) in [
-            (
-                "0.0500 times the command's",
-                (|r| r.voltage_v.iter_mut().for_each(|v| *v *= 0.05)) as fn(&mut Record),
-            ),
-            ("is not the command's", |r| r.voltage_v.rotate_right(200)),
-            ("the position stands still", |r| r.position_um.fill(1.0)),
-            ("stands at 8 um for", |r| {
-                r.position_um.iter_mut().for_each(|y| *y = y.min(8.0))
-            }),
-            ("record all of it", |r| {
-                r.voltage_v.truncate(4000);
-                r.position_um.truncate(4000);
-            }),
-            ("record it at the rate", |r| r.period_s = 1e-4),
-            ("not there", |r| r.file = "other.csv".to_owned()),
+            ("the position stands still", (|y| *y = 1.0) as fn(&mut f64)),
+            ("stands at 8 um for", |y| *y = y.min(8.0)),
         ] {
-            let reasons = refused(&change);
-            assert!(reasons.contains(said), "{said}: {reasons}");
+            let (command, mut record) = pair();
+            record.position_um.iter_mut().for_each(change);
+            let reason = usable(&command, &record).unwrap_err();
+            assert!(reason.contains(said), "{said}: {reason}");
         }
     }
 
@@ -264,15 +186,13 @@ mod tests {
         let (mut command, mut record) = pair();
         // Eight periods of 500 samples behind 1000 that are left out.
         command.skip = 1000;
-        for file in [&mut command.file, &mut record.file] {
-            *file = "frf-small.csv".to_owned();
-        }
+        command.purpose = Purpose::SmallSignals;
         let noise = |k: usize| ((k * 7919 + k * k % 104_729) % 1000) as f64 / 1000.0 - 0.5;
         let periodic = |k: usize| 0.02 * (std::f64::consts::TAU * k as f64 / 500.0).sin();
         record.position_um = (0..5000).map(|k| periodic(k) + 0.001 * noise(k)).collect();
-        assert!(usable(&[command.clone()], &with(record.clone())).is_ok());
+        assert!(usable(&command, &record).is_ok());
         record.position_um = (0..5000).map(|k| periodic(k) + 0.2 * noise(k)).collect();
-        let reasons = usable(&[command], &with(record)).unwrap_err().join("; ");
+        let reasons = usable(&command, &record).unwrap_err();
         assert!(reasons.contains("20 are needed"), "{reasons}");
     }
 }

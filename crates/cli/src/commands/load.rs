@@ -76,8 +76,15 @@ fn is_recording(path: &Path) -> bool {
     path.is_file() && ending.is_some_and(|ending| ["csv", "mat", "txt", "tdms", "h5", "npz"].contains(&ending.as_str()))
 }
 
-/// Reads a dataset; what the reader converted or ignored is said on standard error.
+/// Reads a dataset; what the reader converted or ignored is said on standard error, and where a lab has erred.
 pub(crate) fn dataset(path: &Path) -> Result<Dataset, CliError> {
+    let dataset = unchecked(path)?;
+    warn(&dataset);
+    Ok(dataset)
+}
+
+/// Reads a dataset of which it is not known yet what its records are; what the reader converted or ignored is said on standard error.
+pub(crate) fn unchecked(path: &Path) -> Result<Dataset, CliError> {
     let shown = path.display();
     match What::of(path) {
         What::Model => {
@@ -98,7 +105,6 @@ pub(crate) fn dataset(path: &Path) -> Result<Dataset, CliError> {
     })?;
     bar.finish_and_clear();
     say(&dataset.notices);
-    warn(&dataset);
     Ok(dataset)
 }
 

@@ -9,6 +9,7 @@ mod learning;
 mod on_board;
 mod on_model;
 mod on_process;
+mod own_stage;
 mod page;
 mod programme;
 pub(crate) mod record;

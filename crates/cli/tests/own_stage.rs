@@ -1,0 +1,189 @@
+//! A campaign by files on a bench of one's own, played here by a simulated stage: the files are commands, what came back is known by its
+//! voltage and checked, and at the end stands a controller.
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up its files fails")]
+
+use assert_cmd::Command;
+use hysteron_data::read_dataset;
+use hysteron_plant::{Stage, preset};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+/// What the bench's sensor reads at rest, micrometres.
+const ZERO_UM: f64 = -3.0;
+
+fn hysteron(args: &[&str]) -> Output {
+    let mut program = Command::new(env!("CARGO_BIN_EXE_hysteron"));
+    program.args(args).output().unwrap()
+}
+
+/// What the binary prints and says.
+fn answered(args: &[&str]) -> [String; 2] {
+    let output = hysteron(args);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{args:?}: {said}");
+    [String::from_utf8(output.stdout).unwrap(), said]
+}
+
+/// It must end with 2 and say all of the words; the box that errors are drawn in breaks lines.
+fn refused(args: &[&str], words: &[&str]) {
+    let output = hysteron(args);
+    let plain = |text: &str| -> String { text.chars().filter(|c| !c.is_whitespace() && *c != '│').collect() };
+    let said = plain(&String::from_utf8_lossy(&output.stderr));
+    assert_eq!(output.status.code(), Some(2), "{args:?}: {said}");
+    for word in words {
+        assert!(said.contains(&plain(word)), "{args:?} does not say `{word}`: {said}");
+    }
+}
+
+/// A command's sample period, seconds, and voltages.
+fn command(file: &Path) -> (f64, Vec<f64>) {
+    let text = std::fs::read_to_string(file).unwrap();
+    let rows = text.lines().skip(1).map(|row| row.split_once(',').unwrap());
+    let (times, volts): (Vec<f64>, Vec<f64>) = rows
+        .map(|(t, v)| (t.parse::<f64>().unwrap(), v.parse::<f64>().unwrap()))
+        .unzip();
+    (times[1] - times[0], volts)
+}
+
+/// The bench: a stage that was cycled and rests at 0 V, and what was recorded so far.
+struct Bench {
+    back: PathBuf,
+    toml: String,
+    records: u64,
+}
+
+impl Bench {
+    /// Plays a command and records it under a name.
+    fn play(&mut self, file: &Path, name: &str, before: usize) {
+        let (period_s, mut voltage_v) = command(file);
+        voltage_v.splice(0..0, vec![0.0; before]);
+        self.records += 1;
+        let mut stage = Stage::new(&preset::tracking_8k(), self.records).unwrap();
+        let run = stage.run(&voltage_v, period_s).unwrap();
+        let mut text = String::from("time_s,voltage_v,position_um\n");
+        for (k, (v, y)) in voltage_v.iter().zip(&run.position_um).enumerate() {
+            writeln!(text, "{:.7},{v:.6},{:.5}", k as f64 * period_s, y + ZERO_UM).unwrap();
+        }
+        std::fs::write(self.back.join(name), text).unwrap();
+        writeln!(self.toml, "[[record]]\nfile = \"{name}\"\nrole = \"identify\"").unwrap();
+        std::fs::write(self.back.join("dataset.toml"), &self.toml).unwrap();
+    }
+}
+
+/// The commands of a pass, without the one of all of them.
+fn commands(folder: &Path) -> Vec<PathBuf> {
+    let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let mut files: Vec<_> = files
+        .filter(|file| file.extension().is_some_and(|end| end == "csv") && !file.ends_with("all.csv"))
+        .collect();
+    files.sort();
+    files
+}
+
+/// First everything in one file that begins early, from a sensor with a zero of its own; then one by one, under an instrument's names and
+/// backwards; then as planned.
+#[test]
+fn val_a_campaign_by_files_ends_in_a_controller() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let text = |name: &str| path(name).display().to_string();
+    let (plan, records, back) = (text("plan"), text("records"), text("back"));
+    let fixed = ["campaign", "--top-v", "200", "--rate-hz", "50000"];
+    let [said, _] = answered(&[&fixed[..], &["-o", &plan]].concat());
+    assert!(
+        said.contains("cycle the stage to 150 V") && said.contains("--latency-us US -o records"),
+        "{said}"
+    );
+    refused(
+        &[&fixed[..], &["-o", &plan]].concat(),
+        &["campaign.toml: there is a plan already", "--overwrite"],
+    );
+    answered(&[&fixed[..], &["--latency-us", "20", "--overwrite", "-o", &plan]].concat());
+
+    std::fs::create_dir(path("back")).unwrap();
+    let mut bench = Bench {
+        back: path("back"),
+        toml: "format = 1\nname = \"bench\"\n[known]\nadc_um = [-25.0, 25.0]\n".to_owned(),
+        records: 0,
+    };
+    bench.play(&path("plan").join("all.csv"), "scope.csv", 777);
+    let come_back = ["campaign", "--plan", &plan, "--recorded", &back, "-o", &records];
+    let with = |options: &[&'static str]| -> Vec<&str> { [&come_back[..], options].concat() };
+    refused(
+        &with(&["--top-v", "150", "--rate-hz", "50000"]),
+        &["--top-v 150, and", "campaign.toml has 200 V"],
+    );
+    refused(
+        &with(&["--latency-us", "30"]),
+        &["--latency-us 30, and", "campaign.toml has 20 us"],
+    );
+    let [said, noted] = answered(&with(&[]));
+    assert!(
+        noted.contains("scope.csv: 8 records cut from it; the sequence begins 777 samples"),
+        "{noted}"
+    );
+    assert!(!noted.contains("warning"), "{noted}");
+    assert!(
+        said.contains("drift to frf-small-again: gain ") && said.contains("zero: the sensor reads -3.0"),
+        "{said}"
+    );
+    let after_pass_1 = read_dataset(&path("records")).unwrap();
+    // 20 us and half a sample; the range of the converter counts from the same zero as the positions.
+    assert!((after_pass_1.known.delay_s.unwrap() - 30e-6).abs() < 1e-12);
+    assert!((after_pass_1.known.adc_um.unwrap()[0] + 22.0).abs() < 0.02);
+
+    for (number, file) in commands(&path("plan/pass1")).iter().rev().enumerate() {
+        bench.play(file, &format!("CH2_{number}.csv"), 0);
+    }
+    answered(&with(&["--overwrite"]));
+    let second = commands(&path("plan/pass2"));
+    for file in &second[1..] {
+        bench.play(file, file.file_name().unwrap().to_str().unwrap(), 0);
+    }
+    let name = second[0].file_name().unwrap().to_str().unwrap();
+    assert!(name.starts_with("frf-small-after"), "{name}");
+    let [said, noted] = answered(&with(&["--overwrite"]));
+    assert!(
+        noted.contains("drift cannot be told: frf-small-after-pass2 is not there"),
+        "{noted}"
+    );
+    assert!(said.contains("next: hysteron design"), "{said}");
+    // As the built-in campaign's: 0.05 % of a command's range is a tenth of a volt.
+    let (_, missed) = said.split_once("misses the commands by ").unwrap();
+    let missed: f64 = missed.split_once(' ').unwrap().0.parse().unwrap();
+    assert!(missed < 0.1, "{missed}");
+    answered(&["design", &records, "--open", "-o", &text("controller.toml")]);
+}
+
+/// What contradicts, lacks or is of no plan ends with both values and what to do.
+#[test]
+fn refuse_recordings_without_their_plan() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (plan, records) = (path("plan"), path("records"));
+    let one = path("one.csv");
+    std::fs::write(
+        &one,
+        "time_s,voltage_v,position_um\n0,0,0\n0.00002,1,0.3\n0.00004,2,0.5\n",
+    )
+    .unwrap();
+    let come_back = ["campaign", "--recorded", &one, "-o", &records, "--plan", &plan];
+    refused(&come_back, &["campaign.toml: No such file", "--plan names the folder"]);
+    answered(&["campaign", "--top-v", "20", "--rate-hz", "10000", "-o", &plan]);
+    refused(
+        &come_back,
+        &[
+            "the recordings cannot be used yet",
+            "one.csv: its voltage is that of no planned record; it is shorter than half of any command",
+            "hold: not there; play hold.csv of the plan",
+        ],
+    );
+    refused(
+        &["campaign", "--stage", "8k", "--recorded", &one, "-o", &records],
+        &["cannot be used with"],
+    );
+    refused(&["campaign", "--plan", &plan, "-o", &records], &["--recorded"]);
+    refused(&[&come_back[..], &["--latency-us", "-3"]].concat(), &["--latency-us"]);
+    assert!(!folder.path().join("records").exists());
+}
