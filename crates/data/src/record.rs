@@ -115,7 +115,7 @@ impl Reference {
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Known {
-    /// Latency of the controller's own ADC-compute-DAC chain, seconds.
+    /// From a reading to the mean effect of its command, seconds: the latency of the controller and half a sample of hold.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub delay_s: Option<f64>,
     /// Sensor noise, micrometres rms.

@@ -67,7 +67,8 @@ pub(crate) struct ExportArgs {
     /// Its damping ratio
     #[arg(long, value_name = "RATIO", requires = "mode")]
     pub damping: Option<f64>,
-    /// Latency from command to reading without the half sample of hold, microseconds
+    /// Latency of your controller, microseconds: from the instant of a reading to the edge of the command that is computed from it, without the
+    /// half sample of hold; with the lags of amplifier and sensor, where you know them
     #[arg(long, value_name = "US")]
     pub latency_us: Option<f64>,
     /// Proportional gain, volts per micrometre
