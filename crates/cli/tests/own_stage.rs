@@ -170,7 +170,17 @@ fn refuse_recordings_without_their_plan() {
     .unwrap();
     let come_back = ["campaign", "--recorded", &one, "-o", &records, "--plan", &plan];
     refused(&come_back, &["campaign.toml: No such file", "--plan names the folder"]);
-    answered(&["campaign", "--top-v", "20", "--rate-hz", "10000", "-o", &plan]);
+    answered(&[
+        "campaign",
+        "--top-v",
+        "20",
+        "--rate-hz",
+        "10000",
+        "--latency-us",
+        "20",
+        "-o",
+        &plan,
+    ]);
     refused(
         &come_back,
         &[

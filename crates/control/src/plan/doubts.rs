@@ -1,7 +1,7 @@
 //! What can silently spoil a campaign: the sensor's zero and sign, rests that were too short, channels that are not sampled at once.
 
-use super::Plan;
 use super::matching::{Returned, Taken, each};
+use super::{Plan, ZERO_MATTERS};
 use core::fmt::{self, Display, Formatter};
 use hysteron_acquisition::{Finding, Following, Kind, NoiseFloor, inspect};
 use hysteron_data::Dataset;
@@ -10,9 +10,6 @@ use hysteron_identify::family::peak_to_peak;
 /// Standard errors from which on a position at rest moves, or is another one: of eight parts noise alone reaches them once in five thousand
 /// times, and a campaign has thirty records.
 const CLEAR: f64 = 8.0;
-/// Share of a record's peak to peak that it may have moved by its end, or stand off, by what was before it: a compensated creep is half a
-/// percent.
-const MATTERS: f64 = 5e-3;
 /// Parts of a rest whose means are compared.
 const PARTS: usize = 8;
 
@@ -166,7 +163,7 @@ fn of_rest(taken: &Taken, rest: &Rest, planned_s: f64, zero_um: f64) -> Vec<Doub
     let mut found = Vec::new();
     // What creeps since a rest of this length slows down with the time since then.
     let over_record_um = rest.speed_um_per_s * planned_s * (1.0 + taken.record.duration_s() / planned_s.max(1e-3)).ln();
-    if rest.speed_um_per_s.abs() > CLEAR * rest.errors[1] && over_record_um.abs() > MATTERS * stroke_um {
+    if rest.speed_um_per_s.abs() > CLEAR * rest.errors[1] && over_record_um.abs() > ZERO_MATTERS * stroke_um {
         found.push(Doubt::NotAtRest {
             name: name.clone(),
             speed_um_per_s: rest.speed_um_per_s,
@@ -175,7 +172,7 @@ fn of_rest(taken: &Taken, rest: &Rest, planned_s: f64, zero_um: f64) -> Vec<Doub
         });
     }
     let off_um = rest.position_um - zero_um;
-    if found.is_empty() && off_um.abs() > CLEAR * rest.errors[0] && off_um.abs() > MATTERS * stroke_um {
+    if found.is_empty() && off_um.abs() > CLEAR * rest.errors[0] && off_um.abs() > ZERO_MATTERS * stroke_um {
         found.push(Doubt::AnotherZero {
             name,
             off_um,
