@@ -36,6 +36,12 @@ fn refused(args: &[&str], words: &[&str]) {
     }
 }
 
+/// The number behind these words.
+fn number(said: &str, behind: &str) -> f64 {
+    let (_, number) = said.split_once(behind).unwrap();
+    number.split_once(' ').unwrap().0.parse().unwrap()
+}
+
 /// A command's sample period, seconds, and voltages.
 fn command(file: &Path) -> (f64, Vec<f64>) {
     let text = std::fs::read_to_string(file).unwrap();
@@ -124,14 +130,14 @@ fn val_a_campaign_by_files_ends_in_a_controller() {
         "{noted}"
     );
     assert!(!noted.contains("warning"), "{noted}");
-    assert!(
-        said.contains("drift to frf-small-again: gain ") && said.contains("zero: the sensor reads -3.0"),
-        "{said}"
-    );
+    assert!(said.contains("drift to frf-small-again: gain "), "{said}");
+    // Rests of seconds leave a stage that creeps by 1.5 % of 15 um a decade a third of a percent above its zero.
+    let zero_um = number(&said, "the sensor reads ");
+    assert!((zero_um - ZERO_UM).abs() < 0.05, "{zero_um}");
     let after_pass_1 = read_dataset(&path("records")).unwrap();
     // 20 us and half a sample; the range of the converter counts from the same zero as the positions.
     assert!((after_pass_1.known.delay_s.unwrap() - 30e-6).abs() < 1e-12);
-    assert!((after_pass_1.known.adc_um.unwrap()[0] + 22.0).abs() < 0.02);
+    assert!((after_pass_1.known.adc_um.unwrap()[0] - (-25.0 - zero_um)).abs() < 1e-4);
 
     for (number, file) in commands(&path("plan/pass1")).iter().rev().enumerate() {
         bench.play(file, &format!("CH2_{number}.csv"), 0);
@@ -150,8 +156,7 @@ fn val_a_campaign_by_files_ends_in_a_controller() {
     );
     assert!(said.contains("next: hysteron design"), "{said}");
     // As the built-in campaign's: 0.05 % of a command's range is a tenth of a volt.
-    let (_, missed) = said.split_once("misses the commands by ").unwrap();
-    let missed: f64 = missed.split_once(' ').unwrap().0.parse().unwrap();
+    let missed = number(&said, "misses the commands by ");
     assert!(missed < 0.1, "{missed}");
     answered(&["design", &records, "--open", "-o", &text("controller.toml")]);
 }

@@ -398,8 +398,8 @@ fn refuse_campaigns_on_processes_that_tell_nothing() {
     }
     let options = ["campaign", "--top-v", "100", "--rate-hz", "2000", "-o", "records"];
     folder.refuses(
-        &[&options[..], &["--latency-us", "3"]].concat(),
-        &["--recorded DATASET or --process COMMAND"],
+        &[&options[..], &["--latency-us", "20000"]].concat(),
+        &["--latency-us 20000: give 0 to 10000 us"],
     );
     folder.refuses(&["campaign", "--process", "python3", "-o", "records"], &["--top-v"]);
 }

@@ -1,6 +1,6 @@
 //! `hysteron campaign` on a stage of the user's own by files: the plan, and what came back of it.
 
-use crate::commands::control::record::{CampaignArgs, listed, misses, overwrite, within};
+use crate::commands::control::record::{CampaignArgs, listed, misses, overwrite};
 use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
@@ -260,7 +260,7 @@ fn note(text: &str) {
 
 /// Says on standard error what may spoil the campaign.
 fn warn(doubts: &Doubts, drifts: &[Drift]) {
-    let mut say = |text: String| {
+    let say = |text: String| {
         // A closed standard error loses a warning, not the answer.
         let _ = writeln!(std::io::stderr(), "warning: {text}");
     };
