@@ -199,6 +199,9 @@ fn refuse_recordings_without_their_plan() {
         &["cannot be used with"],
     );
     refused(&["campaign", "--plan", &plan, "-o", &records], &["--recorded"]);
-    refused(&[&come_back[..], &["--latency-us", "-3"]].concat(), &["--latency-us"]);
+    refused(
+        &[&come_back[..], &["--latency-us", "20000"]].concat(),
+        &["--latency-us 20000: give 0 to 10000 us"],
+    );
     assert!(!folder.path().join("records").exists());
 }
