@@ -43,9 +43,9 @@ pub(crate) fn docs(words: &[String]) -> Result<(), String> {
     if html { build() } else { Ok(()) }
 }
 
-/// Checks the pages and runs the fast blocks with the program that the tests have built.
+/// Checks the pages and runs every block with the program that the tests have built.
 pub(crate) fn check() -> Result<(), String> {
-    check_with(&built()?, Reading::Compare, Speed::Fast)
+    check_with(&built()?, Reading::Compare, Speed::Slow)
 }
 
 fn check_with(program: &Path, reading: Reading, speed: Speed) -> Result<(), String> {
