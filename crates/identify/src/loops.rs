@@ -1,16 +1,16 @@
 //! The loops that records show.
 
 use crate::family::{peak_to_peak, range};
-use hysteron_data::{Dataset, Record, Role};
+use hysteron_data::{Dataset, Record};
 
 /// Share of the voltages' span by which a drive turns back in a reversal, and within which reversals count as one.
 const REVERSAL: f64 = 0.1;
 
-/// Whether all records that a fit sees go to and fro between the same two voltages: none of them shows a loop inside of another, and what
-/// a free shape does there is anybody's guess.
+/// Whether all records go to and fro between the same two voltages: none of them shows a loop inside of another, neither to fit to nor to
+/// judge by, and what a free shape does there is anybody's guess.
 pub fn one_loop(dataset: &Dataset) -> bool {
-    let fits = |record: &&Record| record.role == Role::Identify && peak_to_peak(&record.voltage_v) > 0.0;
-    let records: Vec<&Record> = dataset.records.iter().filter(fits).collect();
+    let moves = |record: &&Record| peak_to_peak(&record.voltage_v) > 0.0;
+    let records: Vec<&Record> = dataset.records.iter().filter(moves).collect();
     let (low, high) = range(records.iter().flat_map(|record| record.voltage_v.iter().copied()));
     let reach = REVERSAL * (high - low);
     let at_an_end = |v: &f64| v - low < reach || high - v < reach;
@@ -44,6 +44,7 @@ fn reversals(drive: &[f64], reach: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hysteron_data::Role;
 
     /// Records between two voltages show one loop; a turn further inside than a tenth of the span shows another.
     #[test]

@@ -20,17 +20,23 @@ impl Model {
     /// # Cost
     /// O(samples x plays); a record that does not start periodically costs about 25 runs more for its initial state.
     pub fn simulate(&self, record: &Record) -> Simulation {
+        let mut simulation = self.simulate_rested(record);
+        if let Some((chain, coefficients)) = self.chain()
+            && matches!(simulation.initial, InitialState::Remanent { .. })
+        {
+            simulation.remembered_um = remember(&chain, &coefficients, record, &mut simulation.output);
+        }
+        simulation
+    }
+
+    /// As [`Self::simulate`] of a record before which the slow states of creep and drift rested: nothing is estimated of them.
+    pub fn simulate_rested(&self, record: &Record) -> Simulation {
         if let Some((chain, coefficients)) = self.chain() {
             let (trace, own) = prepare(&chain, &coefficients, record);
-            let mut output = chain.respond(&coefficients, &trace, &own);
-            let remembered_um = match trace.initial {
-                InitialState::Periodic { .. } => 0.0,
-                InitialState::Remanent { .. } => remember(&chain, &coefficients, record, &mut output),
-            };
             return Simulation {
-                output,
+                output: chain.respond(&coefficients, &trace, &own),
                 initial: trace.initial,
-                remembered_um,
+                remembered_um: 0.0,
             };
         }
         let mut run = run_of(record, self.direction, None);

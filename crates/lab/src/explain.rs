@@ -97,7 +97,7 @@ impl Placed<'_> {
         });
         with.effects
             .sort_by_key(|fitted| fitted.effect().map(|effect| effect.description().place));
-        with.simulate(self.record).output
+        with.simulate_rested(self.record).output
     }
 
     /// A start of the search at which the effect acts, the last one first. Where it acts at none, as where its strength is
@@ -166,7 +166,7 @@ pub(crate) fn picture(model: &Model, name: &str, frequency_hz: Option<f64>, give
     let (mut record, frequency_hz) = record(model, words.scene, frequency_hz)?;
     let mut without = model.clone();
     without.effects.retain(|fitted| fitted.name != *name);
-    record.position_um = without.simulate(&record).output;
+    record.position_um = without.simulate_rested(&record).output;
     let facts = facts(&without, &record);
     let bounds = effect.bounds(&facts).map_err(Refusal::unusable)?;
     if bounds.is_empty() {
@@ -297,7 +297,7 @@ mod tests {
                 .collect();
             let effect = id.effect();
             let (mut record, _) = record(&model, effect.description().scene, None).unwrap();
-            record.position_um = model.simulate(&record).output;
+            record.position_um = model.simulate_rested(&record).output;
             let placed = Placed {
                 without: &model,
                 effect: &*effect,
