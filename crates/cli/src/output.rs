@@ -18,6 +18,18 @@ pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), CliError> 
     print(&(serde_json::to_string_pretty(value)? + "\n"))
 }
 
+/// Says on standard error what may be wrong.
+pub(crate) fn warn(text: impl std::fmt::Display) {
+    // A closed standard error loses a warning, not the answer.
+    let _ = writeln!(std::io::stderr(), "warning: {text}");
+}
+
+/// Says on standard error what should be known.
+pub(crate) fn note(text: impl std::fmt::Display) {
+    // A closed standard error loses a remark, not the answer.
+    let _ = writeln!(std::io::stderr(), "note: {text}");
+}
+
 /// Refuses a folder that has a dataset already, before anything is waited for; it is looked at again when it is written.
 pub(crate) fn refuse_to_replace(folder: &Path, overwrite: bool) -> Result<(), CliError> {
     let manifest = folder.join("dataset.toml");

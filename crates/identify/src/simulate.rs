@@ -15,28 +15,33 @@ use hysteron_data::Record;
 
 impl Model {
     /// Runs the model freely over a record (never one step ahead: the measured output is used for nothing but the state
-    /// before the first sample, one number of the plays and one of the creep, chosen where the drive does not give them).
+    /// before the first sample, one number of the plays and one of a creep or a drift, chosen where the drive does not give them).
     ///
     /// # Cost
     /// O(samples x plays); a record that does not start periodically costs about 25 runs more for its initial state.
     pub fn simulate(&self, record: &Record) -> Simulation {
-        let mut simulation = self.simulate_rested(record);
-        if let Some((chain, coefficients)) = self.chain()
-            && matches!(simulation.initial, InitialState::Remanent { .. })
-        {
-            simulation.remembered_um = remember(&chain, &coefficients, record, &mut simulation.output);
-        }
-        simulation
+        self.simulate_after(record, Before::Unknown)
     }
 
     /// As [`Self::simulate`] of a record before which the slow states of creep and drift rested: nothing is estimated of them.
     pub fn simulate_rested(&self, record: &Record) -> Simulation {
+        self.simulate_after(record, Before::Rest)
+    }
+
+    fn simulate_after(&self, record: &Record, before: Before) -> Simulation {
         if let Some((chain, coefficients)) = self.chain() {
             let (trace, own) = prepare(&chain, &coefficients, record);
+            let mut output = chain.respond(&coefficients, &trace, &own);
+            let remembered_um = match (before, trace.initial) {
+                (Before::Unknown, InitialState::Remanent { .. }) => {
+                    remember(&chain, &coefficients, record, &mut output)
+                }
+                _ => 0.0,
+            };
             return Simulation {
-                output: chain.respond(&coefficients, &trace, &own),
+                output,
                 initial: trace.initial,
-                remembered_um: 0.0,
+                remembered_um,
             };
         }
         let mut run = run_of(record, self.direction, None);
@@ -123,6 +128,15 @@ impl Model {
             }),
         }
     }
+}
+
+/// What slow states did before a record.
+#[derive(Clone, Copy)]
+enum Before {
+    /// They rested.
+    Rest,
+    /// Nobody knows.
+    Unknown,
 }
 
 /// A record in the state that the chain finds for it, and the numbers that belong to it alone.

@@ -129,6 +129,12 @@ fn cell(value: Option<f64>, digits: usize) -> String {
     value.map_or(NONE.to_owned(), |value| format!("{value:.digits$}"))
 }
 
+/// Errors on each reference.
+fn percents(controller: &ControllerFigures) -> Vec<String> {
+    let of = |shape: &str| cell(controller.rms_percent.get(shape).copied(), 3);
+    SHAPES.iter().map(|(shape, _)| of(shape)).collect()
+}
+
 fn heading(first: &str, columns: &[String]) {
     println!("| {first} | {} |", columns.join(" | "));
     println!("|---|{}", "---|".repeat(columns.len()));
@@ -197,9 +203,7 @@ fn rivals(all: &[(&str, Vec<Trial>)]) {
     heading("controller", &references());
     let controllers = trials.iter().take(1).flat_map(|trial| &trial.report.controllers);
     for controller in controllers.filter(|c| !c.name.starts_with("complete")) {
-        let of = |shape: &str| controller.rms_percent.get(shape).copied();
-        let cells: Vec<String> = SHAPES.iter().map(|(shape, _)| cell(of(shape), 3)).collect();
-        println!("| {} | {} |", controller.name, cells.join(" | "));
+        println!("| {} | {} |", controller.name, percents(controller).join(" | "));
     }
     println!();
 }
@@ -281,8 +285,7 @@ fn live(all: &[(&str, Vec<Trial>)]) {
             .filter_map(|trial| trial.further.as_ref())
             .flat_map(|f| &f.live.controllers);
         for controller in live {
-            let of = |shape: &str| controller.rms_percent.get(shape).copied();
-            let mut cells: Vec<String> = SHAPES.iter().map(|(shape, _)| cell(of(shape), 3)).collect();
+            let mut cells = percents(controller);
             cells.push(cell(controller.lag30_hz, 0));
             println!("| `{name}`, {} | {} |", controller.loop_kind, cells.join(" | "));
         }

@@ -2,11 +2,11 @@
 //! than a command wants is said as such, once.
 
 use crate::error::CliError;
-use crate::progress;
+use crate::{output, progress};
 use hysteron_data::{Dataset, Notice, read_dataset_with_progress};
 use hysteron_identify::effects::{Effect, UserEffect};
 use hysteron_identify::{EffectId, Model};
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -111,16 +111,14 @@ pub(crate) fn unchecked(path: &Path) -> Result<Dataset, CliError> {
 /// Says on standard error where a lab has erred.
 pub(crate) fn warn(dataset: &Dataset) {
     for finding in hysteron_acquisition::mistakes(dataset) {
-        // A closed standard error loses a warning, not the answer.
-        let _ = writeln!(std::io::stderr(), "warning: {finding}");
+        output::warn(finding);
     }
 }
 
 /// Says on standard error what a reader did.
 pub(crate) fn say(notices: &[Notice]) {
     for notice in notices {
-        // A closed standard error loses a remark, not the answer.
-        let _ = writeln!(std::io::stderr(), "note: {}: {}", notice.file, notice.text);
+        output::note(format_args!("{}: {}", notice.file, notice.text));
     }
 }
 

@@ -25,26 +25,32 @@ const STRETCH_REACH: usize = 20;
 
 /// A record of a command from its first sample on, cut to what counts.
 pub(super) fn one(planned: &Planned, at: (usize, usize), record: &Record, like: Likeness, returned: &mut Returned) {
+    if take(planned, at, record, like, returned) && like.shift > 0 {
+        returned.remarks.push(Remark::Begins {
+            from: record.file.clone(),
+            name: planned.name.clone(),
+            samples: like.shift.unsigned_abs(),
+            seconds: like.shift as f64 * record.period_s,
+            exact: like.off < EXACT,
+        });
+    }
+}
+
+/// Takes what counts of a record, or says what is wrong with it; whether it was taken.
+fn take(planned: &Planned, at: (usize, usize), record: &Record, like: Likeness, returned: &mut Returned) -> bool {
     match of_file(planned, record, like) {
-        Err(wrong) => returned.wrong.push(wrong),
-        Ok((cut, rest_um)) => {
-            if like.shift > 0 {
-                returned.remarks.push(Remark::Begins {
-                    from: record.file.clone(),
-                    name: planned.name.clone(),
-                    samples: like.shift.unsigned_abs(),
-                    seconds: like.shift as f64 * record.period_s,
-                    exact: like.off < EXACT,
-                });
-            }
-            returned.taken.push(Taken {
-                at,
-                record: cut,
-                rest_um,
-                from: record.file.clone(),
-            });
+        Ok((cut, rest_um)) => returned.taken.push(Taken {
+            at,
+            record: cut,
+            rest_um,
+            from: record.file.clone(),
+        }),
+        Err(wrong) => {
+            returned.wrong.push(wrong);
+            return false;
         }
     }
+    true
 }
 
 fn of_file(planned: &Planned, record: &Record, like: Likeness) -> Result<(Record, Vec<f64>), Wrong> {
@@ -255,14 +261,6 @@ impl Sequence<'_> {
         }
         let whole = piece(self.record, from.unsigned_abs(), planned.samples, step);
         let like = likeness::at(&planned.voltage_v, &whole.voltage_v, 0, 0);
-        match of_file(planned, &whole, like) {
-            Ok((record, rest_um)) => returned.taken.push(Taken {
-                at,
-                record,
-                rest_um,
-                from: self.record.file.clone(),
-            }),
-            Err(wrong) => returned.wrong.push(wrong),
-        }
+        take(planned, at, &whole, like, returned);
     }
 }

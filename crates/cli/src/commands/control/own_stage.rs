@@ -15,7 +15,6 @@ use hysteron_control::plan::{self, Plan};
 use hysteron_data::{Dataset, Record, write_dataset};
 use hysteron_identify::control::{ControlModel, identify};
 use std::fmt::Write;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// The folder that the plan is looked for in.
@@ -99,7 +98,7 @@ pub(super) fn came_back(args: &CampaignArgs, recorded: &Path) -> Result<Done, Cl
     let mut dataset = known(args, &plan, &recorded)?;
     let mut returned = matched(&plan, &recorded.records);
     for remark in &returned.remarks {
-        note(&remark.to_string());
+        output::note(remark);
     }
     if !returned.wrong.is_empty() {
         load::warn(&recorded);
@@ -253,29 +252,20 @@ fn passes(dataset: &mut Dataset, plan: &Plan, returned: &Returned) -> Result<(Co
     Ok((model, Some((next, commands))))
 }
 
-fn note(text: &str) {
-    // A closed standard error loses a remark, not the answer.
-    let _ = writeln!(std::io::stderr(), "note: {text}");
-}
-
 /// Says on standard error what may spoil the campaign.
 fn warn(doubts: &Doubts, drifts: &[Drift]) {
-    let say = |text: String| {
-        // A closed standard error loses a warning, not the answer.
-        let _ = writeln!(std::io::stderr(), "warning: {text}");
-    };
-    doubts.mistakes.iter().for_each(|finding| say(finding.to_string()));
-    doubts.doubts.iter().for_each(|doubt| say(doubt.to_string()));
+    doubts.mistakes.iter().for_each(output::warn);
+    doubts.doubts.iter().for_each(output::warn);
     for drift in drifts {
         if drift.of_gain() {
-            say(format!(
+            output::warn(format_args!(
                 "the gain has changed by {:.3} % between the first record and {}, beyond what noise explains: records of one campaign must \
                  be of one stage; let it warm up, look at the range of the sensor, and record again",
                 drift.gain_percent.value, drift.name
             ));
         }
         if drift.of_zero() {
-            say(format!(
+            output::warn(format_args!(
                 "the position at rest has changed by {:.4} um between the first record and {}, beyond what noise explains: the sensor's zero \
                  drifts, or the stage did not rest long enough",
                 drift.zero_um.value, drift.name
