@@ -10,6 +10,7 @@ mod firmware_image;
 mod mutants;
 mod prose;
 mod python;
+mod rehearsals;
 mod release;
 mod tests;
 
@@ -36,6 +37,8 @@ usage: cargo xtask <command>
           effect and strength (default 4) and the first seed (default 1000)
   calibrate users   the same on recordings as users make them: ten programmes, stages of other families; takes the number of
           cases (default 60), the first seed, a programme, family, effect or kind; --quick, --harmless, --json FILE
+  rehearsals  every effect hidden in three stages, found, learned and undone, as a table; with mps2-an386 or mps2-an500 on one
+          stage in the emulator's firmware
   benchmark   oscillators with hysteresis, a hardening spring and friction inside, made from their published equations: errors
           beside a linear model and a NARX; takes one of bouc-wen, duffing, friction; --quick
   firmware run      build the images, run each in the emulator against the simulated stage
@@ -69,6 +72,7 @@ fn main() -> ExitCode {
         Some("msrv") => release::msrv(),
         Some("package") => release::package(),
         Some("dist") => release::dist(),
+        Some("rehearsals") => rehearsals::rehearsals(&words.collect::<Vec<_>>()),
         Some("benchmark") => example("benchmark", &words.collect::<Vec<_>>()),
         Some("firmware") => firmware(words.next().as_deref(), &words.collect::<Vec<_>>()),
         Some("mutants") => mutants::mutants(&words.collect::<Vec<_>>()),
