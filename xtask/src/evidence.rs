@@ -21,6 +21,9 @@ const AFTER: &str = "<!-- end of evidence -->";
 /// Beginning of the line that says when a table was measured.
 const MEASURED: &str = "Measured on ";
 
+/// Beginnings of the lines that this tool and the test harness print around a command's own.
+const OF_THE_TOOLS: [&str; 3] = ["> ", "running ", "test "];
+
 /// A table's command, and the place of all between its two comments.
 #[derive(Debug, PartialEq)]
 struct Table {
@@ -129,7 +132,7 @@ fn measured(command: &str) -> Result<String, String> {
 fn body(command: &str, said: &str, date: &str, code: &str, machine: &str, seconds: f64) -> String {
     let lines: Vec<&str> = said
         .lines()
-        .filter(|line| !line.starts_with("> "))
+        .filter(|line| !OF_THE_TOOLS.iter().any(|start| line.starts_with(start)))
         .map(str::trim_end)
         .collect();
     let said = lines.join("\n");
@@ -190,7 +193,7 @@ mod tests {
     fn val_tables_stay_tables_and_the_rest_is_as_printed() {
         let table = body(
             "c",
-            "> cargo run\n| a |\n|---|\n| 1 |\n",
+            "> cargo run\n\nrunning 1 test\n| a |\n|---|\n| 1 |\ntest val_one ... ok\n",
             "2026-01-02",
             "commit 1",
             "2 threads of x",
