@@ -3,7 +3,8 @@
 //! `cargo run --release -p host-tests --example calibrate -- [EACH] [FIRST_SEED] [WORD]`: EACH seeds for every effect and strength (default 4);
 //! with WORD only cases whose hidden effect has it in its name, or `nothing`. With `pairs` as WORD: EACH stages with two hidden effects,
 //! in one diagnosis; with `learn` the same stages, and what `learn` has in its model at the end. One line a case goes to standard error
-//! as they come, the tables to standard output.
+//! as they come, the tables to standard output. The evidence of diagnoses goes to `target/calibration/evidence.jsonl`; with
+//! `thresholds` as the only word, the verdicts on that evidence are printed with every threshold moved by 30 %.
 #![expect(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -11,10 +12,21 @@
 )]
 
 use host_tests::hidden::score::{calibration, learned, line, markdown, pairs, score, tool};
+use host_tests::hidden::thresholds::{store, stored, table};
+use std::path::Path;
 use std::time::Instant;
 
+/// Where the evidence of the last calibration lies.
+const EVIDENCE: &str = "target/calibration/evidence.jsonl";
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let mut words = std::env::args().skip(1);
+    let mut words = std::env::args().skip(1).peekable();
+    if words.peek().is_some_and(|word| word == "thresholds") {
+        let cases = stored(Path::new(EVIDENCE))
+            .map_err(|error| format!("{EVIDENCE}: {error}; run `cargo xtask calibrate` first"))?;
+        print!("{}", table(&cases));
+        return Ok(());
+    }
     let each = words.next().map_or(Ok(4), |word| word.parse::<u64>())?;
     let first_seed = words.next().map_or(Ok(1_000), |word| word.parse::<u64>())?;
     let word = words.next();
@@ -35,6 +47,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let answer = if learns { learned } else { tool };
     let outcomes = score(&cases, answer, |outcome| eprintln!("{}", line(outcome)));
     println!("{}", markdown(&outcomes));
+    if !learns {
+        store(Path::new(EVIDENCE), &outcomes)?;
+    }
     println!(
         "{} cases of seeds {first_seed} to {}, {:.1} s each on {} threads; {} could not be made.",
         outcomes.len(),

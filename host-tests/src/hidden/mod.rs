@@ -3,6 +3,7 @@
 pub mod change;
 pub mod own;
 pub mod score;
+pub mod thresholds;
 pub mod unanswerable;
 
 use hysteron_challenge::dataset;

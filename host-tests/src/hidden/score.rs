@@ -2,7 +2,9 @@
 
 use super::{Example, generate};
 use hysteron_diagnose::diagnosis::Diagnosis;
-use hysteron_diagnose::learn;
+use hysteron_diagnose::evidence::Evidence;
+use hysteron_diagnose::verdict::Decision;
+use hysteron_diagnose::{examine, learn};
 use hysteron_identify::{FitOptions, fit, present_step};
 use hysteron_plant::challenge::{Asked, CATALOGUE, Effect, OUTSIDE, Spec, StageFamily, Strength, Truth};
 use rayon::prelude::*;
@@ -10,7 +12,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// What was said of a dataset.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Answer {
     /// The verdict.
     pub verdict: String,
@@ -20,6 +22,8 @@ pub struct Answer {
     pub further: Vec<String>,
     /// What most of the unexplained goes with, or empty.
     pub locked_to: String,
+    /// The numbers that the verdict came from; those of no rounds where nobody asked for a single diagnosis.
+    pub evidence: Evidence,
 }
 
 impl From<Diagnosis> for Answer {
@@ -31,6 +35,19 @@ impl From<Diagnosis> for Answer {
             verdict: diagnosis.verdict.as_str().to_owned(),
             also_possible: diagnosis.also_possible.iter().map(ToString::to_string).collect(),
             further: diagnosis.further.iter().map(ToString::to_string).collect(),
+            evidence: Evidence::default(),
+        }
+    }
+}
+
+impl From<Decision> for Answer {
+    fn from(decision: Decision) -> Self {
+        let names = |effects: Vec<_>| effects.iter().map(ToString::to_string).collect();
+        Self {
+            verdict: decision.verdict.as_str().to_owned(),
+            also_possible: names(decision.set),
+            further: names(decision.further),
+            ..Self::default()
         }
     }
 }
@@ -54,17 +71,13 @@ pub enum Grade {
 /// Verdicts that name no effect.
 const NO_NAME: [&str; 3] = ["none", "unknown", "hysteresis-shape"];
 
-/// Grades an answer.
-pub fn grade(truth: &Truth, answer: &Answer) -> Grade {
-    let accepted = truth.accepted_verdicts();
+/// Grades an answer to a truth with these accepted verdicts.
+pub fn grade(accepted: &[impl AsRef<str>], answer: &Answer) -> Grade {
+    let accepts = |name: &str| accepted.iter().any(|accepted| accepted.as_ref() == name);
     let verdict = answer.verdict.as_str();
-    if accepted.contains(&verdict) {
+    if accepts(verdict) {
         Grade::Right
-    } else if answer
-        .also_possible
-        .iter()
-        .any(|name| accepted.contains(&name.as_str()))
-    {
+    } else if answer.also_possible.iter().any(|name| accepts(name)) {
         Grade::InSet
     } else if NO_NAME.contains(&verdict) {
         Grade::Missed
@@ -94,7 +107,13 @@ pub struct Outcome {
 /// Where the fit of the start model fails, which no case of the generator should bring about.
 pub fn tool(example: &Example) -> Answer {
     match fit(&example.dataset, &FitOptions::new(example.start), &|_| {}) {
-        Ok(report) => hysteron_diagnose::diagnose(&example.dataset, &report.model, &|_, _| {}).into(),
+        Ok(report) => {
+            let (diagnosis, evidence) = examine(&example.dataset, &report.model, &[], &|_, _| {});
+            Answer {
+                evidence,
+                ..diagnosis.into()
+            }
+        }
         Err(error) => panic!("seed {}: {error}", example.truth.seed),
     }
 }
@@ -109,9 +128,8 @@ pub fn learned(example: &Example) -> Answer {
             let mut effects = learned.model.effects.into_iter().map(|effect| effect.name.to_string());
             Answer {
                 verdict: effects.next().unwrap_or_else(|| learned.diagnosis.verdict.to_string()),
-                also_possible: Vec::new(),
                 further: effects.collect(),
-                locked_to: String::new(),
+                ..Answer::default()
             }
         }
         Err(error) => panic!("seed {}: {error}", example.truth.seed),
@@ -157,7 +175,7 @@ pub fn score(
         .filter_map(|(seed, spec)| {
             let example = generate(*seed, spec).ok()?;
             let answer = answer(&example);
-            let grade = match grade(&example.truth, &answer) {
+            let grade = match grade(&example.truth.accepted_verdicts(), &answer) {
                 Grade::Missed if absorbed(&example, spec) => Grade::TakenIn,
                 grade => grade,
             };
@@ -384,6 +402,26 @@ fn summary(text: &mut String, outcomes: &[Outcome]) {
         text,
         "\nTwo hidden: both found in {}.",
         Tally::percent(both, pairs.len())
+    );
+    sets(text, outcomes);
+}
+
+/// How often a name, or a set of them, contains what is hidden, and how large it is.
+fn sets(text: &mut String, outcomes: &[Outcome]) {
+    let named: Vec<&Outcome> = outcomes
+        .iter()
+        .filter(|o| !NO_NAME.contains(&o.answer.verdict.as_str()) || !o.answer.also_possible.is_empty())
+        .collect();
+    let size = |o: &&Outcome| {
+        let verdict = usize::from(!NO_NAME.contains(&o.answer.verdict.as_str()));
+        verdict + o.answer.also_possible.len()
+    };
+    let tally = Tally::of(named.iter().copied());
+    let _ = writeln!(
+        text,
+        "\nNames and sets of names: they contain what is hidden in {}; mean size {:.2}.",
+        Tally::percent(tally.right + tally.in_set, named.len()),
+        named.iter().map(size).sum::<usize>() as f64 / named.len().max(1) as f64
     );
 }
 
