@@ -401,8 +401,15 @@ fn val_a_million_samples_are_fluid() {
             compared = f64::max(compared, browser.run_async(&linked, vec![]).await.as_f64().unwrap());
         }
         let memory = server.peak_memory();
+        let known = |value: Option<f64>, unit| value.map_or("unknown".to_owned(), |value| format!("{value:.2} {unit}"));
         println!(
-            "a million samples: first picture after {first_ms:.0} ms and {worked_s:?} s of the server's work, {per_second:.0} frames a second, {compared:.0} in the linked views of the comparison, server memory {memory:?} bytes"
+            "a million samples: first picture after {:.2} s\n\
+             the server's work for it: {}\n\
+             zoom and pan: {per_second:.0} frames/s; in the linked views of the comparison: {compared:.0} frames/s\n\
+             largest memory of the server, fit included: {}",
+            first_ms / 1e3,
+            known(worked_s, "s"),
+            known(memory.map(|bytes| bytes as f64 / 1e6), "MB"),
         );
         browser.picture("million").await;
         // Two seconds of work up to the first picture, however long a busy machine takes over them; and half of the frames of an
