@@ -22,6 +22,7 @@ pub mod telemetry;
 pub mod trajectory;
 pub mod tuning;
 pub mod two_axes;
+pub mod watch;
 pub mod wire;
 
 use axes::Axes;
