@@ -135,7 +135,7 @@ fn number(value: &Value) -> Result<f64, String> {
     value.as_f64().ok_or_else(|| format!("a rehearsal's figure is {value}"))
 }
 
-/// Three digits, or two where the figure is small.
+/// Three digits; three decimals below 1 %.
 fn short(percent: f64) -> String {
     match percent {
         large if large >= 10.0 => format!("{large:.1}"),

@@ -408,14 +408,11 @@ fn summary(text: &mut String, outcomes: &[Outcome]) {
 
 /// How often a name, or a set of them, contains what is hidden, and how large it is.
 fn sets(text: &mut String, outcomes: &[Outcome]) {
-    let named: Vec<&Outcome> = outcomes
-        .iter()
-        .filter(|o| !NO_NAME.contains(&o.answer.verdict.as_str()) || !o.answer.also_possible.is_empty())
-        .collect();
     let size = |o: &&Outcome| {
         let verdict = usize::from(!NO_NAME.contains(&o.answer.verdict.as_str()));
         verdict + o.answer.also_possible.len()
     };
+    let named: Vec<&Outcome> = outcomes.iter().filter(|o| size(o) > 0).collect();
     let tally = Tally::of(named.iter().copied());
     let _ = writeln!(
         text,
