@@ -20,6 +20,8 @@ pub(crate) struct Run<'a> {
     pub weight: f64,
     /// First sample that is fitted: before it the output depends on a state that is not in the record.
     pub fit_from: usize,
+    /// Whether its level is left open: plays wider than its swing hold something that is not in the record.
+    pub level_free: bool,
     /// Outputs at which the readings are clipped: such a sample is not fitted.
     pub clipped: &'a [f64],
 }

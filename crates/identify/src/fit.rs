@@ -126,13 +126,23 @@ pub fn fit(
     for run in &mut runs {
         initial::skip_unsettled(&rate_independent, run);
     }
+    // A level taken for granted, where plays wider than the swing hold something, would bend all plays.
+    let open: Vec<bool> = runs
+        .iter()
+        .map(|run| initial::holds_a_level(&placed, run.input))
+        .collect();
+    if !open.iter().all(|open| *open) {
+        for (run, open) in runs.iter_mut().zip(open) {
+            run.level_free = open;
+        }
+    }
     // The swarm starts from the same initial states as the separable fit, so that both minimise the same objective.
     let first = separable::solve(options.family, placed.clone(), &runs, &|share| progress(0.5 * share));
     let mut changed = false;
     for run in &mut runs {
         let chosen = initial::choose(&first.design, &first.coefficients, run);
-        changed |= chosen != run.initial;
-        run.initial = chosen;
+        changed |= chosen != run.initial || run.level_free;
+        (run.initial, run.level_free) = (chosen, false);
     }
     let solved = match options.method {
         Method::Separable if !changed => first,

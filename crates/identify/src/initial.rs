@@ -56,15 +56,36 @@ pub fn rested(output: &[f64], samples: usize) -> bool {
     shift.abs() > SHIFTED * error && shift * (mean(first) - output[0]) > 0.0
 }
 
-/// A first guess from the record alone: periodic where drive and response both repeat from the first sample on, else
-/// the virgin start where the input begins at the low end of its range, else half way.
+/// What outlasts the far end of the first period: at most this share of the mean square before it.
+const FORGOTTEN: f64 = 0.05;
+
+/// Whether all that sets the first period apart from the second ends where the drive first reaches the far end of its range. There plays
+/// forget the way that they came by (Mayergoyz 1991, section 1.1); creep and drift go on.
+fn forgets(input: &[f64], output: &[f64], samples: usize) -> bool {
+    let from = input[0];
+    let away = |k: &usize| (input[*k] - from).abs();
+    let Some(far) = (0..samples).max_by(|a, b| away(a).total_cmp(&away(b))) else {
+        return false;
+    };
+    let change: Vec<f64> = (0..samples).map(|k| output[k + samples] - output[k]).collect();
+    let noise = noise_in(&change) / samples as f64;
+    let above_noise = |part: &[f64]| mean(&part.iter().map(|d| d * d).collect::<Vec<_>>()) - noise;
+    let (before, after) = change.split_at(far);
+    !before.is_empty() && above_noise(after) < FORGOTTEN * above_noise(before)
+}
+
+/// A first guess from the record alone: periodic where drive and response both repeat from the first sample on. Else at rest from above
+/// where the input begins at the low end of its range, unless a first period on another branch contradicts it; else half way.
 pub(crate) fn guess(input: &[f64], output: &[f64]) -> InitialState {
     let span = peak_to_peak(input);
-    if let Some(found) = period::detect(input)
-        && found.from == 0
-        && repeats(output, found.samples)
-    {
-        return InitialState::Periodic { samples: found.samples };
+    let periodic = period::detect(input).filter(|found| found.from == 0);
+    if let Some(found) = periodic {
+        if repeats(output, found.samples) {
+            return InitialState::Periodic { samples: found.samples };
+        }
+        if forgets(input, output, found.samples) {
+            return InitialState::Remanent { fraction: 0.5 };
+        }
     }
     let low = input.iter().copied().fold(f64::INFINITY, f64::min);
     let starts_low = input.first().is_some_and(|&first| first - low <= 1e-3 * span);
@@ -94,6 +115,13 @@ pub(crate) fn skip_unsettled(design: &Design, run: &mut Run<'_>) {
         let settled = design.settled_from(run);
         run.fit_from = if settled < run.input.len() / 2 { settled } else { 0 };
     }
+}
+
+/// Whether the widest plays hold something over a record that the record does not show: its drive swings less than they are wide.
+pub(crate) fn holds_a_level(thresholds: &[f64], input: &[f64]) -> bool {
+    let widest = thresholds.iter().copied().fold(0.0, f64::max);
+    let swing = peak_to_peak(input);
+    swing > 0.0 && swing < widest
 }
 
 /// Chooses the initial state under which a fitted model explains the record best, from its very first sample.
@@ -242,6 +270,33 @@ mod tests {
             InitialState::Remanent { .. } => response(|_| 60.0),
         };
         assert_eq!(choose_by(guess, &measured, shape), guess);
+    }
+
+    /// A first quarter on another branch is forgotten at the far end of the drive, and the record does not begin at rest from above; what
+    /// goes on for the whole period is a slow state, which says nothing of the plays.
+    #[test]
+    fn val_a_virgin_start_is_no_rest_from_above() {
+        let drive: Vec<f64> = (0..5 * PERIOD)
+            .map(|k| 1.0 - (TAU * k as f64 / PERIOD as f64).cos())
+            .collect();
+        let half = PERIOD / 2;
+        let virgin = |k: usize| {
+            if k < half {
+                -2.0 * (TAU * k as f64 / PERIOD as f64).sin()
+            } else {
+                0.0
+            }
+        };
+        assert_eq!(
+            guess(&drive, &response(virgin)),
+            InitialState::Remanent { fraction: 0.5 }
+        );
+        let creep = |k: usize| 1.2 * (k as f64 + 1.0).ln();
+        assert_eq!(guess(&drive, &response(creep)), InitialState::REST);
+        assert_eq!(
+            guess(&drive, &response(|_| 0.0)),
+            InitialState::Periodic { samples: PERIOD }
+        );
     }
 
     /// What approaches the mean of the drive over the record has rested; what stands there, what goes the other way, and what only

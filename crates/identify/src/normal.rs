@@ -83,6 +83,26 @@ impl Normal {
         self.samples += other.samples;
     }
 
+    /// This system beside a free constant of its own: the first column, a constant, is projected out of all else.
+    pub(crate) fn level_free(mut self) -> Self {
+        let n = self.columns;
+        let own = self.gram[0];
+        if own > 0.0 {
+            let across: Vec<f64> = (0..n).map(|i| self.gram[i * n]).collect();
+            let target = self.rhs[0];
+            for i in 0..n {
+                for j in 0..=i {
+                    self.gram[i * n + j] -= across[i] * across[j] / own;
+                }
+                self.rhs[i] -= across[i] * target / own;
+                self.gram[i * n] = 0.0;
+            }
+            self.rhs[0] = 0.0;
+            self.target_squares -= target * target / own;
+        }
+        self
+    }
+
     /// The full symmetric matrix.
     pub(crate) fn matrix(&self) -> DMatrix<f64> {
         DMatrix::from_fn(self.columns, self.columns, |i, j| {
@@ -231,6 +251,27 @@ mod tests {
             );
             assert!(normal.squared_error(&solution) < 1e-8);
         }
+    }
+
+    /// A record on another level than the rest: its slope counts, its level does not, as beside a column that is 1 on it alone.
+    #[test]
+    fn val_a_free_level_is_a_column_of_its_own() {
+        let (mut known, mut shifted, mut dummy) = (Normal::new(2), Normal::new(2), Normal::new(3));
+        for k in 0..50 {
+            let (x, wave) = (f64::from(k), 0.1 * f64::from(k * 37 % 11));
+            known.add_row(&[1.0, x], 3.0 + 0.5 * x + wave);
+            shifted.add_row(&[1.0, 2.0 * x], 40.0 + x - wave);
+            dummy.add_row(&[1.0, x, 0.0], 3.0 + 0.5 * x + wave);
+            dummy.add_row(&[1.0, 2.0 * x, 1.0], 40.0 + x - wave);
+        }
+        known.add_scaled(&shifted.level_free(), 1.0);
+        let (free, beside) = (known.solve(0.0), dummy.solve(0.0));
+        assert!(
+            (free[0] - beside[0]).abs() < 1e-9 && (free[1] - beside[1]).abs() < 1e-11,
+            "{free:?} {beside:?}"
+        );
+        let left = known.squared_error(&free);
+        assert!((left - dummy.squared_error(&beside)).abs() < 1e-6, "{left}");
     }
 
     #[test]

@@ -78,6 +78,7 @@ pub(crate) fn run_of(record: &Record, direction: Direction, initial: Option<Init
         initial,
         weight: 1.0,
         fit_from: 0,
+        level_free: false,
         clipped: &[],
     }
 }

@@ -67,7 +67,7 @@ pub(crate) fn normals(design: &Design, runs: &[Run<'_>], stride: usize) -> Vec<N
         .map(|run| {
             let mut normal = Normal::new(design.columns());
             design.for_each_row(run, stride, |_, row, target| normal.add_row(row, target));
-            normal
+            if run.level_free { normal.level_free() } else { normal }
         })
         .collect()
 }

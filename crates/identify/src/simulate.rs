@@ -81,6 +81,7 @@ impl Model {
             initial,
             weight: 1.0,
             fit_from: 0,
+            level_free: false,
             clipped: &[],
         };
         Ok(self.simulate_from(&self.design(), &run).output)

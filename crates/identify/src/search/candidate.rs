@@ -1,6 +1,6 @@
 //! One more effect in the chain: where its search begins, and the way to the bottom of its valley.
 
-use super::fitted::{Descent, Fitted, Look, Standing, reweighed};
+use super::fitted::{Descent, Fitted, Levels, Look, Standing, reweighed};
 use super::records::Prepared;
 use super::system::within_bounds;
 use super::trial::{Trial, judge};
@@ -155,7 +155,7 @@ impl Search<'_> {
             .collect();
         Basis {
             records,
-            error: self.descent().project(fitted.clone()).error,
+            error: self.descent(Levels::OfTheState).project(fitted.clone()).error,
         }
     }
 
@@ -346,6 +346,7 @@ impl Search<'_> {
             records,
             noise_um: self.noise_um,
             settled: effort.settled(),
+            levels: Levels::OfTheState,
         }
     }
 

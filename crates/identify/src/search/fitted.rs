@@ -40,6 +40,21 @@ impl Look {
     }
 }
 
+/// The level of a record whose widest plays hold something since before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Levels {
+    /// As the state before the record gives it.
+    OfTheState,
+    /// Whatever it is.
+    Free,
+}
+
+impl Levels {
+    fn free(self, record: &Prepared<'_>) -> bool {
+        self == Self::Free && record.holds_a_level
+    }
+}
+
 /// The answer of a chain on one record, at the rows, and how it changes with each coefficient and parameter.
 pub(super) struct Tangent {
     pub columns: DMatrix<f64>,
@@ -120,13 +135,18 @@ impl Fitted {
     }
 
     /// Normal equations of each fitted record around this point.
-    fn systems(&self, records: &[Prepared<'_>], derivatives: bool) -> Vec<Normal> {
+    fn systems(&self, records: &[Prepared<'_>], derivatives: bool, levels: Levels) -> Vec<Normal> {
         let taking_part: Vec<usize> = (0..records.len()).filter(|&i| records[i].fits).collect();
         taking_part
             .par_iter()
             .map(|&i| {
                 let tangent = self.tangent(&records[i], i, Look::Few, derivatives);
-                Normal::of_columns(&tangent.columns, &tangent.target)
+                let system = Normal::of_columns(&tangent.columns, &tangent.target);
+                if levels.free(&records[i]) {
+                    system.level_free()
+                } else {
+                    system
+                }
             })
             .collect()
     }
@@ -168,6 +188,8 @@ pub(super) struct Descent<'s> {
     pub noise_um: f64,
     /// Fall of the sum of logarithms below which it has settled.
     pub settled: f64,
+    /// The levels that count.
+    pub levels: Levels,
 }
 
 /// A point and the sum of the logarithms of what it leaves of each record.
@@ -215,7 +237,7 @@ pub(super) fn reweighed(
 impl Descent<'_> {
     /// Solves for the linear coefficients at these effects; for a nonlinear chain around the given coefficients.
     pub(super) fn project(&self, mut fitted: Fitted) -> Standing {
-        let systems = fitted.systems(self.records, false);
+        let systems = fitted.systems(self.records, false, self.levels);
         let linear = fitted.coefficients.len();
         let solve = |sum: &Normal| within_bounds(sum, linear, fitted.ridge, 0.0, &[]);
         let solved = reweighed(&systems, self.noise_um, Some(&fitted.coefficients), REWEIGHED, solve);
@@ -240,7 +262,12 @@ impl Descent<'_> {
                 let modelled = fitted.modelled(record, i);
                 let measured = &record.record().position_um;
                 let rows = &record.few_rows;
-                let sum: f64 = rows.iter().map(|&k| (measured[k] - modelled[k]).powi(2)).sum();
+                let level = if self.levels.free(record) {
+                    rows.iter().map(|&k| measured[k] - modelled[k]).sum::<f64>() / rows.len().max(1) as f64
+                } else {
+                    0.0
+                };
+                let sum: f64 = rows.iter().map(|&k| (measured[k] - modelled[k] - level).powi(2)).sum();
                 (self.noise_um.powi(2).max(f64::MIN_POSITIVE) + sum / rows.len().max(1) as f64).ln()
             })
             .collect();
@@ -252,7 +279,7 @@ impl Descent<'_> {
         let mut here = start;
         let mut damping = 1e-3;
         for _ in 0..most_steps.min(MOST_STEPS) {
-            let systems = here.fitted.systems(self.records, true);
+            let systems = here.fitted.systems(self.records, true, self.levels);
             let linear = here.fitted.coefficients.len();
             let mut stay = here.fitted.coefficients.clone();
             stay.resize(linear + here.fitted.parameters(), 0.0);

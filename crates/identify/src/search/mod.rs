@@ -23,7 +23,7 @@ use crate::initial;
 use crate::model::Model;
 use crate::placement::free_thresholds;
 use crate::start_state::InitialState;
-use fitted::{Descent, Fitted, Standing};
+use fitted::{Descent, Fitted, Levels, Standing};
 use hysteron_data::{Dataset, Role};
 use rayon::prelude::*;
 use records::Prepared;
@@ -81,10 +81,14 @@ impl<'a> Search<'a> {
             standing: Trial::unjudged(point, weights),
             records,
         };
-        let point = search.settled_point();
+        if search.some_levels_are_open() {
+            search.standing.fitted = search.settled_point(Levels::Free);
+            search.choose_states();
+        }
+        let point = search.settled_point(Levels::OfTheState);
         search.standing = search.judged(point);
         if search.choose_states() {
-            let point = search.settled_point();
+            let point = search.settled_point(Levels::OfTheState);
             search.standing = search.judged(point);
         }
         search.start_held_out();
@@ -148,27 +152,39 @@ impl<'a> Search<'a> {
     pub fn stand_on(&mut self, mut trial: Trial) {
         start_in(&mut self.records, &trial.states.take().unwrap_or_default());
         self.standing = trial;
-        for _ in 0..MOST_TURNS {
-            if !self.choose_states() {
+        let open = self.some_levels_are_open();
+        for turn in 0..MOST_TURNS {
+            let free = open && turn == 0;
+            if free {
+                self.standing.fitted = self.settled_point(Levels::Free);
+            }
+            if !self.choose_states() && !free {
                 break;
             }
-            let point = self.settled_point();
+            let point = self.settled_point(Levels::OfTheState);
             self.standing = self.judged(point);
         }
         self.start_held_out();
     }
 
-    fn descent(&self) -> Descent<'_> {
+    fn descent(&self, levels: Levels) -> Descent<'_> {
         Descent {
             records: &self.records,
             noise_um: self.noise_um,
             settled: 1e-2,
+            levels,
         }
     }
 
+    /// Whether plays hold something over some fitted records that only others show: a level taken for granted there bends all plays.
+    fn some_levels_are_open(&self) -> bool {
+        let fitted = || self.records.iter().filter(|record| record.fits && record.moves());
+        fitted().any(|record| record.holds_a_level) && fitted().any(|record| !record.holds_a_level)
+    }
+
     /// The standing chain's coefficients and parameters at the bottom of their valley, on few rows.
-    fn settled_point(&self) -> Fitted {
-        let descent = self.descent();
+    fn settled_point(&self, levels: Levels) -> Fitted {
+        let descent = self.descent(levels);
         let mut here = Standing {
             fitted: self.standing.fitted.clone(),
             error: f64::INFINITY,

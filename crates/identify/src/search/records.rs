@@ -35,6 +35,8 @@ pub(crate) struct Prepared<'a> {
     pub fits: bool,
     /// Peak to peak of the position; 0 where the drive stands still or no sample counts.
     pub stroke_um: f64,
+    /// Whether the widest plays hold something over it that it does not show.
+    pub holds_a_level: bool,
     /// First sample at which the plays have settled.
     pub settled: usize,
     /// Samples of a comparison.
@@ -126,6 +128,7 @@ fn one<'a>(record: &'a Record, fits: bool, design: &Design, budget: &Budget) -> 
         initial: guess,
         weight: 1.0,
         fit_from: 0,
+        level_free: false,
         clipped: &budget.clipped_um,
     };
     let still = Design::still(design.family, design.thresholds.clone());
@@ -155,6 +158,7 @@ fn one<'a>(record: &'a Record, fits: bool, design: &Design, budget: &Budget) -> 
         } else {
             0.0
         },
+        holds_a_level: initial::holds_a_level(&design.thresholds, &record.voltage_v),
         settled: run.fit_from,
         few_rows: rows.iter().copied().step_by(every).collect(),
         parts: (0..rows.len())
