@@ -44,6 +44,7 @@ fn val_dialects_of_usual_programs() {
         "\"Time (s)\",\"Piezo voltage (V)\",\"disp_um\"\n\"0\",\"1.5\",\"0.25\"\n\"0.1\",\"2.5\",\"0.5\"\n\"0.2\",\"3.5\",\"0.75\"\n",
         "# Rig 3, 2026-11-21\n# operator: me\n\n# time_s voltage_v position_um\n0 1.5 0.25\n0.1 2.5 0.5\n0.2 3.5 0.75\n",
         "Time,Voltage,Position\n(ms),(V),(µm)\n\n0,1.5,0.25\n100,2.5,0.5\n200,3.5,0.75\n",
+        "Zeit [ms]\tSteuerspannung [V]\tVerschiebung [µm]\n0,0\t1,5\t0,25\n100,0\t2,5\t0,5\n200,0\t3,5\t0,75\n",
         "Zeit in s;Spannung in V;Auslenkung in µm\n0;1,5;0,25\n0,1;2,5;0,5\n0,2;3,5;0,75\n",
         "POSITION_UM,TIME_S,VOLTAGE_V\n0.25,0,1.5\n0.5,0.1,2.5\n0.75,0.2,3.5\n",
         "Index;Time [s];Voltage [V];Sensor [V];Position [µm];Comment\n1;0;1,5;9;0,25;start\n2;0,1;2,5;9;0,5;\n3;0,2;3,5;9;0,75;\n",

@@ -207,6 +207,9 @@ const NAMES: &[(Quantity, &[&str])] = &[
             "vdrive",
             "spannung",
             "piezospannung",
+            "steuerspannung",
+            "ansteuerspannung",
+            "stellspannung",
         ],
     ),
     (
@@ -227,6 +230,9 @@ const NAMES: &[(Quantity, &[&str])] = &[
             "posact",
             "auslenkung",
             "weg",
+            "stellweg",
+            "verschiebung",
+            "istposition",
         ],
     ),
     (
