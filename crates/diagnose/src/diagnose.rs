@@ -67,7 +67,7 @@ pub fn examine(
     let seen_by_stage = late.as_ref().unwrap_or(dataset);
     let rig = inspect(dataset);
     let floor = late.as_ref().map_or(rig.noise, noise::noise_floor);
-    let reasons = reasons::of(seen_by_stage, floor.rms_um, &Thresholds::DEFAULT);
+    let reasons = reasons::of(dataset, floor.rms_um, &Thresholds::DEFAULT);
     let blocking: Vec<Reason> = reasons.iter().copied().filter(|r| r.blocks()).collect();
     progress(0.05, "free shape");
     let investigation = Investigation::new(seen_by_stage, model, own, floor.rms_um, &reasons);

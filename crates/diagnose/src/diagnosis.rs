@@ -105,6 +105,8 @@ pub enum Reason {
     Clipped,
     /// One sine was played: at one frequency and amplitude many effects look alike.
     OneSine,
+    /// The position leads the voltage: what turns the phase is hidden by how the columns were taken.
+    PositionLeads,
     /// No record or part of one is left to hold out.
     NothingHeldOut,
 }

@@ -18,6 +18,8 @@ pub enum Against {
     Physics,
     /// One sine is all that was played, and does not tell it.
     OneSine,
+    /// Voltage and position were not taken at one time, which hides it.
+    Skew,
 }
 
 /// What a candidate does to the errors.

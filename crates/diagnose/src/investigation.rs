@@ -3,6 +3,7 @@
 use crate::diagnosis::{Before, RankedEffect, Reason};
 use crate::evidence::{Against, Candidate, Round, Scale, errors};
 use crate::rules::{RuleId, Thresholds};
+use crate::verdict::TURN_THE_PHASE;
 use crate::witness::traces::{self, Traces};
 use crate::witness::{hum, rails, ringing};
 use hysteron_data::Dataset;
@@ -31,6 +32,8 @@ pub(crate) struct Investigation<'a> {
     family: Family,
     effects: Vec<Arc<dyn Effect>>,
     one_sine: bool,
+    /// Whether the position leads the voltage.
+    skewed: bool,
     one_loop: bool,
     traces: Traces,
     /// What was left of every record before anything was taken.
@@ -107,6 +110,7 @@ impl<'a> Investigation<'a> {
             family: model.family,
             effects,
             one_sine: reasons.contains(&Reason::OneSine),
+            skewed: reasons.contains(&Reason::PositionLeads),
             one_loop: one_loop(search.dataset()),
             traces,
             at_first: Vec::new(),
@@ -290,6 +294,9 @@ impl<'a> Investigation<'a> {
     fn against(&self, effect: &dyn Effect, trial: &Trial) -> Option<Against> {
         if self.one_sine && !effect.shows_in_one_sine() {
             return Some(Against::OneSine);
+        }
+        if self.skewed && TURN_THE_PHASE.iter().any(|hidden| effect.name() == *hidden) {
+            return Some(Against::Skew);
         }
         let name = effect.name();
         let on_bound = trial.on_bound(&name);

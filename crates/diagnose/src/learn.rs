@@ -292,7 +292,7 @@ impl<'a> Climb<'a> {
         }
         let pairs = search.standing().parts.iter().zip(&best.trial.parts);
         let lower = pairs.filter(|(a, b)| b.held_out_um2 < a.held_out_um2).count();
-        best.candidate.against != Some(Against::OneSine)
+        !matches!(best.candidate.against, Some(Against::OneSine | Against::Skew))
             && best.candidate.statistic > 1.0
             && 2 * lower >= best.trial.parts.len()
             && after < FAR_BETTER * before

@@ -2,6 +2,7 @@
 
 use crate::diagnosis::Reason;
 use crate::rules::{RuleId, Thresholds};
+use hysteron_acquisition::position_leads;
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::family::{peak_to_peak, range};
 use std::f64::consts::TAU;
@@ -11,7 +12,7 @@ impl Reason {
     pub fn blocks(self) -> bool {
         match self {
             Self::NothingMoves | Self::AllNoise => true,
-            Self::Clipped | Self::OneSine | Self::NothingHeldOut => false,
+            Self::Clipped | Self::OneSine | Self::PositionLeads | Self::NothingHeldOut => false,
         }
     }
 }
@@ -38,6 +39,9 @@ pub(crate) fn of(dataset: &Dataset, noise_um: f64, thresholds: &Thresholds) -> V
     }
     if distinct_excitations(&moving) < 2 {
         reasons.push(Reason::OneSine);
+    }
+    if position_leads(dataset) {
+        reasons.push(Reason::PositionLeads);
     }
     reasons
 }
@@ -121,6 +125,41 @@ fn sine_of(drive: &[f64], period_s: f64) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Sines of several rates through one play, the position so many samples early.
+    fn early(samples: usize) -> Dataset {
+        let sine = |hz: f64| {
+            let count = (8.0 * 20_000.0 / hz) as usize;
+            let mut drive: Vec<f64> = (0..count)
+                .map(|k| 50.0 - 50.0 * (TAU * hz * k as f64 / 20_000.0).cos())
+                .collect();
+            let mut play = 0.0_f64;
+            let noise = |k: usize| 1e-4 * ((k * 7919 % 1009) as f64 / 504.0 - 1.0);
+            let answer = |(k, v): (usize, &f64)| {
+                play = play.clamp(v - 6.0, v + 6.0);
+                0.07 * v + 0.03 * play + noise(k)
+            };
+            let position_um = drive
+                .iter()
+                .enumerate()
+                .map(answer)
+                .collect::<Vec<_>>()
+                .split_off(samples);
+            drive.truncate(position_um.len());
+            Record::new(format!("{hz}.csv"), Role::Identify, 5e-5, drive, position_um)
+        };
+        Dataset {
+            records: [5.0, 13.0, 41.0, 97.0, 211.0].map(sine).into(),
+            ..Dataset::default()
+        }
+    }
+
+    /// A position that turns before the voltage hides what turns the phase; one that turns with it hides nothing.
+    #[test]
+    fn bva_a_lead_of_the_position_on_both_sides() {
+        let leads = |samples| of(&early(samples), 1e-4, &Thresholds::DEFAULT).contains(&Reason::PositionLeads);
+        assert_eq!([0, 3].map(leads), [false, true]);
+    }
 
     /// A sine is one, cut off anywhere; a triangle leaves 0.07 of its amplitude, a sine with three hundredths of its third harmonic
     /// 0.021, with six 0.042.

@@ -122,7 +122,7 @@ pub const RULES: [Rule; 27] = [
     ),
     rule(RuleId::PartShare, 0.25, "a part smaller than a quarter is no main part"),
     rule(RuleId::PartLead, 1.15, "where much is unexplained a mimic comes close"),
-    rule(RuleId::SetStatistic, 0.9, "rivals as good as this are not told apart"),
+    rule(RuleId::SetStatistic, 0.85, "rivals as good as this are not told apart"),
     rule(
         RuleId::SetLikelihood,
         0.8,

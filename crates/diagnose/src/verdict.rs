@@ -137,7 +137,7 @@ fn of_found(
 }
 
 /// Effects that widen a loop with the rate. Which of them does it, loops inside of others tell; sines of one amplitude close none.
-const TURN_THE_PHASE: [EffectId; 3] = [EffectId::Delay, EffectId::FirstOrderLag, EffectId::RateDependence];
+pub(crate) const TURN_THE_PHASE: [EffectId; 3] = [EffectId::Delay, EffectId::FirstOrderLag, EffectId::RateDependence];
 
 /// Whether what was found takes most of the excess, and so much that no larger thing than itself can be left.
 fn explains_enough(evidence: &Evidence, thresholds: &Thresholds) -> bool {
@@ -503,7 +503,8 @@ mod tests {
         };
         let lag: Vec<EffectName> = vec![EffectId::FirstOrderLag.into()];
         assert_eq!(set_of(19.0, 190.0), lag);
-        assert!(set_of(17.0, 190.0).is_empty());
+        assert_eq!(set_of(17.5, 190.0), lag);
+        assert!(set_of(16.5, 190.0).is_empty());
         assert_eq!(set_of(18.5, 170.0), lag);
         assert!(set_of(18.5, 150.0).is_empty());
         assert_eq!(set_of(19.8, 100.0), lag);
@@ -523,6 +524,7 @@ mod tests {
         assert!(with(|c| c.taken_percent = 0.11) && !with(|c| c.taken_percent = 0.09));
         assert!(with(|c| c.does_percent = Some(0.55)) && !with(|c| c.does_percent = Some(0.45)));
         assert!(!with(|c| c.against = Some(Against::Physics)) && !with(|c| c.against = Some(Against::OneSine)));
+        assert!(!with(|c| c.against = Some(Against::Skew)));
         let next = |share: f64| candidate(EffectId::Creep, 3.0, share).significant(false, &Thresholds::DEFAULT);
         assert!(next(0.33) && !next(0.27));
     }

@@ -129,7 +129,7 @@ pub fn fit(
     // A level taken for granted, where plays wider than the swing hold something, would bend all plays.
     let open: Vec<bool> = runs
         .iter()
-        .map(|run| initial::holds_a_level(&placed, run.input))
+        .map(|run| initial::holds_a_level(&placed, run.input, run.initial))
         .collect();
     if !open.iter().all(|open| *open) {
         for (run, open) in runs.iter_mut().zip(open) {

@@ -117,11 +117,13 @@ pub(crate) fn skip_unsettled(design: &Design, run: &mut Run<'_>) {
     }
 }
 
-/// Whether the widest plays hold something over a record that the record does not show: its drive swings less than they are wide.
-pub(crate) fn holds_a_level(thresholds: &[f64], input: &[f64]) -> bool {
+/// Whether the widest plays hold something over a record that the record does not show: its drive swings less than they are wide, and it
+/// begins in the midst of it.
+pub(crate) fn holds_a_level(thresholds: &[f64], input: &[f64], guess: InitialState) -> bool {
     let widest = thresholds.iter().copied().fold(0.0, f64::max);
     let swing = peak_to_peak(input);
-    swing > 0.0 && swing < widest
+    let in_the_midst = matches!(guess, InitialState::Remanent { fraction } if fraction > 0.0);
+    in_the_midst && swing > 0.0 && swing < widest
 }
 
 /// Chooses the initial state under which a fitted model explains the record best, from its very first sample.

@@ -187,6 +187,9 @@ pub fn reason_in_words(reason: Reason) -> &'static str {
         Reason::OneSine => {
             "only one sine was played: of what widens or bends the loops nothing is told; drift, creep, hum and coupling are"
         }
+        Reason::PositionLeads => {
+            "the position leads the voltage, so the columns were not taken at one time: of delay, lag and rate dependence nothing is told"
+        }
         Reason::NothingHeldOut => "no part of the records is left to judge by that was not fitted",
     }
 }
