@@ -4,7 +4,7 @@ use crate::error::Refusal;
 use crate::export::{self, Download};
 use crate::guard::{self, Guard};
 use crate::session::Session;
-use crate::{App, assets, bring, grow, jobs, riddle, state, table, views, work};
+use crate::{App, assets, bring, grow, jobs, learn, riddle, rungs, state, table, views, work};
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
 use axum::http::{StatusCode, header};
@@ -118,6 +118,9 @@ enum Deed {
     Fit { model: String, plays: usize },
     Add { effect: String },
     Refit,
+    Learn { model: String, plays: usize },
+    Remove { step: usize },
+    Keep { step: usize },
     Diagnose,
     Report,
     Table { bench: table::Bench },
@@ -152,6 +155,15 @@ async fn perform(State(app): Shared, content: Bytes) -> Answer {
         Deed::Fit { model, plays } => work::fit(&app, &model, plays)?,
         Deed::Add { effect } => work::add(&app, &effect)?,
         Deed::Refit => work::refit(&app)?,
+        Deed::Learn { model, plays } => learn::learn(&app, &model, plays)?,
+        Deed::Remove { step } => {
+            rungs::remove(&mut app.session(), step)?;
+            app.changed();
+        }
+        Deed::Keep { step } => {
+            rungs::keep(&mut app.session(), step)?;
+            app.changed();
+        }
         Deed::Diagnose => work::diagnose(&app)?,
         Deed::Report => work::report(&app)?,
         Deed::Table { bench } => table::make(&app, &bench)?,

@@ -29,6 +29,9 @@ pub(crate) struct Book {
     pub(crate) steps: Vec<Step>,
     /// The step looked at.
     pub(crate) current: Option<usize>,
+    /// What `learn` said, by the last step that it made.
+    #[serde(default)]
+    pub(crate) learned: BTreeMap<usize, String>,
     /// The tables for the firmware that were made, by step.
     pub(crate) tables: BTreeMap<usize, Made>,
     /// The files that were brought, by name.
@@ -85,6 +88,9 @@ pub(crate) struct Step {
     pub(crate) identify_percent: Option<f64>,
     /// The same on validation records.
     pub(crate) validate_percent: Option<f64>,
+    /// Whether it was taken off the ladder; its model stays in its file.
+    #[serde(default)]
+    pub(crate) removed: bool,
     /// Each record's error, percent of peak to peak, in the order of the dataset.
     pub(crate) records: Vec<(String, Option<f64>)>,
     /// What the noise alone would leave of each record, percent of peak to peak, in the same order.
@@ -101,16 +107,8 @@ pub(crate) enum Recipe {
     Fit { family: Family, plays: usize },
     /// An effect, added to the model of the parent.
     Add { effect: EffectId },
-}
-
-impl Recipe {
-    /// What the page calls it.
-    pub(crate) fn title(self) -> String {
-        match self {
-            Self::Fit { family, plays } => format!("{}, {plays} plays", family.name()),
-            Self::Add { effect } => format!("+ {effect}"),
-        }
-    }
+    /// What learning made of the model of the parent in its step of this number, from 1 on.
+    Learned { step: usize },
 }
 
 /// A file that was brought.
@@ -217,6 +215,7 @@ impl Default for Book {
             generations: Vec::new(),
             steps: Vec::new(),
             current: None,
+            learned: BTreeMap::new(),
             tables: BTreeMap::new(),
             files: BTreeMap::new(),
         }
@@ -262,9 +261,13 @@ impl Book {
                     && there(step.redo)
                     && step.model == model_name(number)
                     && step.generation < self.generations.len()
-                    && step.parent.is_some() == matches!(step.recipe, Recipe::Add { .. })
+                    && step.parent.is_none() == matches!(step.recipe, Recipe::Fit { .. })
             })
-            && self.tables.keys().all(|&number| number < count);
+            && self
+                .tables
+                .keys()
+                .chain(self.learned.keys())
+                .all(|&number| number < count);
         sound.then_some(()).ok_or_else(|| {
             "session.json names steps or data that are not there; move the file away to begin anew".to_owned()
         })
@@ -309,6 +312,13 @@ impl Book {
     pub(crate) fn origin(&self, record: &str) -> Option<&Came> {
         let mut all = self.generations.iter().flat_map(|generation| &generation.came);
         all.find(|came| came.record == record)
+    }
+
+    /// A step and all that are made of it.
+    pub(crate) fn made_of(&self, number: usize) -> Vec<usize> {
+        (0..self.steps.len())
+            .filter(|&k| self.way(k).contains(&number))
+            .collect()
     }
 
     /// The steps from the root to a step.
@@ -359,6 +369,7 @@ mod tests {
             command: String::new(),
             identify_percent: None,
             validate_percent: None,
+            removed: false,
             records: Vec::new(),
             record_noise: Vec::new(),
             noise_percent: None,

@@ -167,6 +167,9 @@ impl Session {
         let mut book = self.book.clone();
         let mut parent = parent;
         let mut comparisons = Vec::new();
+        // `learn` leaves the model of its last step.
+        let is_learned = |one: &Fitted| matches!(one.recipe, Recipe::Learned { .. });
+        let last_learned = book.steps.len() + fitted.iter().rposition(is_learned).unwrap_or_default();
         for one in fitted {
             let number = book.steps.len();
             let file = model_name(number);
@@ -183,6 +186,7 @@ impl Session {
                     let before = model_name(parent.unwrap_or_default());
                     format!("hysteron add {effect} {data} {before} -o {file}")
                 }
+                Recipe::Learned { .. } => learn_command(&book, parent, &data, last_learned),
             };
             let made_of = if matches!(one.recipe, Recipe::Fit { .. }) {
                 None
@@ -191,10 +195,11 @@ impl Session {
             };
             book.steps.push(step(
                 (made_of, number, generation),
-                one.recipe,
+                (one.recipe, one.title),
                 command,
                 &one.comparison,
             ));
+            book.learned.extend(one.said.map(|said| (number, said)));
             if let Some(parent) = made_of {
                 book.steps[parent].redo = Some(number);
             }
@@ -314,14 +319,31 @@ impl Session {
 /// A model that was fitted and compared, not a step yet.
 pub(crate) struct Fitted {
     pub(crate) recipe: Recipe,
+    /// What the page calls the step.
+    pub(crate) title: String,
     pub(crate) model: Model,
+    /// What `learn` said, of its last step.
+    pub(crate) said: Option<String>,
     pub(crate) comparison: Comparison,
+}
+
+/// The command that learns a model and leaves it in the file of the last step.
+fn learn_command(book: &Book, parent: Option<usize>, data: &str, last: usize) -> String {
+    let root = parent.and_then(|parent| book.way(parent).first().copied());
+    let Some(Recipe::Fit { family, plays }) = root.map(|root| book.steps[root].recipe) else {
+        return String::new();
+    };
+    let file = model_name(last);
+    format!(
+        "hysteron learn {data} --model {} --plays {plays} -o {file}",
+        family.name()
+    )
 }
 
 /// A step with the figures of its comparison.
 fn step(
     (parent, number, generation): (Option<usize>, usize, usize),
-    recipe: Recipe,
+    (recipe, title): (Recipe, String),
     command: String,
     comparison: &Comparison,
 ) -> Step {
@@ -331,11 +353,12 @@ fn step(
         redo: None,
         generation,
         recipe,
-        title: recipe.title(),
+        title,
         model: model_name(number),
         command,
         identify_percent: comparison.identify.map(|pooled| pooled.nrmse_percent),
         validate_percent: comparison.validate.map(|pooled| pooled.nrmse_percent),
+        removed: false,
         records: records().map(|r| (r.file.clone(), r.nrmse_percent)).collect(),
         record_noise: records().map(|r| noise_of(r, comparison.noise_rms_um)).collect(),
         noise_percent: noise_percent(comparison),

@@ -37,6 +37,7 @@ pub(crate) fn state(app: &App, tick: u64) -> Value {
         "steps": book.steps.iter().map(|step| shown_step(&session, step)).collect::<Vec<_>>(),
         "diagnosed": there(Session::diagnosis_file),
         "reported": there(Session::report_file),
+        "learned": book.learned,
         "tables": book.tables,
         "challenge": riddle::state(&session),
         "current": book.current,

@@ -5,7 +5,7 @@ use crate::book::{Book, Recipe};
 use crate::error::Refusal;
 use crate::jobs::{self, Progress};
 use crate::session::{Fitted, Session};
-use crate::{export, folder, series};
+use crate::{export, folder, learn, series};
 use hysteron_data::Dataset;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_diagnose::{Comparison, Signature, signatures};
@@ -21,22 +21,7 @@ const CARD_COLUMNS: usize = 300;
 
 /// Fits a model as a new root.
 pub(crate) fn fit(app: &Arc<App>, family: &str, plays: usize) -> Result<(), Refusal> {
-    let family = Family::ALL
-        .into_iter()
-        .find(|known| known.name() == family)
-        .ok_or_else(|| {
-            Refusal::bad(format!(
-                "`{family}` is no model; known are {}",
-                Family::ALL.map(Family::name).join(", ")
-            ))
-        })?;
-    if !PLAYS.contains(&plays) {
-        return Err(Refusal::bad(format!(
-            "{plays} plays: allowed are {} to {}",
-            PLAYS.start(),
-            PLAYS.end()
-        )));
-    }
+    let family = hysteresis(family, plays)?;
     let dataset = app.session().data()?;
     let own = Arc::clone(app);
     jobs::start(app, "fitting", move |progress| {
@@ -45,6 +30,26 @@ pub(crate) fn fit(app: &Arc<App>, family: &str, plays: usize) -> Result<(), Refu
         })?;
         own.session().take_steps(None, vec![fitted])
     })
+}
+
+/// The hysteresis model that a page names, with so many plays.
+pub(crate) fn hysteresis(family: &str, plays: usize) -> Result<Family, Refusal> {
+    if !PLAYS.contains(&plays) {
+        return Err(Refusal::bad(format!(
+            "{plays} plays: allowed are {} to {}",
+            PLAYS.start(),
+            PLAYS.end()
+        )));
+    }
+    Family::ALL
+        .into_iter()
+        .find(|known| known.name() == family)
+        .ok_or_else(|| {
+            Refusal::bad(format!(
+                "`{family}` is no model; known are {}",
+                Family::ALL.map(Family::name).join(", ")
+            ))
+        })
 }
 
 /// Adds an effect to the current step's model; one that was fitted before the data grew is fitted anew first.
@@ -126,7 +131,7 @@ impl Plan {
             // The step itself before another one that is the same.
             let same = |k: &usize| {
                 let step = &book.steps[*k];
-                book.fresh(step) && step.parent == there && step.recipe == *recipe
+                book.fresh(step) && !step.removed && step.parent == there && step.recipe == *recipe
             };
             let own = book.way(number).into_iter().find(same);
             match own.or_else(|| (0..book.steps.len()).rev().find(same)) {
@@ -154,11 +159,19 @@ impl Plan {
         };
         let count = self.missing.len() as f64;
         let mut fitted: Vec<Fitted> = Vec::new();
+        let mut learned = false;
         for (k, recipe) in self.missing.into_iter().enumerate() {
             let at = |share: f64, what: &str| progress.at(whole * (k as f64 + share) / count, what);
-            let one = perform(recipe, dataset, model.as_ref(), &at)?;
-            model = Some(one.model.clone());
-            fitted.push(one);
+            match (recipe, &model) {
+                // Learning makes all of its steps at once, and on other data others.
+                (Recipe::Learned { .. }, _) if learned => {}
+                (Recipe::Learned { .. }, Some(before)) => {
+                    learn::go_on(dataset, before, &mut fitted, &at)?;
+                    learned = true;
+                }
+                _ => fitted.push(perform(recipe, dataset, model.as_ref(), &at)?),
+            }
+            model = fitted.last().map(|one| one.model.clone()).or(model);
         }
         let mut session = app.session();
         if fitted.is_empty() {
@@ -170,31 +183,36 @@ impl Plan {
 }
 
 /// Carries out one recipe on a dataset, and compares.
-fn perform(
+pub(crate) fn perform(
     recipe: Recipe,
     dataset: &Dataset,
     before: Option<&Model>,
     at: &(dyn Fn(f64, &str) + Sync),
 ) -> Result<Fitted, Refusal> {
-    let model = match (recipe, before) {
+    let (title, model) = match (recipe, before) {
         (Recipe::Fit { family, plays }, _) => {
             let options = FitOptions {
                 plays,
                 ..FitOptions::new(family)
             };
             let fitted = hysteron_identify::fit(dataset, &options, &|share| at(0.7 * share, family.name()));
-            fitted.map_err(Refusal::unusable)?.model
+            let title = format!("{}, {plays} plays", family.name());
+            (title, fitted.map_err(Refusal::unusable)?.model)
         }
         (Recipe::Add { effect }, Some(before)) => {
             let added = hysteron_diagnose::add(dataset, before, effect, &|share| at(0.8 * share, effect.name()));
-            added.map_err(Refusal::unusable)?.model
+            (format!("+ {effect}"), added.map_err(Refusal::unusable)?.model)
         }
-        (Recipe::Add { .. }, None) => return Err(Refusal::conflict("there is no model yet; fit one first")),
+        (Recipe::Add { .. } | Recipe::Learned { .. }, _) => {
+            return Err(Refusal::conflict("there is no model yet; fit one first"));
+        }
     };
     let comparison = hysteron_diagnose::compare(dataset, &model, &|share| at(0.8 + 0.2 * share, "comparing"));
     Ok(Fitted {
         recipe,
+        title,
         model,
+        said: None,
         comparison,
     })
 }

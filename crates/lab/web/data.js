@@ -316,5 +316,9 @@ export function fitForm(lab) {
   } },
   el("p", {}, el("label", { for: "model" }, "Hysteresis model"), model),
   el("p", {}, el("label", { for: "plays" }, "Play operators, 1 to 64"), plays),
-  el("p", {}, el("button", { type: "submit", class: "main", id: "fit", disabled: lab.state.job.running }, "Fit")));
+  el("p", {}, el("button", { type: "submit", class: "main", id: "fit", disabled: lab.state.job.running }, "Fit"), " ",
+    el("button", { type: "button", id: "learn", disabled: lab.state.job.running, click: () => {
+      if (plays.reportValidity()) lab.act({ what: "learn", model: model.value, plays: Number(plays.value) }, "ladder");
+    } }, "Learn")),
+  el("p", { class: "hint wide" }, "Fit makes the hysteresis model alone. Learn goes on by itself: it adds effect after effect, as long as the records not fitted to confirm it. Each step stands on the ladder, and other models stay."));
 }

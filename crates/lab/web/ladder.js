@@ -12,10 +12,10 @@ function order(steps) {
   const rows = [];
   const walk = (number, depth) => {
     rows.push([number, depth]);
-    const children = steps.map((_, k) => k).filter((k) => steps[k].parent === number);
+    const children = steps.map((_, k) => k).filter((k) => steps[k].parent === number && !steps[k].removed);
     for (const child of children) walk(child, depth + 1);
   };
-  steps.forEach((step, number) => { if (step.parent === null) walk(number, 0); });
+  steps.forEach((step, number) => { if (step.parent === null && !step.removed) walk(number, 0); });
   return rows;
 }
 
@@ -59,10 +59,28 @@ function beside(steps, a, b, caption, titles) {
 
 let branch = null;
 
+/** Takes the step that is looked at off the ladder, and puts those back that were taken off. */
+function offLadder(lab) {
+  const { steps, current, job } = lab.state;
+  const off = steps.map((_, k) => k).filter((k) => steps[k].removed);
+  return el("p", { class: "row" },
+    el("a", { class: "button quiet", href: "#compare" }, `Look at step ${current + 1}`),
+    el("button", { type: "button", id: "remove", disabled: job.running, click: () => lab.act({ what: "remove", step: current }) }, `Take step ${current + 1} off the ladder`),
+    off.map((k) => el("button", { type: "button", id: `keep-${k}`, disabled: job.running, click: () => lab.act({ what: "keep", step: k }) }, `Put back ${k + 1}: ${steps[k].title}`)));
+}
+
+/** What learning said of the way that this step is on. */
+function learnedPart(lab) {
+  const { steps, current, learned } = lab.state;
+  const last = Object.keys(learned).map(Number).find((k) => way(steps, k).includes(current));
+  if (last === undefined) return null;
+  return el("details", { class: "panel", open: last === current }, el("summary", {}, "What learning did, and why it stopped"), el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "What learning did" }, el("pre", { id: "learned" }, learned[last])));
+}
+
 export async function ladderPage(lab) {
   const { steps, current } = lab.state;
   const known = await effects();
-  const most = Math.max(...steps.map((step) => error(step) || 0)) || 1;
+  const most = Math.max(...steps.map((step) => (step.removed ? 0 : error(step) || 0))) || 1;
   const step = steps[current];
   const judged = step.validate_percent !== null;
   const page = el("div", {},
@@ -72,7 +90,9 @@ export async function ladderPage(lab) {
       step.noise_percent ? `; the noise floor is ${percent(step.noise_percent)}.` : "."),
     el("p", {}, judged ? "Pooled error on records not fitted to, percent of peak to peak. The stroke is the noise floor. A step chosen here is the one that all pages show." : "Pooled error on the records fitted to; no record was kept to judge by, so a fall here proves nothing."),
     el("ol", { class: "rungs panel" }, order(steps).map(([number, depth]) => rung(lab, number, depth, most))),
-    command(way(steps, current).map((k) => steps[k].command).join(" && ")));
+    offLadder(lab),
+    command([...new Set(way(steps, current).map((k) => steps[k].command))].join(" && ")),
+    learnedPart(lab));
   const select = el("select", { id: "effect" }, known.map((k) => el("option", { value: k.name }, effectName(k.name))));
   page.append(el("h2", {}, "What if it is another?"),
     el("p", { class: "row" }, el("label", { for: "effect" }, `Add to step ${current + 1}, ${step.title} `), select, " ",
@@ -85,8 +105,8 @@ export async function ladderPage(lab) {
     if (judged && step.validate_percent >= steps[step.parent].validate_percent) box.append(el("p", { class: "notice", id: "no-support" }, "The records not fitted to do not support it: their error did not fall. Undo it, or try another."));
     tables.append(box);
   }
-  if (steps.length > 1) {
-    const others = steps.map((_, k) => k).filter((k) => k !== current);
+  const others = steps.map((_, k) => k).filter((k) => k !== current && !steps[k].removed);
+  if (others.length) {
     branch = others.includes(branch) ? branch : others.at(-1);
     const to = el("select", { id: "branch", change: () => { branch = Number(to.value); holder.replaceChildren(apart(), pair()); } }, others.map((k) => el("option", { value: k, selected: k === branch }, `${k + 1}: ${steps[k].title}`)));
     const pair = () => beside(steps, current, branch, `Error of each record, percent of peak to peak: step ${current + 1}, ${step.title}, and step ${branch + 1}, ${steps[branch].title}`, [`Step ${current + 1}`, `Step ${branch + 1}`]);

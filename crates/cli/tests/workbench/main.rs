@@ -9,6 +9,7 @@ mod bring;
 mod browser;
 mod grow;
 mod hostile;
+mod learn;
 mod same;
 mod server;
 mod way;

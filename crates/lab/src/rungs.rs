@@ -1,0 +1,35 @@
+//! Steps that are taken off the ladder and put back; their models stay in their files.
+
+use crate::error::Refusal;
+use crate::session::Session;
+
+/// Takes a step off the ladder, with all that are made of it.
+pub(crate) fn remove(session: &mut Session, number: usize) -> Result<(), Refusal> {
+    let parent = session.step(number)?.parent;
+    let gone = session.book.made_of(number);
+    let steps = &session.book.steps;
+    let left = (0..steps.len()).rev().find(|k| !steps[*k].removed && !gone.contains(k));
+    let next = parent.or(left).ok_or_else(|| {
+        Refusal::conflict("this is the last model of the ladder; fit another one before it is taken off")
+    })?;
+    for &step in &gone {
+        session.book.steps[step].removed = true;
+    }
+    for step in &mut session.book.steps {
+        step.redo = step.redo.filter(|redo| !gone.contains(redo));
+    }
+    if session.book.current.is_none_or(|current| gone.contains(&current)) {
+        session.book.current = Some(next);
+    }
+    session.save()
+}
+
+/// Puts a step back on the ladder, with those that it is made of.
+pub(crate) fn keep(session: &mut Session, number: usize) -> Result<(), Refusal> {
+    session.step(number)?;
+    for step in session.book.way(number) {
+        session.book.steps[step].removed = false;
+    }
+    session.book.current = Some(number);
+    session.save()
+}
