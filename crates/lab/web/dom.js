@@ -43,6 +43,13 @@ export function command(words) {
   return el("div", { class: "command" }, el("span", {}, "The same on the command line"), el("code", {}, text), copy);
 }
 
+/** What a command prints: sentences wrap, the lines of a table stay whole. */
+export function printed(id, label, text) {
+  const table = (line) => /\S {2,}\S/.test(line);
+  const lines = text.trimEnd().split("\n").map((line) => el("span", { class: table(line) ? null : "prose" }, `${line}\n`));
+  return el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": label }, el("pre", { id, class: "printed" }, lines));
+}
+
 /** A picture's frame with its heading. */
 export function panel(title, ...children) {
   return el("section", { class: "panel" }, el("h3", {}, title), ...children);

@@ -1,5 +1,5 @@
 // The ladder: how the error fell, step by step, branches beside each other, down to the noise floor.
-import { el, table, command, right } from "./dom.js";
+import { el, table, command, printed, right } from "./dom.js";
 import { percent } from "./numbers.js";
 import { effects, effectName } from "./effects.js";
 import { sinceWords, staleNotice } from "./stale.js";
@@ -74,7 +74,7 @@ function learnedPart(lab) {
   const { steps, current, learned } = lab.state;
   const last = Object.keys(learned).map(Number).find((k) => way(steps, k).includes(current));
   if (last === undefined) return null;
-  return el("details", { class: "panel", open: last === current }, el("summary", {}, "What learning did, and why it stopped"), el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "What learning did" }, el("pre", { id: "learned" }, learned[last])));
+  return el("details", { class: "panel", open: last === current }, el("summary", {}, "What learning did, and why it stopped"), printed("learned", "What learning did", learned[last]));
 }
 
 export async function ladderPage(lab) {

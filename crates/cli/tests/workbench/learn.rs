@@ -67,6 +67,7 @@ fn val_learn_is_one_button_and_says_what_the_command_line_says() {
         browser.picture("learn-ladder").await;
         browser.accessible("the ladder that was learned").await;
         taken_off_and_put_back(&browser, &server, last).await;
+        fitted_anew(&browser, &server, &session, last).await;
         browser.close().await;
     });
 }
@@ -94,6 +95,42 @@ async fn taken_off_and_put_back(browser: &Browser, server: &Server, last: usize)
     assert_eq!(after.as_array().unwrap().len(), last + 1);
     assert_eq!(after[last], before.0[last]);
     assert_eq!(server.ask("GET", &model, b"").body, before.1);
+}
+
+/// On changed data what was learned is learned anew by one button: root and effects, as the command line does on these data.
+async fn fitted_anew(browser: &Browser, server: &Server, session: &Path, last: usize) {
+    let before = server.state()["steps"].clone();
+    let record = server.state()["data"]["records"][0]["file"].clone();
+    assert_eq!(server.state()["data"]["records"][0]["role"], "identify");
+    let deed = json!({"what": "role", "record": record, "role": "validate"});
+    assert_eq!(server.act(&deed.to_string()).status, 200);
+    browser.click("#refit").await;
+    browser.see(&format!("#step-{}", last + 1)).await;
+    browser.see("main:not(:has(#stale))").await;
+    let state = server.state();
+    let steps = state["steps"].as_array().unwrap();
+    let current = usize::try_from(state["current"].as_u64().unwrap()).unwrap();
+    assert_eq!(current, steps.len() - 1);
+    assert!(
+        steps[..=last]
+            .iter()
+            .zip(before.as_array().unwrap())
+            .all(|(now, then)| now["model"] == then["model"])
+    );
+    assert!(
+        steps[last + 1..].iter().all(|step| step["generation"] == 1),
+        "{steps:#?}"
+    );
+    let (printed, _) = typed(session, steps[current]["command"].as_str().unwrap());
+    let said = browser.see("#learned").await;
+    assert_eq!(printed, format!("{}\n\nwritten to typed.toml\n", said.trim_end()));
+    let file = |name: &str| std::fs::read(session.join(name)).unwrap();
+    let model = steps[current]["model"].as_str().unwrap();
+    assert!(file(model) == file("typed.toml"), "the bytes of {model}");
+    assert!(
+        file(model) != file(steps[last]["model"].as_str().unwrap()),
+        "other data, the same model"
+    );
 }
 
 #[test]
