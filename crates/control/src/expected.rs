@@ -39,6 +39,13 @@ pub struct Report {
     pub rows: Vec<Row>,
 }
 
+/// Half of the stroke that the inverse covers, about two fifths of it.
+pub fn half_the_stroke(controller: &Controller) -> [f64; 2] {
+    let (inverse, rest_um) = (&controller.model.inverse, controller.model.around.rest_um);
+    let low_um = inverse.input_min_um.max(0.0);
+    [0.15, 0.65].map(|share| rest_um + low_um + share * (inverse.input_max_um - low_um))
+}
+
 /// Commands and positions of a run, from the first sample on that the law is told of: as many before the reference is due as the law
 /// knows it ahead.
 pub(crate) struct Played {

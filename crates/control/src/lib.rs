@@ -10,6 +10,7 @@ pub mod design;
 pub mod drive;
 pub mod error;
 pub mod expected;
+pub mod export;
 pub mod figures;
 pub mod learning;
 pub mod on_model;

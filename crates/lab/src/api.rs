@@ -1,10 +1,12 @@
 //! Every address that is answered.
 
+use crate::bench::Bench;
+use crate::controller::{self, Along, Wished};
 use crate::error::Refusal;
 use crate::export::{self, Download};
 use crate::guard::{self, Guard};
 use crate::session::Session;
-use crate::{App, assets, bring, grow, jobs, learn, riddle, rungs, state, table, views, work};
+use crate::{App, assets, bring, grow, jobs, learn, riddle, rungs, state, views, work};
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
 use axum::http::{StatusCode, header};
@@ -52,6 +54,7 @@ pub(crate) fn router(
         .route("/api/words", get(views::words))
         .route("/api/spectrum", get(views::spectrum))
         .route("/api/series", get(views::plotted))
+        .route("/api/controller", get(views::controller))
         .route("/api/region", get(views::region))
         .route("/api/diagnosis", get(views::diagnosis))
         .route("/api/effects", get(views::effects))
@@ -123,7 +126,9 @@ enum Deed {
     Keep { step: usize },
     Diagnose,
     Report,
-    Table { bench: table::Bench },
+    Design { wishes: Wished },
+    Track { along: Along },
+    Table { bench: Bench },
     Answer { effects: Vec<String> },
     Reveal,
     Stop,
@@ -166,7 +171,9 @@ async fn perform(State(app): Shared, content: Bytes) -> Answer {
         }
         Deed::Diagnose => work::diagnose(&app)?,
         Deed::Report => work::report(&app)?,
-        Deed::Table { bench } => table::make(&app, &bench)?,
+        Deed::Design { wishes } => controller::make(&app, &wishes)?,
+        Deed::Track { along } => controller::track(&app, &along)?,
+        Deed::Table { bench } => controller::table(&app, &bench)?,
         Deed::Answer { effects } => {
             riddle::answer(&app, &effects)?;
             app.changed();
@@ -216,10 +223,13 @@ async fn download(State(app): Shared, Path(what): Path<String>, Query(parameters
     let (name, kind, bytes): Download = aside(move || match what.as_str() {
         "model" => export::model(&app, step?),
         "report" => export::report(&app, step?),
+        "controller" => export::controller(&app, step?),
         "table" => export::table(&app, step?),
         "next" => export::next_record(&app, step?),
         "session" => export::session(&app),
-        _ => Err(Refusal::absent("known are model, report, table, next, session")),
+        _ => Err(Refusal::absent(
+            "known are model, report, controller, table, next, session",
+        )),
     })
     .await?;
     let headers = [

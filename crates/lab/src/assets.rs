@@ -17,7 +17,7 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: [Asset; 17] = [
+const ASSETS: [Asset; 18] = [
     asset!("app.js", JS),
     asset!("api.js", JS),
     asset!("dom.js", JS),
@@ -31,6 +31,7 @@ const ASSETS: [Asset; 17] = [
     asset!("take.js", JS),
     asset!("numbers.js", JS),
     asset!("ladder.js", JS),
+    asset!("controller.js", JS),
     asset!("stale.js", JS),
     asset!("style.css", CSS),
     asset!("vendor/uPlot.esm.js", JS),

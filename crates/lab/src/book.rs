@@ -3,10 +3,10 @@
 //! The data are a chain of generations, each a dataset of its own on disk that nothing changes any more: a step names the
 //! generation that it was fitted on, so its figures and its command stay true when records come later.
 
+use crate::controller::Made;
 use crate::error::Refusal;
 use crate::folder::write_whole;
 use crate::reading::{MANIFEST, Reading, Source, Target, import_command, quoted};
-use crate::table::Made;
 use hysteron_data::{Dataset, Role};
 use hysteron_identify::{EffectId, Family};
 use serde::{Deserialize, Serialize};
@@ -34,6 +34,12 @@ pub(crate) struct Book {
     pub(crate) learned: BTreeMap<usize, String>,
     /// The tables for the firmware that were made, by step.
     pub(crate) tables: BTreeMap<usize, Made>,
+    /// The controllers that were designed, by step.
+    #[serde(default)]
+    pub(crate) controllers: BTreeMap<usize, Made>,
+    /// The runs of these controllers on the models of their steps.
+    #[serde(default)]
+    pub(crate) tracked: BTreeMap<usize, Made>,
     /// The files that were brought, by name.
     pub(crate) files: BTreeMap<String, Brought>,
 }
@@ -217,6 +223,8 @@ impl Default for Book {
             current: None,
             learned: BTreeMap::new(),
             tables: BTreeMap::new(),
+            controllers: BTreeMap::new(),
+            tracked: BTreeMap::new(),
             files: BTreeMap::new(),
         }
     }
@@ -267,6 +275,8 @@ impl Book {
                 .tables
                 .keys()
                 .chain(self.learned.keys())
+                .chain(self.controllers.keys())
+                .chain(self.tracked.keys())
                 .all(|&number| number < count);
         sound.then_some(()).ok_or_else(|| {
             "session.json names steps or data that are not there; move the file away to begin anew".to_owned()

@@ -1,6 +1,7 @@
 //! What is taken home: model, report, the whole session.
 
 use crate::App;
+use crate::controller;
 use crate::error::Refusal;
 use crate::folder::RESULTS;
 use crate::session::Session;
@@ -19,6 +20,15 @@ pub(crate) fn model(app: &App, number: usize) -> Result<Download, Refusal> {
     let file = session.folder.join(&session.step(number)?.model);
     let bytes = std::fs::read(&file).map_err(|error| Refusal::disk(&file, &error))?;
     Ok((format!("model-{}.toml", number + 1), "application/toml", bytes))
+}
+
+/// The controller of a step, as it was designed.
+pub(crate) fn controller(app: &App, number: usize) -> Result<Download, Refusal> {
+    let session = app.session();
+    session.step(number)?;
+    let bytes = std::fs::read(session.folder.join(controller::file_name(number)))
+        .map_err(|_| Refusal::absent("no controller of this step yet; design it first"))?;
+    Ok((format!("controller-{}.toml", number + 1), "application/toml", bytes))
 }
 
 /// The table of a step for the firmware, as it was made.

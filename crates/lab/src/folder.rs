@@ -7,7 +7,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Folders of a session that hold what came of its data.
-pub(crate) const RESULTS: [&str; 4] = ["models", "diagnoses", "reports", "tables"];
+pub(crate) const RESULTS: [&str; 5] = ["models", "diagnoses", "reports", "controllers", "tables"];
 
 /// Refuses a folder that is used for something else: what the workbench writes would take the place of what is there.
 pub(crate) fn nothing_else_in(folder: &Path) -> Result<(), String> {

@@ -9,8 +9,10 @@ mod address;
 mod api;
 mod archive;
 mod assets;
+mod bench;
 mod book;
 mod bring;
+mod controller;
 mod error;
 mod explain;
 mod export;
@@ -26,16 +28,15 @@ mod rungs;
 mod series;
 mod session;
 mod state;
-mod table;
 mod uploads;
 mod views;
+mod wish;
 mod work;
 
 pub use error::LabError;
 
 use address::Address;
 use guard::Guard;
-use hysteron_identify::Model;
 use jobs::Job;
 use session::Session;
 use std::net::TcpListener;
@@ -58,10 +59,6 @@ pub struct StartingPoint {
     pub make: Box<dyn Fn(&Path, &(dyn Fn(f64) + Sync)) -> Result<(), String> + Send + Sync>,
 }
 
-/// Makes a table for the firmware from a direct inverse and the options of `hysteron export`: its text as that writes it, and
-/// what it is in words.
-pub type TableMaker = Box<dyn Fn(&Model, &[String]) -> Result<(String, String), String> + Send + Sync>;
-
 /// How the workbench is opened.
 pub struct Options {
     /// Dataset folder, or one file in the native format, to begin with.
@@ -72,8 +69,6 @@ pub struct Options {
     pub port: u16,
     /// Datasets that one can begin with.
     pub starts: Vec<StartingPoint>,
-    /// Makes tables for the firmware.
-    pub table: TableMaker,
     /// Version of the program.
     pub version: &'static str,
 }
@@ -91,7 +86,6 @@ pub(crate) struct App {
     job: Mutex<Job>,
     tick: watch::Sender<u64>,
     pub(crate) starts: Vec<StartingPoint>,
-    pub(crate) table: TableMaker,
     pub(crate) version: &'static str,
     /// Tells one run of the server from the next, for a page that was open all the while.
     pub(crate) run: String,
@@ -135,7 +129,6 @@ impl Lab {
             job: Mutex::default(),
             tick: watch::Sender::new(1),
             starts: options.starts,
-            table: options.table,
             version: options.version,
             run: address::random()?,
         };

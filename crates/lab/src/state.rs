@@ -38,6 +38,8 @@ pub(crate) fn state(app: &App, tick: u64) -> Value {
         "diagnosed": there(Session::diagnosis_file),
         "reported": there(Session::report_file),
         "learned": book.learned,
+        "controllers": book.controllers,
+        "tracked": book.tracked,
         "tables": book.tables,
         "challenge": riddle::state(&session),
         "current": book.current,

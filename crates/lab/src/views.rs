@@ -3,7 +3,7 @@
 use crate::api::{Answer, Parameters, Shared, aside, number};
 use crate::error::Refusal;
 use crate::uploads::Found;
-use crate::{explain, series, table, work};
+use crate::{controller, explain, series, work};
 use axum::Json;
 use axum::extract::{Query, State};
 use axum::http::header;
@@ -94,7 +94,6 @@ pub(crate) async fn words(State(app): Shared, Query(parameters): Parameters) -> 
             "effects": model.effects.iter().map(|e| &e.name).collect::<Vec<_>>(),
             "compare_command": format!("hysteron compare {data} {file} -o page.html"),
             "diagnose_command": format!("hysteron diagnose {data} {file} -o next.csv"),
-            "no_table": table::no_table(&model),
             "report_command": format!("hysteron report {data} {file} -o report.html"),
         }))
         .into_response())
@@ -140,6 +139,12 @@ pub(crate) async fn plotted(State(app): Shared, Query(parameters): Parameters) -
         .into_response())
     })
     .await
+}
+
+/// A step's controller in pictures, and what holds for its design where nobody wishes otherwise.
+pub(crate) async fn controller(State(app): Shared, Query(parameters): Parameters) -> Answer {
+    let step = number(&parameters, "step")?;
+    aside(move || Ok(Json(controller::view(&app, step)?).into_response())).await
 }
 
 /// What the error in a stretch is, and what could make it.

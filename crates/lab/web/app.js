@@ -1,4 +1,4 @@
-// The way from left to right: data, fit, compare, diagnose, ladder, export.
+// The way from left to right: data, fit, compare, diagnose, ladder, controller, export.
 import { ask, tell, Refused } from "./api.js";
 import { el, table, command, right } from "./dom.js";
 import { num, quantity, readable, unit } from "./numbers.js";
@@ -7,10 +7,11 @@ import { comparePage } from "./compare.js";
 import { diagnosePage } from "./diagnose.js";
 import { effectName, effectPage } from "./effects.js";
 import { ladderPage } from "./ladder.js";
+import { controllerPage } from "./controller.js";
 import { exportPage } from "./take.js";
 import { staleNotice } from "./stale.js";
 
-const STATIONS = [["data", "Data"], ["fit", "Fit"], ["compare", "Compare"], ["diagnose", "Diagnose"], ["ladder", "Ladder"], ["export", "Export"]];
+const STATIONS = [["data", "Data"], ["fit", "Fit"], ["compare", "Compare"], ["diagnose", "Diagnose"], ["ladder", "Ladder"], ["controller", "Controller"], ["export", "Export"]];
 const by = (id) => document.getElementById(id);
 const fault = by("fault");
 
@@ -63,7 +64,7 @@ function station() {
 
 function allowed(name) {
   if (name === "fit") return lab.state.data !== null;
-  if (["compare", "diagnose", "ladder", "export"].includes(name)) return lab.state.current !== null;
+  if (["compare", "diagnose", "ladder", "controller", "export"].includes(name)) return lab.state.current !== null;
   return true;
 }
 
@@ -96,7 +97,7 @@ function drawJob() {
 /** What a page depends on; while it is the same, the page is left alone. */
 function key() {
   const s = lab.state;
-  return JSON.stringify([location.hash, s.run, s.revision, s.files, s.data === null, s.current, s.diagnosed, s.reported, s.tables, s.challenge, s.job.running]);
+  return JSON.stringify([location.hash, s.run, s.revision, s.files, s.data === null, s.current, s.diagnosed, s.reported, s.controllers, s.tracked, s.tables, s.challenge, s.job.running]);
 }
 
 async function draw() {
@@ -143,7 +144,7 @@ async function fitPage() {
   return page;
 }
 
-const PAGES = { data: dataPage, fit: fitPage, compare: comparePage, diagnose: diagnosePage, ladder: ladderPage, export: exportPage, effects: effectPage };
+const PAGES = { data: dataPage, fit: fitPage, compare: comparePage, diagnose: diagnosePage, ladder: ladderPage, controller: controllerPage, export: exportPage, effects: effectPage };
 
 for (const event of ["click", "submit", "change"]) {
   addEventListener(event, ({ target }) => {

@@ -187,6 +187,21 @@ export function spectrumPlot(host, spectrum, outputUnit, height = 300) {
   return chart;
 }
 
+/** Curves over frequency: name, colour, values, dash. */
+export function curvesPlot(host, frequency, curves, title, { log = false, height = 200 }) {
+  const shown = (v) => (v === null || v === undefined ? "–" : num(v));
+  const chart = new uPlot({
+    width: width(host), height, scales: { x: { time: false, distr: 3 }, y: log ? { distr: 3 } : {} }, cursor: { drag: { x: true, y: false } },
+    series: [{ label: "frequency, Hz", value: (_, v) => shown(v) }, ...curves.map(([label, stroke, , dash]) => ({ label, stroke, dash, width: 1.4, points: { show: false }, value: (_, v) => shown(v) }))],
+    axes: [axis("frequency, Hz", "x", { size: 34, values: decades((v) => (v >= 1 ? count(v) : String(v))) }), axis(title, "y", log ? { values: decades((v) => (v >= 0.01 && v <= 100 ? num(v) : power(Math.round(Math.log10(v))))) } : {})],
+  }, [frequency, ...curves.map(([, , values]) => values)], host);
+  host.setAttribute("role", "img");
+  host.setAttribute("aria-label", `${curves.map(([label]) => label).join(", ")}: ${title} over frequency`);
+  host.chart = chart;
+  fit(chart, host, height);
+  return chart;
+}
+
 /** A small picture of two errors over time, for a card. */
 export function tracePlot(host, time, without, withIt, outputUnit) {
   const [factor, name] = readable(outputUnit, Math.max(...without.map(Math.abs)));

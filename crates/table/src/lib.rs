@@ -175,6 +175,44 @@ pub enum TableError {
 }
 
 impl Table {
+    /// A table of zeros, to be filled in.
+    pub fn empty(family: Family) -> Self {
+        Self {
+            format: String::new(),
+            family,
+            sample_rate_hz: 0.0,
+            input_min_um: 0.0,
+            input_max_um: 0.0,
+            output_min_v: 0.0,
+            output_max_v: 0.0,
+            safe_v: 0.0,
+            slew_v_per_s: 0.0,
+            ramp_v_per_s: 0.0,
+            proportional_v_per_um: 0.0,
+            integral_v_per_um_s: 0.0,
+            feedback_up_to_hz: 0.0,
+            dac_min_v: 0.0,
+            dac_top_v: 0.0,
+            adc_min_um: 0.0,
+            adc_top_um: 0.0,
+            alpha_s: 0.0,
+            beta_s: 0.0,
+            offset_v: 0.0,
+            linear_v_per_um: 0.0,
+            quadratic_v_per_um2: 0.0,
+            cubic_v_per_um3: 0.0,
+            quartic_v_per_um4: 0.0,
+            quintic_v_per_um5: 0.0,
+            thresholds_um: Vec::new(),
+            weights_v_per_um: Vec::new(),
+            rate_weights_v_s_per_um2: Vec::new(),
+            weights_quadratic_v_per_um2: Vec::new(),
+            weights_cubic_v_per_um3: Vec::new(),
+            controller: None,
+            covered: None,
+        }
+    }
+
     /// Reads and checks a table.
     ///
     /// # Errors

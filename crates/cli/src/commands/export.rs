@@ -1,21 +1,18 @@
 //! `hysteron export`.
 
 mod c_code;
-mod controller;
-mod ends;
 mod fmu;
 
 use crate::commands::simulate::StageName;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
-use clap::{Args, Parser, ValueEnum};
-pub(crate) use controller::SLEW_RANGES_PER_S as SLEW_OF_A_LAW;
-use ends::Ends;
-pub(crate) use ends::{full_scales, top};
+use clap::{Args, ValueEnum};
 use hysteron_control::design::Controller;
+use hysteron_control::export::{Bench, Ends, RAMP_RANGES_PER_S, StageEnds, export, top};
 use hysteron_identify::{Direction, Model};
-use hysteron_plant::StageConfig;
+use hysteron_plant::{Converter, StageConfig};
+use hysteron_report::law_table_text;
 use hysteron_table::gains::{Design, LoopData, design};
 use hysteron_table::{FORMAT, Family, Table, TableError};
 use std::fmt::Write;
@@ -136,12 +133,13 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Done, CliError> {
     }
     let (table, said) = if Controller::is_one(&args.model) {
         let designed = Controller::read(&args.model)?;
-        let (table, ends) = controller::table(&designed, args)?;
-        let said = controller::said(&table, &designed) + &ends.said();
-        (table, said)
+        its_own(args)?;
+        let exported = export(&designed, &bench(args))?;
+        let said = law_table_text(&designed, &exported);
+        (exported.table, said)
     } else {
         let (table, designed, ends) = table(&Model::read(&args.model)?, args, &refused)?;
-        let said = said(&table, designed.as_ref(), args) + &ends.said();
+        let said = said(&table, designed.as_ref(), args, &ends);
         (table, said)
     };
     let text = table.to_toml().map_err(refused)?;
@@ -175,36 +173,74 @@ fn write(path: &Path, text: &str) -> Result<(), CliError> {
     })
 }
 
-/// The command as the workbench gives it.
-#[derive(Parser)]
-struct Words {
-    #[command(flatten)]
-    args: ExportArgs,
+/// Refuses options for what a controller has of its own.
+fn its_own(args: &ExportArgs) -> Result<(), CliError> {
+    for (option, given) in [
+        ("--mode and --damping", args.mode.is_some()),
+        ("--latency-us", args.latency_us.is_some()),
+        ("--rate", args.rate.is_some()),
+        ("--integral", args.integral.is_some()),
+        ("--proportional", args.proportional != 0.0),
+    ] {
+        if given {
+            return Err(CliError::Option(format!(
+                "{option}: the controller has its own rate, latency, modes and feedback; leave the option out, or design again"
+            )));
+        }
+    }
+    Ok(())
 }
 
-/// The table of a direct inverse as the command writes it with these options, and what the command says of it.
-pub(crate) fn text(model: &Model, options: &[String]) -> Result<(String, String), CliError> {
-    let fixed = ["export", "the direct inverse", "--output", "table.toml"].map(str::to_owned);
-    let Words { args } = Words::try_parse_from(fixed.iter().chain(options))
-        .map_err(|error| CliError::Option(error.render().to_string()))?;
-    let refused = |source| CliError::Table {
-        path: args.model.clone(),
-        source,
+/// The bench that the options name.
+fn bench(args: &ExportArgs) -> Bench {
+    Bench {
+        source: args.model.display().to_string(),
+        stage: args.stage.map(|stage| ends_of(&stage.config())),
+        amplifier_v: args.amplifier,
+        dac_v: args.dac,
+        adc_um: args.adc,
+        input_min_um: args.input_min,
+        input_max_um: args.input_max,
+        feedback_up_to_hz: args.feedback_up_to,
+        feedback_bound_um: args.feedback_bound_um,
+        cross_um_per_um: args.cross,
+        beyond_records: args.beyond_records,
+        // Where C runs there may be one.
+        thermometer: args.format == Format::C,
+    }
+}
+
+/// Converters and amplifier of a simulated stage, in volts at the stack and micrometres.
+pub(crate) fn ends_of(stage: &StageConfig) -> StageEnds {
+    let scaled = |converter: Option<Converter>, factor: f64| {
+        let converter = converter.unwrap_or(Converter::BIPOLAR_16_BIT);
+        [converter.min_v * factor, converter.max_v * factor]
     };
-    let (table, designed, ends) = table(model, &args, &refused)?;
-    let text = table.to_toml().map_err(refused)?;
-    Ok((text, said(&table, designed.as_ref(), &args) + &ends.said()))
+    let amplifier = &stage.amplifier;
+    StageEnds {
+        amplifier_v: [amplifier.min_v, amplifier.max_v],
+        dac_v: scaled(stage.dac, amplifier.gain),
+        adc_um: scaled(stage.sensor.adc, stage.sensor.um_per_v),
+    }
 }
 
-/// The table of a controller as the command writes it with these options.
-pub(crate) fn law_table(designed: &Controller, options: &[String]) -> Result<Table, CliError> {
-    let fixed = ["export", "the controller", "--output", "table.toml"].map(str::to_owned);
-    let Words { args } = Words::try_parse_from(fixed.iter().chain(options))
-        .map_err(|error| CliError::Option(error.render().to_string()))?;
-    controller::table(designed, &args).map(|(table, _)| table)
+/// Rate of an inverse alone, and where it comes from.
+fn rate_hz(stage: Option<&StageConfig>, model: &Model, args: &ExportArgs) -> Result<(f64, &'static str), CliError> {
+    let sources = [
+        (args.rate, "--rate"),
+        (stage.map(|stage| 1.0 / stage.sample_period_s), "--stage"),
+        (model.covered.sample_rate_hz, "the records"),
+    ];
+    let found = sources.into_iter().find_map(|(rate, from)| Some((rate?, from)));
+    found.ok_or_else(|| {
+        CliError::Option(format!(
+            "{}: the model does not say at what rate its records were taken; give the rate of the control loop: --rate HZ",
+            args.model.display()
+        ))
+    })
 }
 
-fn said(table: &Table, designed: Option<&Design>, args: &ExportArgs) -> String {
+fn said(table: &Table, designed: Option<&Design>, args: &ExportArgs, ends: &Ends) -> String {
     let mut text = format!(
         "{} with {} plays, {:.4} to {:.4} um\n",
         table.family.name(),
@@ -225,6 +261,9 @@ fn said(table: &Table, designed: Option<&Design>, args: &ExportArgs) -> String {
         ),
         None => Ok(()),
     };
+    for line in &ends.told {
+        let _ = writeln!(text, "{line}");
+    }
     text
 }
 
@@ -233,8 +272,6 @@ type KnownLoop = (f64, Option<[f64; 2]>);
 
 /// The whole range in 1 ms: with 200 V, five times the slope of a 26 V sine at 500 Hz (pi x 500 Hz x 26 V).
 const SLEW_RANGES_PER_S: f64 = 1e3;
-/// The whole range in 20 ms: many periods of every mode above 200 Hz, which it then does not excite.
-pub(crate) const RAMP_RANGES_PER_S: f64 = 50.0;
 
 /// What the loop's gain depends on, where it is known.
 fn loop_data(stage: Option<&StageConfig>, args: &ExportArgs) -> Result<Option<KnownLoop>, CliError> {
@@ -297,17 +334,18 @@ fn table(
         );
     }
     let stage = args.stage.map(StageName::config);
-    let mut ends = Ends::of(stage.as_ref(), &model.covered, None, args)?;
+    let mut ends = Ends::of(&bench(args), &model.covered, None)?;
     let (dac_top_v, adc_top_um) = (top(ends.dac_v), top(ends.adc_um));
     let output_min_v = ends.amplifier_v[0].max(ends.dac_v[0]);
     let output_max_v = ends.amplifier_v[1].min(dac_top_v);
-    let rate_hz = ends.rate_hz(stage.as_ref(), &model.covered, args)?;
+    let (rate_hz, from) = rate_hz(stage.as_ref(), model, args)?;
+    ends.told.push(format!("rate {rate_hz} Hz, from {from}"));
     let input_min_um = args.input_min.unwrap_or(model.input_min);
     let input_max_um = args.input_max.unwrap_or(model.input_max);
     let covered = ends.covered(
         &model.covered,
         ([output_min_v, output_max_v], [input_min_um, input_max_um], rate_hz),
-        args,
+        args.beyond_records,
     )?;
     let mut table = Table {
         format: FORMAT.to_owned(),
@@ -380,44 +418,6 @@ fn inverse(model: &Model) -> Table {
         rate_weights_v_s_per_um2: list("rate_weight"),
         weights_quadratic_v_per_um2: list("weight_quadratic"),
         weights_cubic_v_per_um3: list("weight_cubic"),
-        ..empty(family)
-    }
-}
-
-/// A table of zeros.
-pub(crate) fn empty(family: Family) -> Table {
-    Table {
-        format: String::new(),
-        family,
-        sample_rate_hz: 0.0,
-        input_min_um: 0.0,
-        input_max_um: 0.0,
-        output_min_v: 0.0,
-        output_max_v: 0.0,
-        safe_v: 0.0,
-        slew_v_per_s: 0.0,
-        ramp_v_per_s: 0.0,
-        proportional_v_per_um: 0.0,
-        integral_v_per_um_s: 0.0,
-        feedback_up_to_hz: 0.0,
-        dac_min_v: 0.0,
-        dac_top_v: 0.0,
-        adc_min_um: 0.0,
-        adc_top_um: 0.0,
-        alpha_s: 0.0,
-        beta_s: 0.0,
-        offset_v: 0.0,
-        linear_v_per_um: 0.0,
-        quadratic_v_per_um2: 0.0,
-        cubic_v_per_um3: 0.0,
-        quartic_v_per_um4: 0.0,
-        quintic_v_per_um5: 0.0,
-        thresholds_um: Vec::new(),
-        weights_v_per_um: Vec::new(),
-        rate_weights_v_s_per_um2: Vec::new(),
-        weights_quadratic_v_per_um2: Vec::new(),
-        weights_cubic_v_per_um3: Vec::new(),
-        controller: None,
-        covered: None,
+        ..Table::empty(family)
     }
 }

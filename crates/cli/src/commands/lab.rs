@@ -1,6 +1,5 @@
 //! `hysteron lab`.
 
-use crate::commands::export;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
@@ -37,7 +36,6 @@ pub(crate) fn run(args: &LabArgs) -> Result<Done, CliError> {
         session: args.session.clone(),
         port: args.port,
         starts: starts(),
-        table: Box::new(|model, options| export::text(model, options).map_err(|error| error.to_string())),
         version: env!("CARGO_PKG_VERSION"),
     })?;
     output::print(&format!(

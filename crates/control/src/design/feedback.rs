@@ -577,9 +577,12 @@ fn sensor(model: &ControlModel, omega: f64) -> Complex64 {
 /// What the loop's error shows of a disturbance of the position: the sensitivity behind the sensor's lag; that lag alone without
 /// feedback.
 pub(crate) fn sensitivity(model: &ControlModel, design: Option<&FeedbackDesign>, omega: f64) -> Complex64 {
-    let Some(design) = design else {
-        return sensor(model, omega);
-    };
+    let around = design.map_or_else(Complex64::default, |design| around(model, design, omega));
+    sensor(model, omega) / (1.0 + around)
+}
+
+/// Once around the loop, from the sensor's reading back to it.
+pub(super) fn around(model: &ControlModel, design: &FeedbackDesign, omega: f64) -> Complex64 {
     let (period_s, half) = (model.sample_period_s, 0.5 * omega * model.sample_period_s);
     let z = Complex64::from_polar(1.0, -omega * period_s);
     let blocks = Blocks::new(design.integral_v_per_um_s, design.series, design.damping, period_s);
@@ -588,7 +591,7 @@ pub(crate) fn sensitivity(model: &ControlModel, design: Option<&FeedbackDesign>,
         * Complex64::from_polar(half.sin() / half, -omega * model.latency_s)
         * model.linear.response(omega)
         * sensor(model, omega);
-    sensor(model, omega) / (1.0 + controller * plant)
+    controller * plant
 }
 
 /// Displacement over voltage over the whole identified range, micrometres per volt.

@@ -1,6 +1,7 @@
 //! From the identified chain to a controller: every effect gets its compensator, with reasons where it cannot have one.
 
 pub mod beyond;
+pub mod curves;
 mod evolution;
 pub mod feedback;
 pub(crate) mod linear_stage;

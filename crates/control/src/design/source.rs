@@ -160,23 +160,29 @@ fn from_records(dataset: &Dataset, wishes: &Wishes) -> Result<ControlModel, Cont
     Ok(chain)
 }
 
+/// Limits of the command where nobody gives others: those of a model's records, volts.
+pub fn usual_volts(model: &Model) -> [f64; 2] {
+    [model.input_min, model.input_max]
+}
+
+/// The controller's rate where nobody gives another: the highest of a model's records, hertz.
+pub fn usual_rate_hz(model: &Model) -> Option<f64> {
+    let rates = model.fitted_on.records.iter().map(|record| record.sample_rate_hz);
+    Some(rates.fold(0.0, f64::max)).filter(|highest| *highest > 0.0)
+}
+
 fn from_model(model: &Model, along: &[Record], wishes: &Wishes) -> Result<(ControlModel, Vec<Undone>), ControlError> {
     let rate_hz = match wishes.rate_hz {
         Some(hz) if (1.0..=1e7).contains(&hz) => hz,
         Some(hz) => return Err(ControlError::Wish(format!("--rate-hz {hz}: 1 to 10000000 hertz"))),
-        None => {
-            let rates = model.fitted_on.records.iter().map(|record| record.sample_rate_hz);
-            let highest = rates.fold(0.0, f64::max);
-            if highest <= 0.0 {
-                return Err(ControlError::Wish(
-                    "the model does not say at what rate its records were taken; give the controller's with --rate-hz 50000"
-                        .to_owned(),
-                ));
-            }
-            highest
-        }
+        None => usual_rate_hz(model).ok_or_else(|| {
+            ControlError::Wish(
+                "the model does not say at what rate its records were taken; give the controller's with --rate-hz 50000"
+                    .to_owned(),
+            )
+        })?,
     };
-    let volts = wishes.volts.unwrap_or([model.input_min, model.input_max]);
+    let volts = wishes.volts.unwrap_or(usual_volts(model));
     let (mut chain, undone) = chain_of(model, 1.0 / rate_hz, volts, RecordedHold::InRecords)?;
     if !along.is_empty() {
         refine(&mut chain, model, along)?;

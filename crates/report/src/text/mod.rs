@@ -2,17 +2,23 @@
 
 pub mod amounts;
 mod comparison;
+mod controller;
 mod diagnosis;
 pub mod explanation;
 mod ladder;
+mod law_table;
 mod learned;
 mod model;
+mod tracked;
 
 pub use comparison::comparison_text;
+pub use controller::design_text;
 pub use diagnosis::{diagnosis_details, diagnosis_text};
 pub use ladder::{ladder_details, ladder_text};
+pub use law_table::law_table_text;
 pub use learned::learned_text;
 pub use model::model_text;
+pub use tracked::tracked_text;
 
 /// Percent with three decimals, or two significant digits where these would all be zero.
 fn percent(value: Option<f64>) -> String {

@@ -1,7 +1,7 @@
 //! Images of controllers on the firmware in the emulator, and the references that they follow there.
 
 use crate::commands::control::on_board::{AFTER_MOVE_S, HOLD_S, along, held, peak_percent};
-use crate::commands::export;
+use crate::commands::export::ends_of;
 use crate::error::CliError;
 use hysteron_board::host::{complete, hello, parameters};
 use hysteron_board::two_axes::TwoAxisSession;
@@ -11,6 +11,7 @@ use hysteron_board::{
     Summary, image,
 };
 use hysteron_control::design::Controller;
+use hysteron_control::export::{Bench, RAMP_RANGES_PER_S, SLEW_RANGES_PER_S, StageEnds, export, top};
 use hysteron_plant::{Stage, StageConfig};
 use hysteron_table::{FORMAT, Table, TableError};
 use hysteron_tracking::rehearsal::BESIDE_HZ;
@@ -138,7 +139,7 @@ impl Chip {
         controller: &Controller,
         stage: &StageConfig,
     ) -> Result<Running, CliError> {
-        let table = export::law_table(controller, &options(stage))?;
+        let table = export(controller, &bench(stage))?.table;
         self.start(name, table, stage)
     }
 
@@ -175,9 +176,11 @@ impl Chip {
         shares: [f64; 2],
     ) -> Result<Axes, CliError> {
         let table = |share: f64| {
-            let mut options = options(stage);
-            options.push(format!("--cross={share}"));
-            export::law_table(controller, &options)
+            let crossed = Bench {
+                cross_um_per_um: Some(share),
+                ..bench(stage)
+            };
+            export(controller, &crossed).map(|exported| exported.table)
         };
         let tables = [table(shares[0])?, table(shares[1])?];
         let [x, y] = ["x", "y"].map(|axis| format!("{name}-{axis}"));
@@ -388,22 +391,19 @@ impl Running {
     }
 }
 
-/// The options of `export` for converters and amplifier of a stage.
-fn options(stage: &StageConfig) -> Vec<String> {
-    let pair = |name: &str, [low, high]: [f64; 2]| format!("--{name}={low},{high}");
-    let (dac_v, adc_um) = export::full_scales(stage.dac, &stage.amplifier, &stage.sensor);
-    let amplifier = &stage.amplifier;
-    vec![
-        pair("amplifier", [amplifier.min_v, amplifier.max_v]),
-        pair("dac", dac_v),
-        pair("adc", adc_um),
-    ]
+/// The bench of a simulated stage.
+fn bench(stage: &StageConfig) -> Bench {
+    Bench {
+        source: "the controller".to_owned(),
+        stage: Some(ends_of(stage)),
+        ..Bench::default()
+    }
 }
 
 /// A law that knows the stage's data sheet only: stroke and voltage.
 pub(super) fn straight_line(stage: &StageConfig) -> Table {
-    let (dac_v, adc_um) = export::full_scales(stage.dac, &stage.amplifier, &stage.sensor);
-    let (dac_top_v, adc_top_um) = (export::top(dac_v), export::top(adc_um));
+    let StageEnds { dac_v, adc_um, .. } = ends_of(stage);
+    let (dac_top_v, adc_top_um) = (top(dac_v), top(adc_um));
     let output_max_v = stage.amplifier.max_v.min(dac_top_v);
     let hysteresis = &stage.hysteresis;
     let v_per_um = hysteresis.reference_v / hysteresis.stroke_um;
@@ -415,8 +415,8 @@ pub(super) fn straight_line(stage: &StageConfig) -> Table {
         input_max_um: hysteresis.stroke_um.min((1.0 - 1e-6) * output_max_v / v_per_um),
         output_min_v: stage.amplifier.min_v.max(dac_v[0]),
         output_max_v,
-        slew_v_per_s: export::SLEW_OF_A_LAW * output_max_v,
-        ramp_v_per_s: export::RAMP_RANGES_PER_S * output_max_v,
+        slew_v_per_s: SLEW_RANGES_PER_S * output_max_v,
+        ramp_v_per_s: RAMP_RANGES_PER_S * output_max_v,
         feedback_up_to_hz: 0.5 / stage.sample_period_s,
         dac_min_v: dac_v[0],
         dac_top_v,
@@ -426,7 +426,7 @@ pub(super) fn straight_line(stage: &StageConfig) -> Table {
         // One play without a weight.
         thresholds_um: vec![1.0],
         weights_v_per_um: vec![0.0],
-        ..export::empty(hysteron_table::Family::Pi)
+        ..Table::empty(hysteron_table::Family::Pi)
     }
 }
 

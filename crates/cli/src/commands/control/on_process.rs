@@ -1,11 +1,12 @@
 //! `hysteron track --process`: a controller on a stage of the user's own that runs as a process.
 
-use crate::commands::control::on_model::{answer, half_the_stroke};
+use crate::commands::control::on_model::answer;
 use crate::commands::control::track::{TrackArgs, within_records};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::progress;
 use hysteron_control::design::Controller;
+use hysteron_control::expected::half_the_stroke;
 use hysteron_control::process::{ProcessStage, on_process};
 use std::time::Duration;
 

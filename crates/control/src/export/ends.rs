@@ -1,20 +1,22 @@
 //! Converters, amplifier and rate of a table: where each comes from, and what the records behind it cover.
 
-use super::ExportArgs;
-use crate::error::CliError;
-use hysteron_control::design::beyond::{self, Asked};
+use super::Bench;
+use crate::design::beyond::{self, Asked};
+use crate::error::ControlError;
 use hysteron_identify::Covered;
 use hysteron_identify::covered::ToldBy;
-use hysteron_plant::{Amplifier, Converter, Sensor, StageConfig};
-use std::fmt::Write;
 
 /// Converters and amplifier, in volts at the stack and micrometres.
-pub(super) struct Ends {
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ends {
+    /// Volts that the stack may be given.
     pub amplifier_v: [f64; 2],
+    /// Volts at the stack of the DAC's lowest code and of full scale.
     pub dac_v: [f64; 2],
+    /// Micrometres of the ADC's lowest code and of full scale.
     pub adc_um: [f64; 2],
     /// Where each comes from, a line each.
-    told: Vec<String>,
+    pub told: Vec<String>,
 }
 
 /// Of what is asked for, the option's text, what it is, and its key in `[known]`.
@@ -37,26 +39,21 @@ const ASKED: [(&str, &str, &str); 3] = [
 ];
 
 impl Ends {
-    /// From the options, else the stage, else the records; `own_v` are the limits that a controller was designed with.
-    pub(super) fn of(
-        stage: Option<&StageConfig>,
-        covered: &Covered,
-        own_v: Option<[f64; 2]>,
-        args: &ExportArgs,
-    ) -> Result<Self, CliError> {
-        let of_stage = stage.map(|stage| {
-            let (dac_v, adc_um) = full_scales(stage.dac, &stage.amplifier, &stage.sensor);
-            ([stage.amplifier.min_v, stage.amplifier.max_v], dac_v, adc_um)
-        });
+    /// From what is given, else the built-in stage, else the records; `own_v` are the limits that a controller was designed with.
+    ///
+    /// # Errors
+    /// [`ControlError::Wish`] where nothing says what the table runs on.
+    pub fn of(bench: &Bench, covered: &Covered, own_v: Option<[f64; 2]>) -> Result<Self, ControlError> {
+        let stage = bench.stage.as_ref();
         let sources = [
             [
-                args.amplifier,
-                of_stage.map(|(amplifier, ..)| amplifier),
+                bench.amplifier_v,
+                stage.map(|stage| stage.amplifier_v),
                 covered.amplifier_v,
                 own_v,
             ],
-            [args.dac, of_stage.map(|(_, dac, _)| dac), covered.dac_v, None],
-            [args.adc, of_stage.map(|(.., adc)| adc), covered.adc_um, None],
+            [bench.dac_v, stage.map(|stage| stage.dac_v), covered.dac_v, None],
+            [bench.adc_um, stage.map(|stage| stage.adc_um), covered.adc_um, None],
         ];
         let mut told = Vec::new();
         let mut missing = Vec::new();
@@ -81,10 +78,10 @@ impl Ends {
             }
         }
         if !missing.is_empty() {
-            return Err(CliError::Option(format!(
+            return Err(ControlError::Wish(format!(
                 "{}: neither the options nor the records say what the table runs on; give {}; or write them into dataset.toml and \
                  fit again; --stage NAME has those of a simulated stage",
-                args.model.display(),
+                bench.source,
                 missing.join("; ")
             )));
         }
@@ -97,35 +94,16 @@ impl Ends {
         })
     }
 
-    /// Rate of an inverse alone.
-    pub(super) fn rate_hz(
-        &mut self,
-        stage: Option<&StageConfig>,
-        covered: &Covered,
-        args: &ExportArgs,
-    ) -> Result<f64, CliError> {
-        let sources = [
-            (args.rate, "--rate"),
-            (stage.map(|stage| 1.0 / stage.sample_period_s), "--stage"),
-            (covered.sample_rate_hz, "the records"),
-        ];
-        let Some((rate_hz, from)) = sources.into_iter().find_map(|(rate, from)| Some((rate?, from))) else {
-            return Err(CliError::Option(format!(
-                "{}: the model does not say at what rate its records were taken; give the rate of the control loop: --rate HZ",
-                args.model.display()
-            )));
-        };
-        self.told.push(format!("rate {rate_hz} Hz, from {from}"));
-        Ok(rate_hz)
-    }
-
     /// What a table says of its records; refuses to leave them.
-    pub(super) fn covered(
+    ///
+    /// # Errors
+    /// [`ControlError::Wish`] for what leaves them without being granted.
+    pub fn covered(
         &mut self,
         covered: &Covered,
         (commands_v, references_um, rate_hz): ([f64; 2], [f64; 2], f64),
-        args: &ExportArgs,
-    ) -> Result<Option<hysteron_table::Covered>, CliError> {
+        beyond_records: bool,
+    ) -> Result<Option<hysteron_table::Covered>, ControlError> {
         if *covered == Covered::default() {
             self.told
                 .push("the model does not say what its records cover; nothing of that is checked".to_owned());
@@ -139,7 +117,7 @@ impl Ends {
                 Asked::position(&references_um, "--input-min and --input-max"),
                 Asked::rate(rate_hz, "--rate HZ"),
             ],
-            args.beyond_records,
+            beyond_records,
         )?;
         let told_by = kept.told_by().map(|by| match by {
             ToldBy::Record(file) => file.to_owned(),
@@ -163,28 +141,9 @@ impl Ends {
         );
         Ok(Some(table))
     }
-
-    /// Where everything comes from.
-    pub(super) fn said(&self) -> String {
-        let mut text = String::new();
-        for line in &self.told {
-            // Writing to a String does not fail.
-            let _ = writeln!(text, "{line}");
-        }
-        text
-    }
-}
-
-/// Ends of both converters: volts at the stack, micrometres.
-pub(crate) fn full_scales(dac: Option<Converter>, amplifier: &Amplifier, sensor: &Sensor) -> ([f64; 2], [f64; 2]) {
-    let scaled = |converter: Option<Converter>, factor: f64| {
-        let converter = converter.unwrap_or(Converter::BIPOLAR_16_BIT);
-        [converter.min_v * factor, converter.max_v * factor]
-    };
-    (scaled(dac, amplifier.gain), scaled(sensor.adc, sensor.um_per_v))
 }
 
 /// Position of the highest of 65536 codes.
-pub(crate) fn top([low, full_scale]: [f64; 2]) -> f64 {
+pub fn top([low, full_scale]: [f64; 2]) -> f64 {
     full_scale - (full_scale - low) / 65_536.0
 }

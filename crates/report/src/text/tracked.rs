@@ -1,0 +1,48 @@
+//! A controller's runs on a stage of the user's own, as a table.
+
+use hysteron_control::expected::{Report, Row};
+use hysteron_control::reference::SHAPES;
+use std::fmt::Write;
+
+/// What a design expects beside what a run on a model or a process came to.
+pub fn tracked_text(title: &str, report: &Report) -> String {
+    let [low_um, high_um] = report.range_um;
+    let mut text = format!(
+        "{title}, references from {low_um:.3} to {high_um:.3} um; errors against the reference at the same instant\n\
+         expected: what the design reckons with, but for the model's own error, of a sine; found: of the run, rms, % of peak to peak\n\n\
+         {:<22} {:<6} {:>9} {:>9}\n",
+        "reference", "loop", "expected", "found"
+    );
+    for (key, _) in SHAPES {
+        for row in report.rows.iter().filter(|row| row.reference == key) {
+            text.push_str(&line(row));
+        }
+    }
+    for effect in &report.left_out {
+        // Writing to a String does not fail.
+        let _ = writeln!(
+            text,
+            "{effect} is not in the runs: a command alone does not determine it"
+        );
+    }
+    text
+}
+
+fn line(row: &Row) -> String {
+    let name = match row.reference.parse::<f64>() {
+        Ok(hz) => format!("sine {hz} Hz"),
+        Err(_) => format!("{} Hz", row.reference.replace('-', " ")),
+    };
+    let expected = row
+        .expected_percent
+        .map_or_else(|| "-".to_owned(), |percent| format!("{percent:.3}"));
+    let unstable = if row.stable {
+        ""
+    } else {
+        "  UNSTABLE: do not run it; design it with a smaller --margin, or --open"
+    };
+    format!(
+        "{name:<22} {:<6} {expected:>9} {:>9.3}{unstable}\n",
+        row.loop_kind, row.found_percent
+    )
+}
