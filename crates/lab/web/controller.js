@@ -16,7 +16,10 @@ function form(lab, id, parts, title, act) {
     const input = choices
       ? el("select", { id: own, name }, choices.map(([value, words]) => el("option", { value, selected: kept[name] === value }, words)))
       : el("input", tick ? { id: own, name, type: "checkbox", checked: kept[name] === true } : { id: own, name, type: "number", step: "any", placeholder: otherwise, value: kept[name] ?? null });
-    return el("p", { class: tick ? "tick" : null }, tick ? [input, " ", el("label", { for: own }, label)] : [el("label", { for: own }, label), input]);
+    // `Rate, Hz (--rate-hz)`: the option, by which a refusal names the field, stays in one piece.
+    const [words, option] = label.replace(")", "").split(" (");
+    const named = el("label", { for: own }, `${words} `, el("code", { class: "option" }, option));
+    return el("p", { class: tick ? "tick" : null }, tick ? [input, " ", named] : [named, input]);
   };
   const value = (input) => (input.type === "checkbox" ? input.checked : input.tagName === "SELECT" ? input.value : typed(input.value));
   const made = el("form", { id: `${id}-form`, submit: (event) => {

@@ -7,6 +7,7 @@
 
 mod bring;
 mod browser;
+mod controller;
 mod grow;
 mod hostile;
 mod learn;

@@ -1,6 +1,7 @@
 //! The whole way in the browser, on the demo stage and on measured data, and with a million samples.
 
 use crate::browser::{Browser, there};
+use crate::controller::the_controller;
 use crate::server::Server;
 use fantoccini::Locator;
 use serde_json::{Value, json};
@@ -108,19 +109,13 @@ async fn the_way(browser: &Browser, session: &Path, name: &str, model: &str) {
         model.as_str().unwrap(),
         std::fs::read_to_string(session.join("models/3.toml")).unwrap()
     );
-    // A step with an effect is no table, and the page says why; the step before it is one.
-    let said = browser.see(".exports").await;
-    assert!(
-        said.contains("a table holds the inverse of the hysteresis alone"),
-        "{said}"
-    );
     browser.click("#write-report").await;
     browser.see("#export-report").await;
     let page = browser.run_async(get, vec![json!("#export-report")]).await;
     whole_report(page.as_str().unwrap());
     browser.picture(&format!("{name}-export")).await;
     browser.accessible("export").await;
-    make_the_table(browser, session, name).await;
+    the_controller(browser, session, name).await;
 
     browser.click("#to-effects").await;
     browser.click("a[href='#effects/delay']").await;
@@ -179,57 +174,6 @@ async fn what_to_do_comes_first(browser: &Browser, said: &Value) {
     }
     assert_eq!(seen, Value::Array(expected));
     browser.client.set_window_size(1400, 1000).await.unwrap();
-}
-
-/// The table of the step without effects: refused in words where the bench cannot follow, made once the bench is named; the
-/// commands beside it make the same.
-async fn make_the_table(browser: &Browser, session: &Path, name: &str) {
-    browser.click("#undo").await;
-    browser.click("#make-table").await;
-    let said = browser.see("#table-form #fault:not([hidden])").await;
-    let ends: &[(&str, &str)] = if name == "demo" {
-        // The fitted inverse turns back near the upper end of the range.
-        assert!(said.contains("narrow the range"), "{said}");
-        &[("#input_max_um", "2.4"), ("#latency_us", "30")]
-    } else {
-        // Nobody knows what the mirror's bench is but its owner; commands stay within the recorded volts.
-        assert!(said.contains("neither the options nor the records say"), "{said}");
-        &[
-            ("#amplifier_min_v", "-0.38"),
-            ("#amplifier_max_v", "0.35"),
-            ("#dac_min_v", "-10"),
-            ("#dac_full_v", "10"),
-            ("#adc_min_um", "-5"),
-            ("#adc_full_um", "5"),
-        ]
-    };
-    for (field, value) in ends {
-        browser.type_into(field, value).await;
-    }
-    browser.click("#make-table").await;
-    browser.see("#export-table").await;
-    browser.picture(&format!("{name}-table")).await;
-    browser.accessible("table").await;
-    let get = "const done = arguments[0]; fetch(document.querySelector('#export-table').href).then((r) => r.text()).then(done)";
-    let table = browser.run_async(get, vec![]).await;
-    let said = browser.see("#table-said").await;
-    let told = "return document.querySelector('#export-table').closest('li').querySelector('code').textContent";
-    let told = browser.run(told, vec![]).await;
-    let mut printed = String::new();
-    for command in told.as_str().unwrap().split(" && ") {
-        let typed = command.replace("tables/1", "typed").replace("1-inverse", "1-typed");
-        let out = assert_cmd::Command::new(env!("CARGO_BIN_EXE_hysteron"))
-            .current_dir(session)
-            .args(typed.split(' ').skip(1))
-            .assert()
-            .success();
-        printed = String::from_utf8(out.get_output().stdout.clone()).unwrap();
-    }
-    assert_eq!(printed, format!("{said}\nwritten to typed.toml\n"));
-    assert_eq!(
-        table.as_str().unwrap(),
-        std::fs::read_to_string(session.join("typed.toml")).unwrap()
-    );
 }
 
 /// A report is valid HTML below 1.5 MB, reads without scripts and asks no other host for anything.

@@ -10,7 +10,7 @@ pub fn tracked_text(title: &str, report: &Report) -> String {
     let mut text = format!(
         "{title}, references from {low_um:.3} to {high_um:.3} um; errors against the reference at the same instant\n\
          expected: what the design reckons with, but for the model's own error, of a sine; found: of the run, rms, % of peak to peak\n\n\
-         {:<22} {:<6} {:>9} {:>9}\n",
+         {:<23} {:<6} {:>9} {:>9}\n",
         "reference", "loop", "expected", "found"
     );
     for (key, _) in SHAPES {
@@ -42,7 +42,7 @@ fn line(row: &Row) -> String {
         "  UNSTABLE: do not run it; design it with a smaller --margin, or --open"
     };
     format!(
-        "{name:<22} {:<6} {expected:>9} {:>9.3}{unstable}\n",
+        "{name:<23} {:<6} {expected:>9} {:>9.3}{unstable}\n",
         row.loop_kind, row.found_percent
     )
 }
