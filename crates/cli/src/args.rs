@@ -41,7 +41,7 @@ pub(crate) enum Command {
     Ladder(LadderArgs),
     /// Fit, diagnose and add by itself until nothing more is missing or nothing more can be told
     Learn(LearnArgs),
-    /// Open the workbench: the whole way in a browser, from recordings to the model
+    /// Open the workbench: the whole way in a browser, from recordings to the model and its controller
     Lab(LabArgs),
     /// Freeze comparison, diagnosis and ladder of a model into one page to send to a colleague
     Report(ReportArgs),

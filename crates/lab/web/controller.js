@@ -52,7 +52,7 @@ function pictures(page, view) {
   const hosts = [0, 1, 2].map((k) => el("div", { class: "plot", id: `loop-${["sensitivity", "gain", "phase"][k]}` }));
   const [sensitivity, gain, phase] = hosts;
   page.append(el("div", { class: "pair" },
-    panel("What is left of a disturbance", sensitivity, el("p", { class: "hint" }, `Below 1 feedback helps, above it adds. The peak of the design, with a mode wherever nothing is told, is ${num(view.margin)}; the records tell the stage up to ${num(view.told_to_hz)} Hz.`)),
+    panel("What is left of a disturbance", sensitivity, el("p", { class: "hint" }, `Below 1 feedback helps, above it adds. The peak of the design, with a mode wherever nothing is told, is ${num(view.margin)}; above ${num(view.told_to_hz)} Hz nothing is told.`)),
     el("section", { class: "panel" }, el("h3", {}, "Gain around the loop"), gain, el("h3", {}, "Its phase"), phase)));
   page.addEventListener("shown", () => {
     const x = curves.frequency_hz;

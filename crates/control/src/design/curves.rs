@@ -78,3 +78,67 @@ fn unwrapped(responses: &[Complex64]) -> Vec<f64> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::design::feedback::FeedbackDesign;
+    use crate::design::{FORMAT, ReferenceKind};
+
+    /// An integral behind a latency: `|L| = K / w`, its phase `-90 degrees - w T`, and `1 / |1 + g L|` is what is left. The sum of samples
+    /// leads the integral by half of one.
+    #[test]
+    fn val_an_integral_behind_a_latency_has_the_curves_of_its_closed_form() {
+        let mut model = crate::design::stands::tests::rigid();
+        model.latency_s = 500e-6;
+        let per_s = 1.0 / model.latency_s;
+        let through = [1.0, 0.0, 0.0, 0.0, 0.0];
+        let mut controller = Controller {
+            format: FORMAT,
+            reference: ReferenceKind::Live,
+            samples_ahead: 0,
+            preview: Vec::new(),
+            feedback: None,
+            open_loop: None,
+            model,
+        };
+        assert_eq!(LoopCurves::of(&controller), None);
+        controller.feedback = Some(FeedbackDesign {
+            structure: "integral".to_owned(),
+            // A gain of 0.1 um/V.
+            integral_v_per_um_s: per_s / 0.1,
+            series: [through; 2],
+            damping: [0.0; 5],
+            peak_sensitivity: 2.0,
+            rejection_hz: 100.0,
+            helps_to_hz: 150.0,
+            told_to_hz: 1000.0,
+            noise_nm: 0.1,
+        });
+        let curves = LoopCurves::of(&controller).unwrap();
+        let lag_s = controller.model.latency_s - 0.5 * controller.model.sample_period_s;
+        for (k, hz) in curves.frequency_hz.iter().enumerate() {
+            let omega = TAU * hz;
+            let lag = std::f64::consts::FRAC_PI_2 + omega * lag_s;
+            let once = |gain: f64| Complex64::from_polar(gain * per_s / omega, -lag);
+            let near = |found: f64, wanted: f64| (found / wanted - 1.0).abs() < 1e-9;
+            assert!(
+                near(curves.gain[k], once(1.0).norm()),
+                "{hz} Hz: gain {}",
+                curves.gain[k]
+            );
+            assert!(
+                near(curves.phase_deg[k], -lag.to_degrees()),
+                "{hz} Hz: phase {}",
+                curves.phase_deg[k]
+            );
+            let worst = GAIN_FACTORS.map(|gain| left(once(gain)));
+            let worst = worst.into_iter().fold(0.0, f64::max);
+            let found = [curves.sensitivity[k], curves.worst_sensitivity[k]];
+            assert!(
+                near(found[0], left(once(1.0))) && near(found[1], worst),
+                "{hz} Hz: {found:?}"
+            );
+        }
+    }
+}
