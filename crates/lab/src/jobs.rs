@@ -10,6 +10,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// What the page shows of the job.
 #[derive(Debug, Clone, Default, Serialize)]
 pub(crate) struct Job {
+    /// Tells one job from the next: a short one may begin and end between two looks of a page.
+    pub(crate) number: u64,
     /// `fitting`, `diagnosing`; empty before the first.
     pub(crate) kind: String,
     /// What is tried now.
@@ -64,6 +66,7 @@ pub(crate) fn start(
             return Err(Refusal::conflict(format!("still {}; wait for it or stop it", job.kind)));
         }
         *job = Job {
+            number: job.number + 1,
             kind: kind.to_owned(),
             running: true,
             stop: Arc::clone(&stop),

@@ -20,12 +20,15 @@ const lab = {
   state: null,
   async act(deed, after) {
     const from = origin;
+    const before = [follow, started];
     say(null);
+    // Before the answer: news of the job's end may come first.
+    [follow, started] = [after || null, from];
     try {
       await tell("do", { revision: lab.state.revision, do: deed });
-      [follow, started] = [after || null, from];
       return true;
     } catch (error) {
+      [follow, started] = before;
       say(error, from);
       return false;
     }
@@ -181,7 +184,8 @@ async function listen() {
       if (lost) { say(null); lost = false; }
       if (was && was.run !== lab.state.run) by("back").hidden = false;
       const { job } = lab.state;
-      if (was && was.job.running && !job.running) {
+      // A short job begins and ends between two looks.
+      if (was && !job.running && (was.job.running || was.job.number !== job.number)) {
         if (job.failed) { say(new Error(job.failed), started); follow = null; }
         if (job.stopped) { say(new Error(`${job.kind.charAt(0).toUpperCase()}${job.kind.slice(1)} was stopped; ${was.revision === lab.state.revision ? "nothing was changed" : "what was fitted before that stays"}.`), started); follow = null; }
         if (follow) { const to = follow; follow = null; lab.go(to); }
