@@ -167,6 +167,8 @@ fn refuse_fifty_bad_requests() {
         "api/export/next?step=0",
         "api/export/report?step=0",
         "api/export/report?step=8",
+        "api/export/controller?step=0",
+        "api/controller?step=7",
         "api/diagnosis?step=0",
         "api/region?step=0&record=0&from=0&to=0",
     ] {
@@ -207,7 +209,6 @@ fn refuse_fifty_bad_requests() {
         r#"{"what":"table","bench":{"dac_min_v":10,"dac_full_v":-10}}"#,
         r#"{"what":"table","bench":{"mode_hz":100}}"#,
         r#"{"what":"table","bench":{}}"#,
-        r#"{"what":"design","wishes":{}}"#,
         r#"{"what":"design","wishes":{"margin":99}}"#,
         r#"{"what":"design","wishes":{"output":"../x"}}"#,
         r#"{"what":"track","along":{"range_min_um":1}}"#,
