@@ -52,12 +52,12 @@ function pictures(page, view) {
   const hosts = [0, 1, 2].map((k) => el("div", { class: "plot", id: `loop-${["sensitivity", "gain", "phase"][k]}` }));
   const [sensitivity, gain, phase] = hosts;
   page.append(el("div", { class: "pair" },
-    panel("What is left of a disturbance", sensitivity, el("p", { class: "hint" }, `Below 1 feedback helps, above it adds. The peak of the design, with a mode wherever nothing is told, is ${num(view.margin)}; above ${num(view.told_to_hz)} Hz nothing is told.`)),
+    panel("What is left of a disturbance", sensitivity, el("p", { class: "hint" }, `Below 1 feedback helps, above it adds. Worst: over modes ±10 % and loop gain 0.6 to 1.3. The peak of the design, with a mode wherever nothing is told, is ${num(view.margin)}; above ${num(view.told_to_hz)} Hz nothing is told.`)),
     el("section", { class: "panel" }, el("h3", {}, "Gain around the loop"), gain, el("h3", {}, "Its phase"), phase)));
   page.addEventListener("shown", () => {
     const x = curves.frequency_hz;
     const level = (value) => x.map(() => value);
-    curvesPlot(sensitivity, x, [["nominal", COLOURS.measured, curves.sensitivity], ["worst, modes ±10 %, gain 0.6 to 1.3", COLOURS.model, curves.worst_sensitivity], ["no feedback", COLOURS.noise, level(1), [6, 4]]], "error over disturbance", { height: 420, log: true });
+    curvesPlot(sensitivity, x, [["nominal", COLOURS.measured, curves.sensitivity], ["worst", COLOURS.model, curves.worst_sensitivity], ["no feedback", COLOURS.noise, level(1), [6, 4]]], "error over disturbance", { height: 420, log: true });
     curvesPlot(gain, x, [["gain", COLOURS.measured, curves.gain], ["crossover", COLOURS.noise, level(1), [6, 4]]], "gain", { log: true });
     curvesPlot(phase, x, [["phase, degrees", COLOURS.measured, curves.phase_deg], ["critical", COLOURS.noise, level(-180), [6, 4]]], "phase, °", {});
   });
