@@ -29,8 +29,8 @@ const CRATES: [&str; 14] = [
     "table",
     "diagnose",
     "challenge",
-    "report",
     "control",
+    "report",
     "capi",
     "python",
 ];
