@@ -1,7 +1,8 @@
 //! From records to a controller: the commands to record, the chain identified, the law designed, its runs on a model or in a process.
 //!
 //! Data flows one way: records of a [`campaign`] become a chain (`hysteron_identify::control`), [`design`] undoes it, [`drive`],
-//! [`on_model`] and [`process`] run the law, [`figures`] and [`response`] judge the run. The law is the code that runs on the chip.
+//! [`on_model`] and [`process`] run the law, [`figures`] and [`response`] judge the run, [`export`] makes the firmware's table. The law is
+//! the code that runs on the chip.
 #![forbid(unsafe_code)]
 
 pub mod campaign;

@@ -127,6 +127,7 @@ mod tests {
             ("models/1.toml", "old"),
             ("diagnoses/0.json", "old"),
             ("reports/1.html", "old"),
+            ("controllers/1.toml", "old"),
             ("tables/1.toml", "old"),
             ("fresh/data/b.csv", "new"),
             ("fresh/data.key", "new"),
@@ -170,6 +171,7 @@ mod tests {
                 "models/1.toml",
                 "diagnoses/0.json",
                 "reports/1.html",
+                "controllers/1.toml",
                 "tables/1.toml",
             ] {
                 assert_eq!(read(file), None, "{file} after {done} moves");
