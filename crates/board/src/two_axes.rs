@@ -27,32 +27,38 @@ pub struct TwoAxisRig {
 }
 
 impl TwoAxisRig {
-    /// Two stages that know nothing of each other become one: `shares[0]` of the second's motion reaches the first, `shares[1]` the other
-    /// way. Starts at the first tick, stops after so many seconds.
+    /// As [`coupled`]. Starts at the first tick, stops after so many seconds.
     ///
     /// # Errors
-    /// Stages that cannot be built, or shares beyond what couples.
+    /// As [`coupled`].
     pub fn new(axes: [&StageConfig; 2], shares: [f64; 2], seed: u64, seconds: f64) -> Result<Self, StageError> {
-        let beside = |config: &StageConfig, other: &StageConfig, ratio| StageConfig {
-            cross_coupling: Some(CrossCoupling {
-                ratio,
-                lag_s: other.amplifier.lag_s,
-                hysteresis: other.hysteresis.clone(),
-                mode: other.modes.first().copied(),
-            }),
-            ..config.clone()
-        };
-        let [x, y] = axes;
         Ok(Self {
-            stages: [
-                Stage::new(&beside(x, y, shares[0]), seed)?,
-                Stage::new(&beside(y, x, shares[1]), seed.wrapping_add(1))?,
-            ],
+            stages: coupled(axes, shares, seed)?,
             recordings: [Recording::default(), Recording::default()],
             true_um: [Vec::new(), Vec::new()],
-            stop_at: (seconds / x.sample_period_s).round() as u32,
+            stop_at: (seconds / axes[0].sample_period_s).round() as u32,
         })
     }
+}
+
+/// Two stages that know nothing of each other become one: `shares[0]` of the second's motion reaches the first, `shares[1]` the other way.
+///
+/// # Errors
+/// Stages that cannot be built, or shares beyond what couples.
+pub fn coupled([x, y]: [&StageConfig; 2], shares: [f64; 2], seed: u64) -> Result<[Stage; 2], StageError> {
+    let beside = |config: &StageConfig, other: &StageConfig, ratio| StageConfig {
+        cross_coupling: Some(CrossCoupling {
+            ratio,
+            lag_s: other.amplifier.lag_s,
+            hysteresis: other.hysteresis.clone(),
+            mode: other.modes.first().copied(),
+        }),
+        ..config.clone()
+    };
+    Ok([
+        Stage::new(&beside(x, y, shares[0]), seed)?,
+        Stage::new(&beside(y, x, shares[1]), seed.wrapping_add(1))?,
+    ])
 }
 
 /// The other side of both axes' converters.

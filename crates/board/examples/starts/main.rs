@@ -1,0 +1,209 @@
+//! The boards' images in a processor model: a long run against the host's law, then starts and faults, as one table.
+//!
+//! `cargo xtask firmware starts` builds the images, installs the model and runs this. The model (`processor.py`) is a process of its own
+//! with the registers that the images use; stage, converters of the outputs, the host's law and the judgement are here.
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "an example of the command line"
+)]
+
+mod host;
+mod processor;
+mod rig;
+mod scenarios;
+
+use host::Axis;
+use hysteron_board::two_axes::coupled;
+use hysteron_firmware::chips::{Chip, G474, H743};
+use hysteron_plant::{Stage, preset};
+use processor::{Failure, Processor};
+use rig::Rig;
+use scenarios::{End, SCENARIOS, Scenario, press};
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// An image: its file, the chip, and each axis' table and stage.
+struct Image {
+    file: &'static str,
+    chip: Chip,
+    axes: &'static [(&'static str, &'static str)],
+}
+
+/// Those that `cargo xtask firmware boards` builds with complete laws.
+const IMAGES: [Image; 3] = [
+    Image {
+        file: "nucleo-g474re-tracking-8k",
+        chip: G474,
+        axes: &[("tracking-8k", "8k")],
+    },
+    Image {
+        file: "nucleo-h743zi-tracking-8k",
+        chip: H743,
+        axes: &[("tracking-8k", "8k")],
+    },
+    Image {
+        file: "nucleo-h743zi-tracking-xy",
+        chip: H743,
+        axes: &[("tracking-x", "8k"), ("tracking-y", "739")],
+    },
+];
+/// What of the other axis' motion reaches each, as the tables have it.
+const SHARES: [f64; 2] = [0.01, -0.006];
+const SEED: u64 = 7;
+/// Ticks of the long run: six periods of its reference.
+const TICKS: u64 = 30_000;
+
+fn main() -> ExitCode {
+    let begun = Instant::now();
+    let results: Vec<_> = std::thread::scope(|scope| {
+        let threads: Vec<_> = IMAGES.iter().map(|image| scope.spawn(|| run(image))).collect();
+        threads.into_iter().map(|thread| thread.join()).collect()
+    });
+    let mut wrong = 0;
+    for result in results {
+        match result {
+            Ok(Ok(of_image)) => wrong += of_image,
+            Ok(Err(error)) => {
+                eprintln!("{error}");
+                wrong += 1;
+            }
+            Err(_) => wrong += 1,
+        }
+    }
+    eprintln!("{:.0} s", begun.elapsed().as_secs_f64());
+    if wrong == 0 {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
+}
+
+/// All of one image, printed at once; how many rows are not as they must be.
+fn run(image: &Image) -> Result<usize, Failure> {
+    let mut rig = rig(image)?;
+    let mut text = format!("{}\n", image.file);
+    let mut wrong = 0;
+    let (row, right) = long_run(&mut rig)?;
+    text += &row;
+    wrong += usize::from(!right);
+    text += &format!(
+        "{:<48}{:>14}{:>10}{:>14}{:>10}  {}\n",
+        "start or fault", "safe after, ms", "at most", "step, codes", "at most", "end"
+    );
+    for scenario in &SCENARIOS {
+        let (row, right) = judge(&mut rig, scenario)?;
+        text += &row;
+        wrong += usize::from(!right);
+    }
+    println!("{text}");
+    Ok(wrong)
+}
+
+fn rig(image: &Image) -> Result<Rig, Failure> {
+    let interpreter = std::env::var("HYSTERON_UNICORN")
+        .map_err(|_| "HYSTERON_UNICORN names no Python with unicorn; run cargo xtask firmware starts")?;
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../firmware");
+    let file = root.join("target/images").join(image.file);
+    if !file.exists() {
+        return Err(format!("no image {}; run cargo xtask firmware starts", file.display()).into());
+    }
+    let mut axes = Vec::new();
+    let mut configs = Vec::new();
+    for (table, stage) in image.axes {
+        let path = root.join(format!("tables/{table}.toml"));
+        axes.push(Axis::new(&std::fs::read_to_string(path)?)?);
+        configs.push(preset::named(stage).ok_or("no such stage")?);
+    }
+    let stages = match configs.as_slice() {
+        [x, y] => coupled([x, y], SHARES, SEED)?.to_vec(),
+        configs => {
+            let stages = configs.iter().map(|config| Stage::new(config, SEED));
+            stages.collect::<Result<_, _>>()?
+        }
+    };
+    let processor = Processor::start(&interpreter, &file, image.chip.board)?;
+    Ok(Rig::new(processor, image.chip, axes, stages))
+}
+
+/// The closed loop on the stage: every code and every frame is the host's.
+fn long_run(rig: &mut Rig) -> Result<(String, bool), Failure> {
+    rig.power_on()?;
+    rig.until("the loop", 5000, Rig::is_looping)?;
+    press(rig)?;
+    let mut low = u16::MAX;
+    let mut high = 0;
+    while u64::from(rig.counts.ticks) < TICKS {
+        rig.go(100)?;
+        let code = rig.outputs.first().copied().unwrap_or_default();
+        (low, high) = (low.min(code), high.max(code));
+    }
+    let counts = rig.counts;
+    // A run that does not move would agree, too; telemetry that does not come as well.
+    let right = counts.different == 0
+        && counts.telemetry_different == 0
+        && counts.bites == 0
+        && rig.fault().is_none()
+        && high - low > 20_000
+        && counts.telemetry > 9 * counts.ticks / 10 * rig.axes.len() as u32;
+    let row = format!(
+        "{} ticks on the stage, {} codes of the DAC other than the host's; {} frames of telemetry, {} other; codes from {low} to {high}{}\n",
+        counts.ticks,
+        counts.different,
+        counts.telemetry,
+        counts.telemetry_different,
+        if right { "" } else { "  WRONG" }
+    );
+    Ok((row, right))
+}
+
+/// One row, and whether it is as it must be.
+fn judge(rig: &mut Rig, scenario: &Scenario) -> Result<(String, bool), Failure> {
+    rig.power_on()?;
+    let ran = (scenario.run)(rig);
+    let safe = rig.is_safe();
+    let after_ms = rig.ms(rig.way.settled - rig.way.since);
+    let step = rig.way.largest_step;
+    let ramp = rig.axes.iter().map(Axis::ramp).max().unwrap_or_default();
+    let most_step = scenario.ramps.map(|ramps| ramps * (ramp + 1));
+    let looping = rig.is_looping() && rig.mode() == hysteron_board::Mode::Off;
+    let ended = match scenario.end {
+        End::Waiting(fault) => looping && rig.fault() == fault && rig.counts.bites <= 1,
+        End::Resetting => rig.counts.bites > 1,
+    };
+    let mut wrong: Vec<String> = ran.err().iter().map(ToString::to_string).collect();
+    for (holds, what) in [
+        (safe, "an output is not safe"),
+        (!safe || after_ms <= scenario.at_most_ms, "too late"),
+        (most_step.is_none_or(|most| step <= most), "too large a step"),
+        (ended, "it does not end so"),
+        (rig.counts.different == 0, "codes other than the host's"),
+        (!rig.unwritten_read, "memory was believed after a loss of power"),
+    ] {
+        if !holds {
+            wrong.push(what.to_owned());
+        }
+    }
+    let right = wrong.is_empty() != scenario.open.is_some();
+    let end = match (scenario.open, wrong.is_empty(), scenario.end) {
+        (Some(why), false, _) => format!("OPEN: {why} ({})", wrong.join(", ")),
+        (Some(_), true, _) => "WRONG: no longer open, and listed as such".to_owned(),
+        (None, false, _) => format!("WRONG: {}", wrong.join(", ")),
+        (None, true, End::Resetting) => "resets again and again, safe".to_owned(),
+        (None, true, End::Waiting(None)) => "waits, no fault".to_owned(),
+        (None, true, End::Waiting(Some(fault))) => format!("waits, fault {} latched", fault as u8),
+    };
+    let after = if safe {
+        format!("{after_ms:.1}")
+    } else {
+        "never".to_owned()
+    };
+    let row = format!(
+        "{:<48}{after:>14}{:>10.0}{step:>14}{:>10}  {end}\n",
+        scenario.name,
+        scenario.at_most_ms,
+        most_step.map_or_else(|| "-".to_owned(), |most| most.to_string()),
+    );
+    Ok((row, right))
+}

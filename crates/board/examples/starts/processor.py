@@ -1,0 +1,534 @@
+"""Processor and registers of a board around its linked image, driven line by line: a test's process of its own.
+
+    processor.py IMAGE BOARD
+
+It has what the image touches and nothing that judges: oscillators and PLL as ready flags, reset causes, watchdog, supply detector,
+cycle counter, converters, bus, pins, the timer that triggers, the interrupt's enable bit, and the debugger's view of memory. Every
+answer is a line. Time is counted in processor cycles, three for two instructions.
+"""
+
+import dataclasses
+import random
+import struct
+import sys
+
+import unicorn
+from elftools.elf.elffile import ELFFile
+from unicorn import arm_const as arm
+
+# Instructions of main between two looks at watchdog and clock: 1.8 us at 170 MHz.
+SLICE = 200
+LSI_HZ = 32_000
+# Position of ADC1 and ADC2 in the vector table, behind the 16 exceptions (RM0433 and RM0440).
+POSITION = 18
+NVIC_ISER0, VTOR = 0xE000E100, 0xE000ED08
+DEMCR, DWT_CTRL, DWT_CYCCNT, DWT_LAR = 0xE000EDFC, 0xE0001000, 0xE0001004, 0xE0001FB0
+TIM6 = 0x40001000
+SPI1 = 0x40013000
+
+
+@dataclasses.dataclass(frozen=True)
+class Board:
+    """What differs from board to board; addresses of RM0440 and RM0433."""
+
+    cpu: int
+    mode: int
+    memories: tuple
+    processor_hz: int
+    # Of the timer, in one of the processor's.
+    timer_cycles: int
+    adcs: tuple
+    adc_common: int
+    adc_shift: int
+    # Of a converter that waits to be written to: the port, and each axis' pin.
+    syncs: tuple
+    fault: tuple
+    button: tuple
+    watchdog: int
+    # Where the cause of a reset is, its clear bit, and the flags of each cause.
+    cause: int
+    forget: int
+    causes: dict
+    # Supply below its level.
+    supply: tuple
+    # Brown-out level as delivered from the options: its place, the highest level.
+    brown_out: tuple
+    # The bus: enable bit of CR1, status and data register.
+    spi: tuple
+    # Bits that follow others: (register, the one written, the one that says that it is so); the PLL, the outer clock.
+    ready: tuple
+    pll: tuple
+    outer: tuple
+    # Switch of the system's clock: register, mask, shift.
+    switch: tuple
+    # Bits that are always set.
+    always: tuple
+
+
+G474 = Board(
+    cpu=arm.UC_CPU_ARM_CORTEX_M4,
+    mode=unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS,
+    memories=((0x08000000, 0x80000), (0x10000000, 0x8000), (0x20000000, 0x18000), (0x1FFF0000, 0x10000)),
+    processor_hz=170_000_000,
+    timer_cycles=1,
+    adcs=(0x50000000, 0x50000100),
+    adc_common=0x50000308,
+    adc_shift=4,
+    syncs=((0x48000400, 6),),
+    fault=(0x48000800, 7),
+    button=(0x48000800, 13),
+    watchdog=0x40003000,
+    cause=0x40021094,
+    forget=1 << 23,
+    causes={"power": 1 << 27 | 1 << 26, "brown-out": 1 << 27 | 1 << 26, "watchdog": 1 << 29 | 1 << 26, "pin": 1 << 26},
+    supply=(0x40007014, 11),
+    brown_out=(0x40022020, 0b100 << 8),
+    spi=(1 << 6, 0x08, 0x0C),
+    ready=((0x40021000, 8, 10), (0x40021094, 0, 1), (0x40021098, 0, 1), (0x40021090, 0, 1)),
+    pll=(0x40021000, 24, 25),
+    outer=(0x40021000, 16, 17),
+    switch=(0x40021008, 0b11, 2),
+    always=(),
+)
+
+H743 = Board(
+    # unicorn's Cortex-M7 has no double precision, which main takes for some constants. This one has every instruction of the images.
+    cpu=arm.UC_CPU_ARM_MAX,
+    mode=unicorn.UC_MODE_THUMB,
+    memories=((0x08000000, 0x200000), (0x00000000, 0x10000), (0x20000000, 0x20000), (0x1FF00000, 0x100000)),
+    processor_hz=400_000_000,
+    timer_cycles=2,
+    adcs=(0x40022000, 0x40022100),
+    adc_common=0x40022308,
+    adc_shift=0,
+    syncs=((0x58020C00, 14), (0x58020C00, 15)),
+    fault=(0x58020400, 14),
+    button=(0x58020800, 13),
+    watchdog=0x58004800,
+    cause=0x580244D0,
+    forget=1 << 16,
+    causes={
+        "power": 1 << 23 | 1 << 22 | 1 << 21,
+        "brown-out": 1 << 22 | 1 << 21,
+        "watchdog": 1 << 26 | 1 << 22,
+        "pin": 1 << 22,
+    },
+    supply=(0x58024804, 4),
+    brown_out=(0x5200201C, 0b11 << 2),
+    spi=(1 << 0, 0x14, 0x20),
+    ready=(
+        (0x58024400, 0, 2),
+        (0x58024400, 7, 8),
+        (0x58024400, 12, 13),
+        (0x58024474, 0, 1),
+        (0x58024470, 0, 1),
+    ),
+    pll=(0x58024400, 24, 25),
+    outer=(0x58024400, 16, 17),
+    switch=(0x58024410, 0b111, 3),
+    # The oscillator of a reset, domain clocks, regulator and voltage scale.
+    always=((0x58024400, 1 | 1 << 2 | 1 << 14 | 1 << 15), (0x58024804, 1 << 13), (0x58024818, 1 << 13)),
+)
+
+BOARDS = {"nucleo-g474re": G474, "nucleo-h743zi": H743}
+
+
+class Processor:
+    """One board with one image in its flash."""
+
+    def __init__(self, image, board):
+        self.board = board
+        self._connect()
+        self.uc = unicorn.Uc(unicorn.UC_ARCH_ARM, board.mode)
+        self.uc.ctl_set_cpu_model(board.cpu)
+        for start, size in board.memories:
+            self.uc.mem_map(start, size)
+        # The flash's last words, where no image reaches: a handler that returns there has ended, and a branch to itself.
+        flash, size = board.memories[0]
+        self.ended, self.forever = flash + size - 16, flash + size - 8
+        with open(image, "rb") as file:
+            elf = ELFFile(file)
+            for segment in elf.iter_segments():
+                if segment["p_type"] == "PT_LOAD" and segment["p_filesz"]:
+                    self.uc.mem_write(segment["p_paddr"], segment.data())
+            symbols = list(elf.get_section_by_name(".symtab").iter_symbols())
+        self.symbols = {name: self._symbol(symbols, name) for name in ("ORDERS", "ROUNDS", "KEPT")}
+        self.rtt = next(symbol["st_value"] for symbol in symbols if symbol.name == "_SEGGER_RTT")
+        self.uc.mmio_map(0x40000000, 0x20000000, self._read, None, self._write, None)
+        self.uc.mmio_map(0xE0000000, 0x100000, self._read_core, None, self._write_core, None)
+        self.inputs = {"button": 0, "low": 0, "dwt-locked": 0, "no-pll": 0, "no-outer": 0, "no-adc": 0}
+        # Outside of the chip: bytes since SYNC fell of each axis' converter, and the words that have ended.
+        self.bytes = [bytearray() for _ in board.syncs]
+        self.words = []
+        self.axes = len(board.syncs)
+        self.cycles = 0
+        self.fresh = self.uc.context_save()
+        self.reset("power")
+
+    @staticmethod
+    def _symbol(symbols, name):
+        wanted = f"6nucleo{len(name)}{name}"
+        return next(symbol["st_value"] for symbol in symbols if wanted in symbol.name)
+
+    # What the outside does.
+
+    def reset(self, cause):
+        """Registers begin anew; what memory holds depends on the cause."""
+        self.unwritten_read = False
+        if cause in ("power", "brown-out"):
+            noise = random.Random(cause)
+            for start, size in self.board.memories:
+                if start not in (0x08000000, 0x1FF00000, 0x1FFF0000):
+                    self.uc.mem_write(start, noise.randbytes(size))
+            self._watch_kept()
+        self.registers = {self.board.brown_out[0]: self.board.brown_out[1]}
+        self.core = {}
+        self.flags = self.board.causes[cause] | (getattr(self, "flags", 0) if cause not in ("power", "brown-out") else 0)
+        self.unlocked = not self.inputs["dwt-locked"]
+        self.watched_since = None
+        self.timeout = (0, 0xFFF)
+        self.codes = [0] * self.axes
+        self.eoc = False
+        self.late = False
+        self.spun = False
+        for pending in self.bytes:
+            pending.clear()
+        self.selected = [False] * self.axes
+        self.pins = {}
+        self.bitten = False
+        self.stuck = False
+        self.uc.context_restore(self.fresh)
+        self.uc.reg_write(arm.UC_ARM_REG_FPEXC, 0x40000000)
+        stack, self.pc = struct.unpack("<II", self.uc.mem_read(0x08000000, 8))
+        self.uc.reg_write(arm.UC_ARM_REG_SP, stack)
+
+    def _watch_kept(self):
+        """After power: a look at the kept words before they were written would be a fault of their check bits."""
+        kept = self.symbols["KEPT"]
+        hooks = []
+
+        def read(*_):
+            self.unwritten_read = True
+
+        def written(*_):
+            for hook in hooks:
+                self.uc.hook_del(hook)
+            hooks.clear()
+
+        hooks.append(self.uc.hook_add(unicorn.UC_HOOK_MEM_READ, read, begin=kept, end=kept + 3))
+        hooks.append(self.uc.hook_add(unicorn.UC_HOOK_MEM_WRITE, written, begin=kept, end=kept + 3))
+
+    # Registers of the chip.
+
+    def _read(self, _uc, offset, size, _data):
+        address = 0x40000000 + offset
+        place = address & ~3
+        look = self.LOOKS.get(place)
+        value = self.registers.get(place, 0) if look is None else look(self, self.registers.get(place, 0))
+        return value >> 8 * (address & 3) & (1 << 8 * size) - 1
+
+    def _write(self, _uc, offset, size, value, _data):
+        address = 0x40000000 + offset
+        place = address & ~3
+        if size == 4:
+            whole = value
+        else:
+            mask = (1 << 8 * size) - 1 << 8 * (address & 3)
+            whole = self.registers.get(place, 0) & ~mask | value << 8 * (address & 3) & mask
+        act = self.ACTS.get(place)
+        if act is None:
+            self.registers[place] = whole
+        else:
+            act(self, place, whole, size)
+
+    def _read_core(self, _uc, offset, size, _data):
+        address = 0xE0000000 + offset
+        if address == DWT_CYCCNT:
+            return self._cycle_count()
+        return self.core.get(address & ~3, 0) >> 8 * (address & 3) & (1 << 8 * size) - 1
+
+    def _write_core(self, _uc, offset, size, value, _data):
+        address = 0xE0000000 + offset
+        if address == DWT_LAR:
+            # The lock of this model never opens: the worst that is known of the part.
+            return
+        if address & ~0xFFF == DWT_CTRL & ~0xFFF and not self.unlocked:
+            return
+        if address == NVIC_ISER0:
+            value |= self.core.get(address, 0)
+        self.core[address & ~3] = value
+
+    def _cycle_count(self):
+        if not (self.core.get(DWT_CTRL, 0) & 1 and self.core.get(DEMCR, 0) & 1 << 24):
+            return 0
+        return self.cycles & 0xFFFFFFFF
+
+    def _feed(self):
+        self.watched_since = self.cycles
+
+    def _key(self, _place, value, _size):
+        if value == 0xCCCC or (value == 0xAAAA and self.watched_since is not None):
+            self._feed()
+
+    def _port(self, place, value, _size):
+        port = place - 0x18
+        for pin in range(16):
+            if value >> pin & 1:
+                self._set_pin(port, pin, True)
+            elif value >> pin + 16 & 1:
+                self._set_pin(port, pin, False)
+
+    def _port_low(self, place, value, _size):
+        for pin in range(16):
+            if value >> pin & 1:
+                self._set_pin(place - 0x28, pin, False)
+
+    def _set_pin(self, port, pin, high):
+        self.pins[port, pin] = high
+        if (port, pin) not in self.board.syncs:
+            return
+        axis = self.board.syncs.index((port, pin))
+        if high and self.selected[axis] and self.bytes[axis]:
+            self.words.append((axis, bytes(self.bytes[axis]), self.cycles))
+        self.bytes[axis].clear()
+        self.selected[axis] = not high
+
+    def _send(self, _place, value, size):
+        if self.registers.get(SPI1, 0) & self.board.spi[0]:
+            for axis in range(self.axes):
+                if self.selected[axis]:
+                    self.bytes[axis] += (value & (1 << 8 * size) - 1).to_bytes(size, "little")
+
+    def _adc_control(self, place, value, _size):
+        # Calibration and disabling end at once; ADDIS takes ADEN with it.
+        if value & 2:
+            value &= ~3
+        if not self.inputs["no-adc"]:
+            value &= ~(1 << 31)
+        self.registers[place] = value
+
+    def _forget(self, place, value, _size):
+        if value & self.board.forget:
+            self.flags = 0
+        self.registers[place] = value
+
+    # What main and the interrupt are given.
+
+    def started(self):
+        """The timer triggers the converter, whose end interrupts."""
+        get = self.registers.get
+        adc = self.board.adcs[0]
+        triggered = get(adc + 0x0C, 0)
+        return bool(
+            get(TIM6, 0) & 1
+            and get(TIM6 + 4, 0) >> 4 & 0b111 == 0b010
+            and get(adc + 8, 0) & 0b101 == 0b101
+            and triggered >> 10 & 0b11 == 0b01
+            and triggered >> 5 & 0b11111 == 13
+            and get(adc + 4, 0) & 1 << 2
+            and self.core.get(NVIC_ISER0, 0) >> POSITION & 1
+        )
+
+    def period(self):
+        """Cycles from a trigger to the next."""
+        get = self.registers.get
+        return (get(TIM6 + 0x28, 0) + 1) * (get(TIM6 + 0x2C, 0) + 1) * self.board.timer_cycles
+
+    def main(self, instructions):
+        """Main alone, for so many instructions, or until the loop starts or the watchdog bites."""
+        while instructions > 0 and not self._bites():
+            self._slice(min(SLICE, instructions))
+            instructions -= SLICE
+            if self.started():
+                break
+        return self._answer()
+
+    def tick(self, codes, instructions, late):
+        """A period: conversion, interrupt, and main for so many instructions."""
+        begun = self.cycles
+        period = self.period()
+        orders = int.from_bytes(self.uc.mem_read(self.symbols["ORDERS"], 2), "little")
+        rounds = int.from_bytes(self.uc.mem_read(self.symbols["ROUNDS"], 4), "little")
+        if self.started() and codes:
+            self.codes = [code >> self.board.adc_shift for code in codes]
+            self.eoc, self.late = True, late
+            self._interrupt()
+        self.cycles = begun + period // 2
+        if instructions and not self.spun:
+            self._slice(instructions)
+        self.cycles = begun + period
+        self._bites()
+        return f"{orders} {rounds} {self._answer()}"
+
+    def _slice(self, instructions):
+        if not self.stuck:
+            try:
+                self.uc.emu_start(self.pc | 1, self.ended, count=instructions)
+                self.pc = self.uc.reg_read(arm.UC_ARM_REG_PC)
+            except unicorn.UcError:
+                # A hard fault's handler does not come back.
+                self.stuck = True
+        self.cycles += 3 * instructions // 2
+
+    def _interrupt(self):
+        if self.stuck or self.spun:
+            return
+        saved = self.uc.context_save()
+        table = self.core.get(VTOR, 0x08000000)
+        handler = int.from_bytes(self.uc.mem_read(table + 4 * (16 + POSITION), 4), "little")
+        # Below main's, behind the exception's frame.
+        self.uc.reg_write(arm.UC_ARM_REG_SP, self.uc.reg_read(arm.UC_ARM_REG_SP) - 0x68 & ~7)
+        self.uc.reg_write(arm.UC_ARM_REG_LR, self.ended | 1)
+        try:
+            # No interrupt of these takes as many; one that hangs does.
+            self.uc.emu_start(handler | 1, self.ended, count=20_000)
+            self.spun = self.uc.reg_read(arm.UC_ARM_REG_PC) != self.ended
+        except unicorn.UcError:
+            self.stuck = True
+        self.uc.context_restore(saved)
+
+    def _bites(self):
+        if self.watched_since is not None:
+            prescaler = self.registers.get(self.board.watchdog + 4, 0) & 0b111
+            reload = self.registers.get(self.board.watchdog + 8, 0xFFF) & 0xFFF
+            limit = (4 << prescaler) * (reload + 1) * self.board.processor_hz // LSI_HZ
+            self.bitten = self.bitten or self.cycles - self.watched_since > limit
+        return self.bitten
+
+    def hang(self, what):
+        """A branch to itself: where main is, or at the handler's beginning."""
+        if what == "main":
+            self.pc = at = self.forever
+        elif what == "interrupt":
+            at = int.from_bytes(self.uc.mem_read(0x08000000 + 4 * (16 + POSITION), 4), "little") & ~1
+        else:
+            # A jump to where nothing is.
+            self.pc = 0x60000000
+            return
+        self.uc.mem_write(at, b"\xfe\xe7")
+        self.uc.ctl_remove_cache(at, at + 2)
+
+    def _answer(self):
+        state = "bitten" if self.bitten else "loop" if self.started() else "start"
+        words = " ".join(f"{axis}:{word.hex()}:{at}" for axis, word, at in self.words)
+        self.words.clear()
+        fault = int(self.pins.get(self.board.fault, False))
+        return f"{self.cycles} {state} {fault} {int(self.unwritten_read)} {words}"
+
+    # The debugger's view.
+
+    def _ring(self, up, channel):
+        ups = int.from_bytes(self.uc.mem_read(self.rtt + 16, 4), "little")
+        return self.rtt + 24 + 24 * (channel if up else ups + channel)
+
+    def telemetry(self):
+        """What main has written to channel 1 since the last look."""
+        at = self._ring(True, 1)
+        buffer, size, written, read = struct.unpack("<IIII", self.uc.mem_read(at + 4, 16))
+        if read <= written:
+            data = self.uc.mem_read(buffer + read, written - read) if written > read else b""
+        else:
+            data = self.uc.mem_read(buffer + read, size - read) + self.uc.mem_read(buffer, written)
+        self.uc.mem_write(at + 16, struct.pack("<I", written))
+        return bytes(data).hex()
+
+    def orders(self, data):
+        """Bytes for main on channel 1."""
+        at = self._ring(False, 1)
+        buffer, size, written = struct.unpack("<III", self.uc.mem_read(at + 4, 12))
+        for byte in data:
+            self.uc.mem_write(buffer + written, bytes([byte]))
+            written = (written + 1) % size
+        self.uc.mem_write(at + 12, struct.pack("<I", written))
+
+    def _connect(self):
+        """What reads and writes of an address do beside keeping a value."""
+        board, self.LOOKS, self.ACTS = self.board, {}, {}
+
+        def bits(place):
+            follows = [(on, is_on, None) for at, on, is_on in board.ready if at == place]
+            for (at, on, is_on), absent in ((board.pll, "no-pll"), (board.outer, "no-outer")):
+                if at == place:
+                    follows.append((on, is_on, absent))
+            # The two other PLLs of the one board, as the first.
+            if place == board.pll[0] and board is H743:
+                follows += [(26, 27, "no-pll"), (28, 29, "no-pll")]
+            always = sum(value for at, value in board.always if at == place)
+
+            def look(self, value):
+                for on, is_on, absent in follows:
+                    if value >> on & 1 and not (absent and self.inputs[absent]):
+                        value |= 1 << is_on
+                return value | always
+
+            return look
+
+        for place in {at for at, *_ in (*board.ready, board.pll, board.outer, *board.always)}:
+            self.LOOKS[place] = bits(place)
+        switch, mask, shift = board.switch
+        self.LOOKS[switch] = lambda self, value: value & ~(mask << shift) | (value & mask) << shift
+        before = self.LOOKS.get(board.cause, lambda self, value: value)
+        self.LOOKS[board.cause] = lambda self, value: before(self, value) & 0x00FFFFFF & ~board.forget | self.flags
+        self.ACTS[board.cause] = Processor._forget
+        supply, bit = board.supply
+        steady = self.LOOKS.get(supply, lambda self, value: value)
+        self.LOOKS[supply] = lambda self, value: steady(self, value) | self.inputs["low"] << bit
+        for number, adc in enumerate(board.adcs):
+            self._connect_adc(number, adc)
+        self.LOOKS[board.button[0] + 0x10] = lambda self, value: self.inputs["button"] << board.button[1]
+        # Always room, never busy, every transfer complete.
+        self.LOOKS[SPI1 + board.spi[1]] = lambda self, value: 0b10 if board is G474 else 1 << 1 | 1 << 3 | 1 << 12
+        self.ACTS[SPI1 + board.spi[2]] = Processor._send
+        self.ACTS[board.watchdog] = Processor._key
+        for port in {port for port, _ in (*board.syncs, board.fault)}:
+            self.ACTS[port + 0x18] = Processor._port
+            self.ACTS[port + 0x28] = Processor._port_low
+
+    def _connect_adc(self, number, adc):
+        coupled = lambda self: number == 0 or self.registers.get(self.board.adc_common, 0) & 0b11111 == 0b00110
+
+        def status(self, _value):
+            enabled = self.registers.get(adc + 8, 0) & 1 and not self.inputs["no-adc"]
+            # The regulator is ready.
+            return (1 if enabled else 0) | (4 if self.eoc and number == 0 else 0) | 1 << 12
+
+        def data(self, _value):
+            if number == 0:
+                # On a tick that is held up the next conversion has ended meanwhile.
+                self.eoc, self.late = self.late, False
+            return self.codes[number] if number < len(self.codes) and coupled(self) else 0
+
+        self.LOOKS[adc] = status
+        self.LOOKS[adc + 0x40] = data
+        self.ACTS[adc + 8] = Processor._adc_control
+
+
+def serve(processor):
+    """Obeys lines of the standard input until it ends."""
+    out = sys.stdout
+    for line in sys.stdin:
+        word, *rest = line.split()
+        if word == "tick":
+            instructions, late, *codes = map(int, rest)
+            answer = processor.tick(codes, instructions, bool(late))
+        elif word == "main":
+            answer = processor.main(int(rest[0]))
+        elif word == "reset":
+            answer = processor.reset(rest[0]) or "ok"
+        elif word == "input":
+            processor.inputs[rest[0]] = int(rest[1])
+            answer = "ok"
+        elif word == "hang":
+            answer = processor.hang(rest[0]) or "ok"
+        elif word == "telemetry":
+            answer = processor.telemetry()
+        elif word == "orders":
+            answer = processor.orders(bytes.fromhex(rest[0])) or "ok"
+        else:
+            answer = f"unknown: {word}"
+        out.write(answer + "\n")
+        out.flush()
+
+
+if __name__ == "__main__":
+    serve(Processor(sys.argv[1], BOARDS[sys.argv[2]]))

@@ -1,0 +1,381 @@
+//! The starts and faults: what happens, and how it must end.
+
+use crate::processor::{Failure, Hang, Line, Reset};
+use crate::rig::{Rig, Sensor};
+use hysteron_board::{Fault, Mode};
+use hysteron_firmware::telemetry::order_packet;
+use hysteron_firmware::wire::Order;
+
+/// Volts at the stack from which on an output counts as high.
+const HIGH_V: f64 = 87.0;
+/// What a start may take before the way down: clocks, converters' calibration and tables (`firmware/app/src/chips.rs`).
+const START_MS: f64 = 20.0;
+/// The ramp over the whole range, and a fall along the reference, as `hysteron export` and the controller have them.
+const RAMP_MS: f64 = 20.0;
+/// Without a tick, until the watchdog resets the chip.
+const WATCHDOG_MS: f64 = 2.0;
+/// The same while it starts.
+const WATCHDOG_START_MS: f64 = 200.0;
+/// Main's silence until a fault is latched.
+const HUNG_MS: f64 = 100.0;
+/// Where the cycle counter stands still, a wait of a sample counts looks at it instead of cycles; a look takes ten cycles at most.
+const LOCKED: f64 = 10.0;
+/// Periods of a press: steady for more than 10 ms.
+const PRESS: u64 = 520;
+
+/// How a scenario has to end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum End {
+    /// The loop waits at its safe level, with this latched.
+    Waiting(Option<Fault>),
+    /// The chip resets again and again, its outputs safe.
+    Resetting,
+}
+
+/// One row.
+pub(crate) struct Scenario {
+    /// What happens.
+    pub(crate) name: &'static str,
+    /// The outputs are safe so long after it, milliseconds.
+    pub(crate) at_most_ms: f64,
+    /// The outputs step by so many of the ramp's steps at most; none where the law moves them on purpose.
+    pub(crate) ramps: Option<u16>,
+    /// How it ends.
+    pub(crate) end: End,
+    /// What of that is not so today, and why.
+    pub(crate) open: Option<&'static str>,
+    /// Makes it happen; [`Rig::mark`] where the time begins to count.
+    pub(crate) run: fn(&mut Rig) -> Result<(), Failure>,
+}
+
+impl Scenario {
+    const fn new(name: &'static str, at_most_ms: f64, end: End, run: fn(&mut Rig) -> Result<(), Failure>) -> Self {
+        Self {
+            name,
+            at_most_ms,
+            ramps: Some(1),
+            end,
+            open: None,
+            run,
+        }
+    }
+
+    const fn open(self, why: &'static str) -> Self {
+        Self {
+            open: Some(why),
+            ..self
+        }
+    }
+}
+
+const READY: End = End::Waiting(None);
+const BITTEN: End = End::Waiting(Some(Fault::Watchdog));
+
+/// All of both boards, in the table's order.
+pub(crate) const SCENARIOS: [Scenario; 23] = [
+    Scenario::new("power comes", START_MS, READY, |rig| {
+        rig.until("the loop", 5000, Rig::is_looping)
+    }),
+    Scenario::new("watchdog's reset at a high output", START_MS + RAMP_MS, BITTEN, |rig| {
+        high(rig)?;
+        bite(rig)
+    }),
+    Scenario::new(
+        "the same, cycle counter locked",
+        START_MS + LOCKED * RAMP_MS,
+        BITTEN,
+        |rig| {
+            high(rig)?;
+            rig.set(Line::CounterLocked, true)?;
+            bite(rig)
+        },
+    ),
+    Scenario::new(
+        "the same, converter's calibration never ends",
+        START_MS + RAMP_MS,
+        End::Resetting,
+        |rig| {
+            high(rig)?;
+            rig.set(Line::NoAdc, true)?;
+            bite(rig)?;
+            rig.go(25_000)
+        },
+    ),
+    Scenario::new(
+        "the same, no clock from outside",
+        START_MS + RAMP_MS,
+        End::Resetting,
+        |rig| {
+            high(rig)?;
+            rig.set(Line::NoOuterClock, true)?;
+            bite(rig)?;
+            rig.go(25_000)
+        },
+    ),
+    Scenario::new(
+        "the same, no PLL locks",
+        WATCHDOG_START_MS + START_MS + RAMP_MS,
+        BITTEN,
+        |rig| {
+            high(rig)?;
+            rig.set(Line::NoPll, true)?;
+            bite(rig)?;
+            rig.go(25_000)
+        },
+    )
+    .open("the library waits for the PLL before the bus runs; the output stays, reset after reset"),
+    Scenario::new("reset button at a high output", START_MS + RAMP_MS, READY, |rig| {
+        high(rig)?;
+        rig.mark();
+        rig.reset(Reset::Pin)?;
+        rig.until("the loop", 20_000, Rig::is_looping)
+    }),
+    Scenario::new("brown-out of the whole board", START_MS, READY, |rig| {
+        high(rig)?;
+        rig.lose_converters();
+        rig.mark();
+        rig.reset(Reset::BrownOut)?;
+        rig.until("the loop", 20_000, Rig::is_looping)
+    }),
+    Scenario::new("brown-out of the chip alone", START_MS + RAMP_MS, READY, |rig| {
+        high(rig)?;
+        rig.mark();
+        rig.reset(Reset::BrownOut)?;
+        rig.until("the loop", 20_000, Rig::is_looping)
+    })
+    .open("no register knows what the DAC holds; its power has to be the chip's"),
+    Scenario::new(
+        "supply low while the loop runs",
+        RAMP_MS + 1.0,
+        End::Waiting(Some(Fault::Supply)),
+        |rig| {
+            high(rig)?;
+            rig.mark();
+            rig.set(Line::LowSupply, true)?;
+            rig.go(3000)
+        },
+    ),
+    Scenario::new("DAC without power for a moment", RAMP_MS + 1.0, READY, |rig| {
+        high(rig)?;
+        rig.lose_converters();
+        rig.mark();
+        rig.go(3000)
+    })
+    .open("nothing tells the chip: the next tick writes the law's code in one step"),
+    Scenario::new(
+        "DAC without power during the watchdog's reset",
+        START_MS + RAMP_MS,
+        BITTEN,
+        |rig| {
+            high(rig)?;
+            rig.lose_converters();
+            bite(rig)
+        },
+    )
+    .open("the way down begins at the kept code, which the DAC holds no more"),
+    Scenario::new("main hangs", HUNG_MS + RAMP_MS + WATCHDOG_MS, BITTEN, |rig| {
+        high(rig)?;
+        rig.mark();
+        rig.processor().hang(Hang::Main)?;
+        rig.until("the way down", 5500, |rig| rig.mode() == Mode::Falling)?;
+        rig.until("a reset", 5000, |rig| rig.counts.bites > 0)?;
+        rig.until("the loop", 20_000, Rig::is_looping)
+    }),
+    Scenario::new("the interrupt hangs", WATCHDOG_MS + START_MS + RAMP_MS, BITTEN, |rig| {
+        high(rig)?;
+        rig.mark();
+        rig.processor().hang(Hang::Interrupt)?;
+        rig.until("a reset", 200, |rig| rig.counts.bites > 0)?;
+        rig.until("the loop", 20_000, Rig::is_looping)
+    }),
+    Scenario::new("hard fault in main", WATCHDOG_MS + START_MS + RAMP_MS, BITTEN, |rig| {
+        high(rig)?;
+        rig.mark();
+        rig.processor().hang(Hang::Fault)?;
+        rig.until("a reset", 200, |rig| rig.counts.bites > 0)?;
+        rig.until("the loop", 20_000, Rig::is_looping)
+    }),
+    Scenario::new(
+        "conversions stop",
+        WATCHDOG_MS + START_MS + RAMP_MS,
+        End::Resetting,
+        |rig| {
+            high(rig)?;
+            rig.mark();
+            rig.sensor = Sensor::Silent;
+            rig.go(5000)
+        },
+    ),
+    Scenario {
+        ramps: Some(2),
+        ..Scenario::new(
+            "the sensor's code stands still",
+            5.0 + 2.0 * RAMP_MS,
+            End::Waiting(Some(Fault::SensorStuck)),
+            |rig| {
+                high(rig)?;
+                rig.mark();
+                rig.sensor = Sensor::Stuck(rig.code());
+                rig.go(4000)
+            },
+        )
+    },
+    Scenario {
+        ramps: Some(2),
+        ..Scenario::new(
+            "the sensor at the end of its range",
+            1.0 + 2.0 * RAMP_MS,
+            End::Waiting(Some(Fault::SensorRange)),
+            |rig| {
+                high(rig)?;
+                rig.mark();
+                rig.sensor = Sensor::Stuck(u16::MAX);
+                rig.go(4000)
+            },
+        )
+    },
+    Scenario::new(
+        "three ticks late in a row",
+        1.0 + RAMP_MS,
+        End::Waiting(Some(Fault::Overrun)),
+        |rig| {
+            high(rig)?;
+            // Two are none too many.
+            late(rig, 2)?;
+            rig.go(10)?;
+            if rig.mode() != Mode::Running {
+                return Err("two late ticks have ended the run".into());
+            }
+            rig.mark();
+            late(rig, 3)?;
+            rig.go(3000)
+        },
+    ),
+    Scenario::new(
+        "the button's contact bounces for 5 ms",
+        2.0 * RAMP_MS + 25.0,
+        READY,
+        |rig| {
+            looping(rig)?;
+            for (start, periods) in [(true, 1500), (false, 3000)] {
+                if !start {
+                    rig.mark();
+                }
+                bounce(rig)?;
+                rig.go(PRESS)?;
+                rig.set(Line::Button, false)?;
+                rig.go(periods)?;
+                let orders: Vec<Order> = rig.taken.drain(..).map(|(_, order)| order).collect();
+                let wanted = if start { Order::Start } else { Order::Stop };
+                if orders != [wanted] {
+                    return Err(format!("a press gave {orders:?}, not one {wanted:?}").into());
+                }
+            }
+            Ok(())
+        },
+    ),
+    Scenario::new("bounces without a press", 1.0, READY, |rig| {
+        looping(rig)?;
+        rig.mark();
+        bounce(rig)?;
+        rig.set(Line::Button, false)?;
+        rig.go(1500)?;
+        match rig.taken.is_empty() {
+            true => Ok(()),
+            false => Err(format!("bounces gave {:?}", rig.taken).into()),
+        }
+    }),
+    Scenario::new(
+        "host's order while the button asks",
+        2.0 * RAMP_MS + 25.0,
+        READY,
+        |rig| {
+            looping(rig)?;
+            press(rig)?;
+            rig.until("the run", 3000, |rig| rig.mode() == Mode::Running)?;
+            rig.taken.clear();
+            rig.mark();
+            // A change of many orders, on whose way the press counts.
+            let change: Vec<Order> = (0..60).map(Order::Byte).collect();
+            rig.set(Line::Button, true)?;
+            rig.go(480)?;
+            for orders in change.chunks(30) {
+                let bytes: Vec<u8> = orders.iter().flat_map(|&order| order_packet(order)).collect();
+                rig.processor().orders(&bytes)?;
+                rig.go(40)?;
+            }
+            rig.set(Line::Button, false)?;
+            rig.go(3000)?;
+            let orders: Vec<Order> = rig.taken.iter().map(|&(_, order)| order).collect();
+            let of_host: Vec<Order> = orders.iter().copied().filter(|&order| order != Order::Stop).collect();
+            let place = orders.iter().position(|&order| order == Order::Stop);
+            let between = place.is_some_and(|place| place > 0 && place + 1 < orders.len());
+            match of_host == change && orders.len() == change.len() + 1 && between {
+                true => Ok(()),
+                false => Err(format!("the ticks have taken {orders:?}").into()),
+            }
+        },
+    ),
+    Scenario::new("a fault, a press, a press", 2.0 * RAMP_MS + 60.0, READY, |rig| {
+        high(rig)?;
+        rig.mark();
+        late(rig, 3)?;
+        rig.go(2000)?;
+        if rig.fault() != Some(Fault::Overrun) {
+            return Err("no fault was latched".into());
+        }
+        // Clears it and starts nothing.
+        press(rig)?;
+        rig.go(1000)
+    }),
+];
+
+/// From power to the loop, at its safe level.
+fn looping(rig: &mut Rig) -> Result<(), Failure> {
+    rig.until("the loop", 5000, Rig::is_looping)?;
+    rig.go(100)
+}
+
+/// A press, and the button let go.
+pub(crate) fn press(rig: &mut Rig) -> Result<(), Failure> {
+    rig.set(Line::Button, true)?;
+    rig.go(PRESS)?;
+    rig.set(Line::Button, false)?;
+    rig.go(PRESS)
+}
+
+/// To a run with every output at [`HIGH_V`] and more.
+fn high(rig: &mut Rig) -> Result<(), Failure> {
+    looping(rig)?;
+    press(rig)?;
+    rig.until("a high output", 10_000, |rig| {
+        let mut outputs = rig.outputs.iter().zip(&rig.axes);
+        rig.mode() == Mode::Running && outputs.all(|(&code, axis)| f64::from(code) * axis.volts_a_code() >= HIGH_V)
+    })
+}
+
+/// A reset by the watchdog, and the way to the next loop where one comes.
+fn bite(rig: &mut Rig) -> Result<(), Failure> {
+    rig.mark();
+    rig.reset(Reset::Watchdog)?;
+    rig.go(12_500)
+}
+
+/// So many ticks that the next conversion overtakes.
+fn late(rig: &mut Rig, ticks: u64) -> Result<(), Failure> {
+    rig.hold_up = true;
+    rig.go(ticks)?;
+    rig.hold_up = false;
+    Ok(())
+}
+
+/// 5 ms of a contact that closes and opens at uneven times, closed at the end.
+fn bounce(rig: &mut Rig) -> Result<(), Failure> {
+    let mut closed = true;
+    for periods in [7, 3, 21, 11, 40, 2, 60, 5, 90, 11] {
+        rig.set(Line::Button, closed)?;
+        rig.go(periods)?;
+        closed = !closed;
+    }
+    rig.set(Line::Button, true)
+}
