@@ -116,12 +116,15 @@ pub(crate) fn boards() -> Result<(), String> {
     for board in &BOARDS {
         let of_both = board.most_of_both.iter().map(|most| (BOTH[0], Some(BOTH[1]), most));
         let of_one = TABLES.iter().zip(&board.most).rev();
-        // The paper's table last: its image is the one that stays.
         for (table, of_y, most) in of_both.chain(of_one.map(|(table, most)| (*table, None, most))) {
-            let image = images.join(board.name);
+            let name = Path::new(table).file_stem().unwrap_or_default().to_string_lossy();
+            let image = images.join(match (table, of_y) {
+                (crate::firmware::TABLE, _) => board.name.to_owned(),
+                (_, None) => format!("{}-{name}", board.name),
+                (_, Some(_)) => format!("{}-{name}-y", board.name),
+            });
             let built = build(board, table, of_y)?;
             std::fs::copy(built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
-            let name = Path::new(table).file_stem().unwrap_or_default().to_string_lossy();
             let row = check(board, most, &Seen::of(&image)?);
             let row = row.map_err(|reason| format!("{} with {table}: {reason}", board.name))?;
             let name = if of_y.is_some() {

@@ -7,6 +7,7 @@ mod firmware;
 mod firmware_bench;
 mod firmware_boards;
 mod firmware_image;
+mod firmware_starts;
 mod mutants;
 mod prose;
 mod python;
@@ -48,6 +49,8 @@ usage: cargo xtask <command>
   firmware bench    instructions of one control tick in the emulator, beside the same algorithm in C by gcc -O3
   firmware compare  every controller on every reference, in the emulator and on the host, bit by bit, as one table
   firmware boards   build the images of nucleo-h743zi and nucleo-g474re, and check what can be checked without a board
+  firmware starts   build them, run each with a complete law in a processor model: codes beside the host's, then starts and faults,
+                    as one table
   firmware tables   write the tables in firmware/tables anew with the tool's own commands
   mutants run cargo-mutants on the control law and the firmware's monitor and controller: which changes no test notices; takes
           its words, as --shard 0/8
@@ -120,9 +123,13 @@ fn firmware(what: Option<&str>, tables: &[String]) -> Result<(), String> {
             .and_then(|()| firmware_bench::bench()),
         Some("compare") => install_emulator().and_then(|()| firmware::compare()),
         Some("boards") => install_compiler().and_then(|()| firmware_boards::boards()),
+        Some("starts") => install_compiler()
+            .and_then(|()| firmware_starts::install())
+            .and_then(|()| firmware_boards::boards())
+            .and_then(|()| firmware_starts::starts()),
         Some("run") => install_emulator().and_then(|()| firmware::show()),
         other => Err(format!(
-            "firmware: {other:?} is none of run, build, bench, compare, boards, tables"
+            "firmware: {other:?} is none of run, build, bench, compare, boards, starts, tables"
         )),
     }
 }
@@ -133,6 +140,7 @@ fn test() -> Result<(), String> {
     install_emulator()?;
     install_compiler()?;
     install_fmpy()?;
+    firmware_starts::install()?;
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&[
         "clippy",
@@ -157,6 +165,7 @@ fn test() -> Result<(), String> {
     firmware::build(&[])?;
     firmware_bench::bench()?;
     firmware_boards::boards()?;
+    firmware_starts::starts()?;
     // No member of the workspace: its tests run on the host all the same.
     cargo(&["test", "--package", "hysteron-firmware", "--locked"])?;
     release::package()?;

@@ -62,8 +62,9 @@ impl Fault {
 
 /// Two glitches in a row are no end of the range; a third is.
 pub const RAIL_SAMPLES: u16 = 3;
-/// Codes beside either end that count as the end: a sensor's offset and noise may keep it off the last one.
-const RAIL_CODES: u16 = 8;
+/// Codes beside either end that count as the end: a step of a converter of 12 bits, whose highest code is 65 520. A sensor's offset and noise
+/// may keep it off the last one.
+const RAIL_CODES: u16 = 16;
 /// 1 ms at 50 kHz. A sensor with noise of a third of a code or more repeats itself 50 times once in 10^9 trials at most (0.65^50 = 4e-10).
 pub const STUCK_SAMPLES: u16 = 50;
 /// Codes that the reference must have moved by meanwhile: four steps of a converter of 12 bits. Not the command, which moves on a stage

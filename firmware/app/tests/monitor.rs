@@ -125,16 +125,16 @@ fn bva_doubt_gathers() {
     assert_eq!(count(1024, 100), None);
 }
 
-/// Three codes in a row within 8 of an end of the range.
+/// Three codes in a row within 16 of an end of the range: 65 520 is the highest of a converter of 12 bits.
 #[test]
 fn bva_ends_of_the_range() {
     let cases = [
         (0, true),
-        (7, true),
-        (8, false),
+        (15, true),
+        (16, false),
         (32_768, false),
-        (65_527, false),
-        (65_528, true),
+        (65_519, false),
+        (65_520, true),
         (65_535, true),
     ];
     for (code, end) in cases {

@@ -47,7 +47,7 @@ fn one_conversion(adc: Adc, channel: u8) {
 }
 
 /// ADC2 samples when ADC1 does, whose trigger is both's ("Dual ADC modes", RM0433: regular simultaneous). DUAL is written while both are
-/// disabled; a calibration stays.
+/// disabled; a calibration stays. The watchdog ends both waits: the loop's 2 ms count already.
 #[cfg(feature = "two-axes")]
 fn couple() {
     for adc in [ADC1, ADC2] {

@@ -79,12 +79,17 @@ impl Axis {
 
     /// Codes that the ramp goes a sample.
     pub(crate) fn ramp(&self) -> u16 {
+        self.codes_a_sample(self.table.ramp_v_per_s)
+    }
+
+    /// Codes that the law may go a sample.
+    pub(crate) fn slew(&self) -> u16 {
+        self.codes_a_sample(self.table.slew_v_per_s)
+    }
+
+    fn codes_a_sample(&self, v_per_s: f64) -> u16 {
         let range_v = (self.table.dac_top_v - self.table.dac_min_v) as f32;
-        ramp_codes(
-            self.table.ramp_v_per_s as f32,
-            self.table.sample_rate_hz as f32,
-            range_v,
-        )
+        ramp_codes(v_per_s as f32, self.table.sample_rate_hz as f32, range_v)
     }
 
     /// What the button's runs do: a sine of 10 Hz, 2 % of the range free at either end (`firmware/nucleo/src/main.rs`).

@@ -16,6 +16,9 @@ import unicorn
 from elftools.elf.elffile import ELFFile
 from unicorn import arm_const as arm
 
+# So many slices in a row that do nothing but read one register are a wait for what does not come: from there on a slice stands for
+# TIMES as many. Waits that the image itself bounds are shorter.
+WAITING, TIMES = 2000, 20
 # Instructions of main between two looks at watchdog and clock: 1.8 us at 170 MHz.
 SLICE = 200
 LSI_HZ = 32_000
@@ -191,6 +194,9 @@ class Processor:
         self.eoc = False
         self.late = False
         self.spun = False
+        # Registers of the chip that main has touched in a slice; slices that it has waited for one of them.
+        self.touched = set()
+        self.waited = 0
         for pending in self.bytes:
             pending.clear()
         self.selected = [False] * self.axes
@@ -223,6 +229,7 @@ class Processor:
     def _read(self, _uc, offset, size, _data):
         address = 0x40000000 + offset
         place = address & ~3
+        self.touched.add(place)
         look = self.LOOKS.get(place)
         value = self.registers.get(place, 0) if look is None else look(self, self.registers.get(place, 0))
         return value >> 8 * (address & 3) & (1 << 8 * size) - 1
@@ -230,6 +237,8 @@ class Processor:
     def _write(self, _uc, offset, size, value, _data):
         address = 0x40000000 + offset
         place = address & ~3
+        # Two, whatever is read beside it.
+        self.touched.update((place, -1))
         if size == 4:
             whole = value
         else:
@@ -243,6 +252,7 @@ class Processor:
 
     def _read_core(self, _uc, offset, size, _data):
         address = 0xE0000000 + offset
+        self.touched.update((address, -1))
         if address == DWT_CYCCNT:
             return self._cycle_count()
         return self.core.get(address & ~3, 0) >> 8 * (address & 3) & (1 << 8 * size) - 1
@@ -339,6 +349,10 @@ class Processor:
         while instructions > 0 and not self._bites():
             self._slice(min(SLICE, instructions))
             instructions -= SLICE
+            self.waited = self.waited + 1 if len(self.touched) == 1 else 0
+            if self.waited > WAITING:
+                self.cycles += (TIMES - 1) * 3 * SLICE // 2
+            self.touched.clear()
             if self.started():
                 break
         return self._answer()

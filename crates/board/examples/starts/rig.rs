@@ -35,6 +35,8 @@ pub(crate) struct Way {
     pub(crate) settled: u64,
     /// Largest step of an output, codes.
     pub(crate) largest_step: u16,
+    /// The same once the law no longer runs.
+    pub(crate) largest_after_law: u16,
 }
 
 /// How many ticks the image and the host have answered alike.
@@ -135,7 +137,7 @@ impl Rig {
         self.way = Way {
             since: self.now,
             settled: self.now,
-            largest_step: 0,
+            ..Way::default()
         };
     }
 
@@ -328,6 +330,7 @@ impl Rig {
 
     /// What the outside saw: the outputs move, and the stages with them.
     fn take(&mut self, seen: Seen) -> Result<(), Failure> {
+        let runs = self.mode() == Mode::Running;
         for word in &seen.words {
             self.step_stages(word.cycles);
             let safe = self.is_safe();
@@ -335,7 +338,11 @@ impl Rig {
                 .outputs
                 .get_mut(word.axis)
                 .ok_or("a word for an axis that is none")?;
-            self.way.largest_step = self.way.largest_step.max(output.abs_diff(word.code));
+            let step = output.abs_diff(word.code);
+            self.way.largest_step = self.way.largest_step.max(step);
+            if !runs {
+                self.way.largest_after_law = self.way.largest_after_law.max(step);
+            }
             *output = word.code;
             if self.is_safe() != safe {
                 self.way.settled = word.cycles;

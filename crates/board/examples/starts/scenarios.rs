@@ -3,6 +3,7 @@
 use crate::processor::{Failure, Hang, Line, Reset};
 use crate::rig::{Rig, Sensor};
 use hysteron_board::{Fault, Mode};
+use hysteron_firmware::chips::H743;
 use hysteron_firmware::telemetry::order_packet;
 use hysteron_firmware::wire::Order;
 
@@ -32,16 +33,29 @@ pub(crate) enum End {
     Resetting,
 }
 
+/// How far an output may go at once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Steps {
+    /// A sample of the ramp.
+    Ramp,
+    /// The same once the law no longer runs.
+    RampAfterLaw,
+    /// What the law may: the slew of the table.
+    Law,
+}
+
 /// One row.
 pub(crate) struct Scenario {
     /// What happens.
     pub(crate) name: &'static str,
     /// The outputs are safe so long after it, milliseconds.
     pub(crate) at_most_ms: f64,
-    /// The outputs step by so many of the ramp's steps at most; none where the law moves them on purpose.
-    pub(crate) ramps: Option<u16>,
+    /// How far an output may go at once.
+    pub(crate) steps: Steps,
     /// How it ends.
     pub(crate) end: End,
+    /// Of this board alone.
+    pub(crate) board: Option<&'static str>,
     /// What of that is not so today, and why.
     pub(crate) open: Option<&'static str>,
     /// Makes it happen; [`Rig::mark`] where the time begins to count.
@@ -53,10 +67,22 @@ impl Scenario {
         Self {
             name,
             at_most_ms,
-            ramps: Some(1),
+            steps: Steps::Ramp,
             end,
+            board: None,
             open: None,
             run,
+        }
+    }
+
+    const fn steps(self, steps: Steps) -> Self {
+        Self { steps, ..self }
+    }
+
+    const fn of(self, board: &'static str) -> Self {
+        Self {
+            board: Some(board),
+            ..self
         }
     }
 
@@ -74,11 +100,12 @@ const BITTEN: End = End::Waiting(Some(Fault::Watchdog));
 /// All of both boards, in the table's order.
 pub(crate) const SCENARIOS: [Scenario; 23] = [
     Scenario::new("power comes", START_MS, READY, |rig| {
-        rig.until("the loop", 5000, Rig::is_looping)
+        rig.until("the loop", 1000, Rig::is_looping)
     }),
     Scenario::new("watchdog's reset at a high output", START_MS + RAMP_MS, BITTEN, |rig| {
         high(rig)?;
-        bite(rig)
+        bite(rig)?;
+        back(rig)
     }),
     Scenario::new(
         "the same, cycle counter locked",
@@ -87,7 +114,8 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         |rig| {
             high(rig)?;
             rig.set(Line::CounterLocked, true)?;
-            bite(rig)
+            bite(rig)?;
+            back(rig)
         },
     ),
     Scenario::new(
@@ -98,7 +126,7 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             high(rig)?;
             rig.set(Line::NoAdc, true)?;
             bite(rig)?;
-            rig.go(25_000)
+            twice(rig)
         },
     ),
     Scenario::new(
@@ -109,9 +137,10 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             high(rig)?;
             rig.set(Line::NoOuterClock, true)?;
             bite(rig)?;
-            rig.go(25_000)
+            twice(rig)
         },
-    ),
+    )
+    .of(H743.board),
     Scenario::new(
         "the same, no PLL locks",
         WATCHDOG_START_MS + START_MS + RAMP_MS,
@@ -120,7 +149,7 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             high(rig)?;
             rig.set(Line::NoPll, true)?;
             bite(rig)?;
-            rig.go(25_000)
+            twice(rig)
         },
     )
     .open("the library waits for the PLL before the bus runs; the output stays, reset after reset"),
@@ -128,20 +157,20 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         high(rig)?;
         rig.mark();
         rig.reset(Reset::Pin)?;
-        rig.until("the loop", 20_000, Rig::is_looping)
+        back(rig)
     }),
     Scenario::new("brown-out of the whole board", START_MS, READY, |rig| {
         high(rig)?;
         rig.lose_converters();
         rig.mark();
         rig.reset(Reset::BrownOut)?;
-        rig.until("the loop", 20_000, Rig::is_looping)
+        back(rig)
     }),
     Scenario::new("brown-out of the chip alone", START_MS + RAMP_MS, READY, |rig| {
         high(rig)?;
         rig.mark();
         rig.reset(Reset::BrownOut)?;
-        rig.until("the loop", 20_000, Rig::is_looping)
+        back(rig)
     })
     .open("no register knows what the DAC holds; its power has to be the chip's"),
     Scenario::new(
@@ -154,7 +183,8 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             rig.set(Line::LowSupply, true)?;
             rig.go(3000)
         },
-    ),
+    )
+    .steps(Steps::RampAfterLaw),
     Scenario::new("DAC without power for a moment", RAMP_MS + 1.0, READY, |rig| {
         high(rig)?;
         rig.lose_converters();
@@ -169,7 +199,8 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         |rig| {
             high(rig)?;
             rig.lose_converters();
-            bite(rig)
+            bite(rig)?;
+            back(rig)
         },
     )
     .open("the way down begins at the kept code, which the DAC holds no more"),
@@ -179,21 +210,22 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         rig.processor().hang(Hang::Main)?;
         rig.until("the way down", 5500, |rig| rig.mode() == Mode::Falling)?;
         rig.until("a reset", 5000, |rig| rig.counts.bites > 0)?;
-        rig.until("the loop", 20_000, Rig::is_looping)
-    }),
+        back(rig)
+    })
+    .steps(Steps::RampAfterLaw),
     Scenario::new("the interrupt hangs", WATCHDOG_MS + START_MS + RAMP_MS, BITTEN, |rig| {
         high(rig)?;
         rig.mark();
         rig.processor().hang(Hang::Interrupt)?;
         rig.until("a reset", 200, |rig| rig.counts.bites > 0)?;
-        rig.until("the loop", 20_000, Rig::is_looping)
+        back(rig)
     }),
     Scenario::new("hard fault in main", WATCHDOG_MS + START_MS + RAMP_MS, BITTEN, |rig| {
         high(rig)?;
         rig.mark();
         rig.processor().hang(Hang::Fault)?;
         rig.until("a reset", 200, |rig| rig.counts.bites > 0)?;
-        rig.until("the loop", 20_000, Rig::is_looping)
+        back(rig)
     }),
     Scenario::new(
         "conversions stop",
@@ -203,37 +235,33 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             high(rig)?;
             rig.mark();
             rig.sensor = Sensor::Silent;
-            rig.go(5000)
+            twice(rig)
         },
     ),
-    Scenario {
-        ramps: Some(2),
-        ..Scenario::new(
-            "the sensor's code stands still",
-            5.0 + 2.0 * RAMP_MS,
-            End::Waiting(Some(Fault::SensorStuck)),
-            |rig| {
-                high(rig)?;
-                rig.mark();
-                rig.sensor = Sensor::Stuck(rig.code());
-                rig.go(4000)
-            },
-        )
-    },
-    Scenario {
-        ramps: Some(2),
-        ..Scenario::new(
-            "the sensor at the end of its range",
-            1.0 + 2.0 * RAMP_MS,
-            End::Waiting(Some(Fault::SensorRange)),
-            |rig| {
-                high(rig)?;
-                rig.mark();
-                rig.sensor = Sensor::Stuck(u16::MAX);
-                rig.go(4000)
-            },
-        )
-    },
+    Scenario::new(
+        "the sensor's code stands still",
+        5.0 + 2.0 * RAMP_MS,
+        End::Waiting(Some(Fault::SensorStuck)),
+        |rig| {
+            high(rig)?;
+            rig.mark();
+            rig.sensor = Sensor::Stuck(rig.code());
+            rig.go(4000)
+        },
+    )
+    .steps(Steps::Law),
+    Scenario::new(
+        "the sensor at the end of its range",
+        1.0 + 2.0 * RAMP_MS,
+        End::Waiting(Some(Fault::SensorRange)),
+        |rig| {
+            high(rig)?;
+            rig.mark();
+            rig.sensor = Sensor::Stuck(u16::MAX);
+            rig.go(4000)
+        },
+    )
+    .steps(Steps::Law),
     Scenario::new(
         "three ticks late in a row",
         1.0 + RAMP_MS,
@@ -250,7 +278,8 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             late(rig, 3)?;
             rig.go(3000)
         },
-    ),
+    )
+    .steps(Steps::RampAfterLaw),
     Scenario::new(
         "the button's contact bounces for 5 ms",
         2.0 * RAMP_MS + 25.0,
@@ -273,7 +302,8 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             }
             Ok(())
         },
-    ),
+    )
+    .steps(Steps::Law),
     Scenario::new("bounces without a press", 1.0, READY, |rig| {
         looping(rig)?;
         rig.mark();
@@ -315,7 +345,8 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
                 false => Err(format!("the ticks have taken {orders:?}").into()),
             }
         },
-    ),
+    )
+    .steps(Steps::Law),
     Scenario::new("a fault, a press, a press", 2.0 * RAMP_MS + 60.0, READY, |rig| {
         high(rig)?;
         rig.mark();
@@ -327,7 +358,8 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         // Clears it and starts nothing.
         press(rig)?;
         rig.go(1000)
-    }),
+    })
+    .steps(Steps::RampAfterLaw),
 ];
 
 /// From power to the loop, at its safe level.
@@ -354,11 +386,21 @@ fn high(rig: &mut Rig) -> Result<(), Failure> {
     })
 }
 
-/// A reset by the watchdog, and the way to the next loop where one comes.
+/// A reset by the watchdog.
 fn bite(rig: &mut Rig) -> Result<(), Failure> {
     rig.mark();
-    rig.reset(Reset::Watchdog)?;
-    rig.go(12_500)
+    rig.reset(Reset::Watchdog)
+}
+
+/// The way from a reset to the next loop, which waits.
+fn back(rig: &mut Rig) -> Result<(), Failure> {
+    rig.until("the loop", 15_000, Rig::is_looping)?;
+    rig.go(50)
+}
+
+/// Two starts that the watchdog ends.
+fn twice(rig: &mut Rig) -> Result<(), Failure> {
+    rig.until("the watchdog", 30_000, |rig| rig.counts.bites == 2)
 }
 
 /// So many ticks that the next conversion overtakes.
