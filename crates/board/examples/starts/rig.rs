@@ -44,8 +44,10 @@ pub(crate) struct Way {
 pub(crate) struct Counts {
     /// Ticks on which the interrupt ran.
     pub(crate) ticks: u32,
-    /// Of them, those on which an output was told another code than the host's, or not once.
+    /// Of them, those on which an output was told another code than the host's, or the fault's pin another level.
     pub(crate) different: u32,
+    /// Ticks without a word since the last reset, though a conversion has ended.
+    pub(crate) silent: u32,
     /// Frames of the telemetry that were held against the host's.
     pub(crate) telemetry: u32,
     /// Of them, those that are not the host's.
@@ -89,8 +91,6 @@ pub(crate) struct Rig {
     pub(crate) counts: Counts,
     /// As [`Seen::unwritten_read`].
     pub(crate) unwritten_read: bool,
-    /// As [`Seen::fault_pin`].
-    pub(crate) fault_pin: bool,
 }
 
 impl Rig {
@@ -118,7 +118,6 @@ impl Rig {
             way: Way::default(),
             counts: Counts::default(),
             unwritten_read: false,
-            fault_pin: false,
         }
     }
 
@@ -204,6 +203,7 @@ impl Rig {
         self.watchdog = cause == Reset::Watchdog || (self.watchdog && cause == Reset::Pin);
         self.processor.reset(cause)?;
         self.state = State::Starting;
+        self.counts.silent = 0;
         self.host = None;
         self.frames.clear();
         self.sent.clear();
@@ -297,14 +297,16 @@ impl Rig {
         let period = self.processor.tick(&codes, instructions, self.hold_up)?;
         let words = period.seen.words.clone();
         // An interrupt that hangs writes nothing, and leaves the rest to the watchdog.
-        if !words.is_empty() {
+        if words.is_empty() {
+            self.counts.silent += u32::from(!codes.is_empty());
+        } else {
             let around = Around {
                 order: period.order,
                 rounds: period.rounds,
                 late: self.late,
                 low_supply: self.low_supply,
             };
-            self.compare(&words, codes, around);
+            self.compare(&words, period.seen.fault_pin, codes, around);
             self.late = self.hold_up;
         }
         self.take(period.seen)?;
@@ -314,13 +316,14 @@ impl Rig {
         Ok(())
     }
 
-    fn compare(&mut self, words: &[Word], codes: Vec<u16>, around: Around) {
+    fn compare(&mut self, words: &[Word], fault_pin: bool, codes: Vec<u16>, around: Around) {
         let Some(host) = &mut self.host else { return };
         let frames = host.tick(&codes, around);
         let told = words.iter().map(|word| (word.axis, word.code));
         let wanted = frames.iter().enumerate().map(|(axis, frame)| (axis, frame.dac));
         self.counts.ticks += 1;
-        self.counts.different += u32::from(!told.eq(wanted));
+        let fault = frames.first().is_some_and(|frame| frame.fault().is_some());
+        self.counts.different += u32::from(!told.eq(wanted) || fault_pin != fault);
         if around.order != Order::None {
             let number = frames.first().map_or(0, |frame| frame.number);
             self.taken.push((number, around.order));
@@ -352,7 +355,6 @@ impl Rig {
         self.state = seen.state;
         self.now = seen.cycles;
         self.unwritten_read |= seen.unwritten_read;
-        self.fault_pin = seen.fault_pin;
         Ok(())
     }
 

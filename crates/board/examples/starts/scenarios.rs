@@ -29,8 +29,29 @@ const PRESS: u64 = 520;
 pub(crate) enum End {
     /// The loop waits at its safe level, with this latched.
     Waiting(Option<Fault>),
+    /// The same, with some fault of the sensor.
+    WaitingForSensor,
     /// The chip resets again and again, its outputs safe.
     Resetting,
+}
+
+/// What is not as it must be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Wrong {
+    /// An output is away from its safe level at the end.
+    Unsafe,
+    /// It came there too late.
+    Late,
+    /// An output went too far at once.
+    Step,
+    /// The chip is at something else.
+    End,
+    /// Codes or fault pin other than the host's, or none.
+    Codes,
+    /// Memory was read after a loss of power, before it was written.
+    Memory,
+    /// It did not happen so on the way; the reason is printed.
+    Way,
 }
 
 /// How far an output may go at once.
@@ -57,7 +78,7 @@ pub(crate) struct Scenario {
     /// Of this board alone.
     pub(crate) board: Option<&'static str>,
     /// What of that is not so today, and why.
-    pub(crate) open: Option<&'static str>,
+    pub(crate) open: Option<(&'static [Wrong], &'static str)>,
     /// Makes it happen; [`Rig::mark`] where the time begins to count.
     pub(crate) run: fn(&mut Rig) -> Result<(), Failure>,
 }
@@ -86,9 +107,9 @@ impl Scenario {
         }
     }
 
-    const fn open(self, why: &'static str) -> Self {
+    const fn open(self, wrong: &'static [Wrong], why: &'static str) -> Self {
         Self {
-            open: Some(why),
+            open: Some((wrong, why)),
             ..self
         }
     }
@@ -152,7 +173,10 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             twice(rig)
         },
     )
-    .open("the library waits for the PLL before the bus runs; the output stays, reset after reset"),
+    .open(
+        &[Wrong::Unsafe, Wrong::End],
+        "the library waits for the PLL before the bus runs; the output stays, reset after reset",
+    ),
     Scenario::new("reset button at a high output", START_MS + RAMP_MS, READY, |rig| {
         high(rig)?;
         rig.mark();
@@ -172,7 +196,10 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         rig.reset(Reset::BrownOut)?;
         back(rig)
     })
-    .open("no register knows what the DAC holds; its power has to be the chip's"),
+    .open(
+        &[Wrong::Step],
+        "no register knows what the DAC holds; its power has to be the chip's",
+    ),
     Scenario::new(
         "supply low while the loop runs",
         RAMP_MS + 1.0,
@@ -191,7 +218,10 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         rig.mark();
         rig.go(3000)
     })
-    .open("nothing tells the chip: the next tick writes the law's code in one step"),
+    .open(
+        &[Wrong::Unsafe, Wrong::Step, Wrong::End],
+        "nothing tells the chip: the next tick writes the law's code in one step",
+    ),
     Scenario::new(
         "DAC without power during the watchdog's reset",
         START_MS + RAMP_MS,
@@ -203,7 +233,10 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             back(rig)
         },
     )
-    .open("the way down begins at the kept code, which the DAC holds no more"),
+    .open(
+        &[Wrong::Step],
+        "the way down begins at the kept code, which the DAC holds no more",
+    ),
     Scenario::new("main hangs", HUNG_MS + RAMP_MS + WATCHDOG_MS, BITTEN, |rig| {
         high(rig)?;
         rig.mark();
@@ -241,7 +274,7 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
     Scenario::new(
         "the sensor's code stands still",
         5.0 + 2.0 * RAMP_MS,
-        End::Waiting(Some(Fault::SensorStuck)),
+        End::WaitingForSensor,
         |rig| {
             high(rig)?;
             rig.mark();

@@ -1,0 +1,85 @@
+//! How a scenario has ended, against how it must.
+
+use crate::host::Axis;
+use crate::processor::Failure;
+use crate::rig::Rig;
+use crate::scenarios::{End, Scenario, Steps, Wrong};
+use hysteron_board::Mode;
+
+/// Above the rows.
+pub(crate) const HEAD: &str = "\
+start or fault                                  safe after, ms   at most   step, codes   at most  end
+";
+
+/// One row, and whether it is as it must be.
+pub(crate) fn judge(rig: &mut Rig, scenario: &Scenario) -> Result<(String, bool), Failure> {
+    rig.power_on()?;
+    let ran = (scenario.run)(rig);
+    let after_ms = rig.ms(rig.way.settled - rig.way.since);
+    let (step, most_step) = steps(rig, scenario.steps);
+    let checks = [
+        (rig.is_safe(), Wrong::Unsafe),
+        (!rig.is_safe() || after_ms <= scenario.at_most_ms, Wrong::Late),
+        (step <= most_step, Wrong::Step),
+        (has_ended(rig, scenario.end), Wrong::End),
+        (rig.counts.different == 0 && rig.counts.silent == 0, Wrong::Codes),
+        (!rig.unwritten_read, Wrong::Memory),
+        (ran.is_ok(), Wrong::Way),
+    ];
+    let wrong: Vec<Wrong> = checks
+        .iter()
+        .filter(|(holds, _)| !holds)
+        .map(|&(_, what)| what)
+        .collect();
+    let (known, why) = scenario.open.unwrap_or((&[], ""));
+    let right = wrong == known;
+    let end = if !right {
+        let at = format!("{:?}, {:?}, {} resets", rig.mode(), rig.fault(), rig.counts.bites);
+        let reason = ran.err().map_or_else(String::new, |error| format!("; {error}"));
+        format!("WRONG: {wrong:?}, not {known:?} ({at}{reason})")
+    } else if known.is_empty() {
+        scenario.end.words(rig)
+    } else {
+        format!("OPEN: {why}")
+    };
+    let after = if rig.is_safe() {
+        format!("{after_ms:.1}")
+    } else {
+        "never".to_owned()
+    };
+    let row = format!(
+        "{:<48}{after:>14}{:>10.0}{step:>14}{most_step:>10}  {end}\n",
+        scenario.name, scenario.at_most_ms,
+    );
+    Ok((row, right))
+}
+
+/// The largest step that counts, and the largest that may be, codes.
+fn steps(rig: &Rig, steps: Steps) -> (u16, u16) {
+    let most = |codes: fn(&Axis) -> u16| rig.axes.iter().map(codes).max().unwrap_or_default();
+    // The limiter counts in volts: a code more by rounding.
+    match steps {
+        Steps::Ramp => (rig.way.largest_step, most(Axis::ramp) + 1),
+        Steps::RampAfterLaw => (rig.way.largest_after_law, most(Axis::ramp) + 1),
+        Steps::Law => (rig.way.largest_step, most(Axis::slew) + 1),
+    }
+}
+
+fn has_ended(rig: &Rig, end: End) -> bool {
+    let waits = rig.is_looping() && rig.mode() == Mode::Off && rig.counts.bites <= 1;
+    match end {
+        End::Waiting(fault) => waits && rig.fault() == fault,
+        End::WaitingForSensor => waits && rig.fault().is_some_and(|fault| fault.is_of_the_sensor()),
+        End::Resetting => rig.counts.bites >= 2,
+    }
+}
+
+impl End {
+    fn words(self, rig: &Rig) -> String {
+        match (self, rig.fault()) {
+            (Self::Resetting, _) => "resets again and again, safe".to_owned(),
+            (_, None) => "waits, no fault".to_owned(),
+            (_, Some(fault)) => format!("waits, fault {} latched", fault as u8),
+        }
+    }
+}
