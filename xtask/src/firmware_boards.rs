@@ -110,6 +110,21 @@ const START: &str = "#52428";
 
 /// Builds the images, checks them and prints a table.
 pub(crate) fn boards() -> Result<(), String> {
+    let rows = images()?;
+    println!(
+        "\n{:<17}{:<15}{:>22}{:>22}{:>22}{:>18}{:>12}{:>12}",
+        "table", "board", "flash", "interrupt's code", "data", "main stack", "its stack", "functions"
+    );
+    rows.iter().for_each(|row| println!("{row}"));
+    println!(
+        "Every function that the interrupt reaches, every constant and the stacks lie in the fastest memory; the vector is the\n\
+         handler's; nothing masks it; it reaches no panic, no allocator and no call through a pointer; it feeds the watchdog."
+    );
+    Ok(())
+}
+
+/// Builds the images and checks them; the table's rows.
+pub(crate) fn images() -> Result<Vec<String>, String> {
     let images = Path::new(crate::firmware::IMAGES);
     std::fs::create_dir_all(images).map_err(|error| format!("{}: {error}", images.display()))?;
     let mut rows = Vec::new();
@@ -135,16 +150,7 @@ pub(crate) fn boards() -> Result<(), String> {
             rows.push(format!("{name:<17}{row}"));
         }
     }
-    println!(
-        "\n{:<17}{:<15}{:>22}{:>22}{:>22}{:>18}{:>12}{:>12}",
-        "table", "board", "flash", "interrupt's code", "data", "main stack", "its stack", "functions"
-    );
-    rows.iter().for_each(|row| println!("{row}"));
-    println!(
-        "Every function that the interrupt reaches, every constant and the stacks lie in the fastest memory; the vector is the\n\
-         handler's; nothing masks it; it reaches no panic, no allocator and no call through a pointer; it feeds the watchdog."
-    );
-    Ok(())
+    Ok(rows)
 }
 
 fn build(board: &Board, table: &str, of_y: Option<&str>) -> Result<PathBuf, String> {

@@ -125,8 +125,8 @@ fn firmware(what: Option<&str>, tables: &[String]) -> Result<(), String> {
         Some("boards") => install_compiler().and_then(|()| firmware_boards::boards()),
         Some("starts") => install_compiler()
             .and_then(|()| firmware_starts::install())
-            .and_then(|()| firmware_boards::boards())
-            .and_then(|()| firmware_starts::starts()),
+            .and_then(|()| firmware_boards::images())
+            .and_then(|_| firmware_starts::starts()),
         Some("run") => install_emulator().and_then(|()| firmware::show()),
         other => Err(format!(
             "firmware: {other:?} is none of run, build, bench, compare, boards, starts, tables"

@@ -3,7 +3,7 @@
 //! TIM6 triggers the ADC 50 000 times a second; the loop runs in the interrupt of the end of conversion, in the memory that is fastest
 //! for it, and writes a 16-bit DAC by SPI. The user's button starts and stops it; RTT carries the log (channel 0) and every tick
 //! (channel 1), and orders of the host (channel 1, back). One axis; both with the feature `two-axes`. `docs/boards/` says how to wire and
-//! check it. It builds; it has not run on a board.
+//! check it. It runs in a processor model (`cargo xtask firmware starts`); it has not run on a board.
 #![no_std]
 #![no_main]
 

@@ -8,7 +8,7 @@ use hysteron_board::Mode;
 
 /// Above the rows.
 pub(crate) const HEAD: &str = "\
-start or fault                                  safe after, ms   at most   step, codes   at most  end
+start or fault                                ms  at most  step  at most  end
 ";
 
 /// One row, and whether it is as it must be.
@@ -48,7 +48,7 @@ pub(crate) fn judge(rig: &mut Rig, scenario: &Scenario) -> Result<(String, bool)
         "never".to_owned()
     };
     let row = format!(
-        "{:<48}{after:>14}{:>10.0}{step:>14}{most_step:>10}  {end}\n",
+        "{:<40}{after:>8}{:>9.0}{step:>6}{most_step:>9}  {end}\n",
         scenario.name, scenario.at_most_ms,
     );
     Ok((row, right))

@@ -140,7 +140,7 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         },
     ),
     Scenario::new(
-        "the same, converter's calibration never ends",
+        "the same, ADC's calibration never ends",
         START_MS + RAMP_MS,
         End::Resetting,
         |rig| {
@@ -173,10 +173,7 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             twice(rig)
         },
     )
-    .open(
-        &[Wrong::Unsafe, Wrong::End],
-        "the library waits for the PLL before the bus runs; the output stays, reset after reset",
-    ),
+    .open(&[Wrong::Unsafe, Wrong::End], "no way to the bus without the PLL"),
     Scenario::new("reset button at a high output", START_MS + RAMP_MS, READY, |rig| {
         high(rig)?;
         rig.mark();
@@ -196,10 +193,7 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         rig.reset(Reset::BrownOut)?;
         back(rig)
     })
-    .open(
-        &[Wrong::Step],
-        "no register knows what the DAC holds; its power has to be the chip's",
-    ),
+    .open(&[Wrong::Step], "no register says what the DAC holds"),
     Scenario::new(
         "supply low while the loop runs",
         RAMP_MS + 1.0,
@@ -212,31 +206,20 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         },
     )
     .steps(Steps::RampAfterLaw),
-    Scenario::new("DAC without power for a moment", RAMP_MS + 1.0, READY, |rig| {
+    Scenario::new("DAC off for a moment", RAMP_MS + 1.0, READY, |rig| {
         high(rig)?;
         rig.lose_converters();
         rig.mark();
         rig.go(3000)
     })
-    .open(
-        &[Wrong::Unsafe, Wrong::Step, Wrong::End],
-        "nothing tells the chip: the next tick writes the law's code in one step",
-    ),
-    Scenario::new(
-        "DAC without power during the watchdog's reset",
-        START_MS + RAMP_MS,
-        BITTEN,
-        |rig| {
-            high(rig)?;
-            rig.lose_converters();
-            bite(rig)?;
-            back(rig)
-        },
-    )
-    .open(
-        &[Wrong::Step],
-        "the way down begins at the kept code, which the DAC holds no more",
-    ),
+    .open(&[Wrong::Unsafe, Wrong::Step, Wrong::End], "nothing tells the chip"),
+    Scenario::new("DAC off during a watchdog's reset", START_MS + RAMP_MS, BITTEN, |rig| {
+        high(rig)?;
+        rig.lose_converters();
+        bite(rig)?;
+        back(rig)
+    })
+    .open(&[Wrong::Step], "the DAC does not hold the kept code"),
     Scenario::new("main hangs", HUNG_MS + RAMP_MS + WATCHDOG_MS, BITTEN, |rig| {
         high(rig)?;
         rig.mark();
@@ -313,29 +296,24 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         },
     )
     .steps(Steps::RampAfterLaw),
-    Scenario::new(
-        "the button's contact bounces for 5 ms",
-        2.0 * RAMP_MS + 25.0,
-        READY,
-        |rig| {
-            looping(rig)?;
-            for (start, periods) in [(true, 1500), (false, 3000)] {
-                if !start {
-                    rig.mark();
-                }
-                bounce(rig)?;
-                rig.go(PRESS)?;
-                rig.set(Line::Button, false)?;
-                rig.go(periods)?;
-                let orders: Vec<Order> = rig.taken.drain(..).map(|(_, order)| order).collect();
-                let wanted = if start { Order::Start } else { Order::Stop };
-                if orders != [wanted] {
-                    return Err(format!("a press gave {orders:?}, not one {wanted:?}").into());
-                }
+    Scenario::new("the button bounces for 5 ms", 2.0 * RAMP_MS + 25.0, READY, |rig| {
+        looping(rig)?;
+        for (start, periods) in [(true, 1500), (false, 3000)] {
+            if !start {
+                rig.mark();
             }
-            Ok(())
-        },
-    )
+            bounce(rig)?;
+            rig.go(PRESS)?;
+            rig.set(Line::Button, false)?;
+            rig.go(periods)?;
+            let orders: Vec<Order> = rig.taken.drain(..).map(|(_, order)| order).collect();
+            let wanted = if start { Order::Start } else { Order::Stop };
+            if orders != [wanted] {
+                return Err(format!("a press gave {orders:?}, not one {wanted:?}").into());
+            }
+        }
+        Ok(())
+    })
     .steps(Steps::Law),
     Scenario::new("bounces without a press", 1.0, READY, |rig| {
         looping(rig)?;
