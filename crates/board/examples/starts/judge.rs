@@ -24,6 +24,7 @@ pub(crate) fn judge(rig: &mut Rig, scenario: &Scenario) -> Result<(String, bool)
         (has_ended(rig, scenario.end), Wrong::End),
         (rig.counts.different == 0 && rig.counts.silent == 0, Wrong::Codes),
         (!rig.unwritten_read, Wrong::Memory),
+        (!rig.unguarded, Wrong::Unguarded),
         (ran.is_ok(), Wrong::Way),
     ];
     let wrong: Vec<Wrong> = checks

@@ -165,6 +165,7 @@ class Processor:
         self.words = []
         self.axes = len(board.syncs)
         self.cycles = 0
+        self.flags = 0
         self.fresh = self.uc.context_save()
         self.reset("power")
 
@@ -186,10 +187,12 @@ class Processor:
             self._watch_kept()
         self.registers = {self.board.brown_out[0]: self.board.brown_out[1]}
         self.core = {}
-        self.flags = self.board.causes[cause] | (getattr(self, "flags", 0) if cause not in ("power", "brown-out") else 0)
+        # Flags stay until the image forgets them, or power goes.
+        before = 0 if cause in ("power", "brown-out") else self.flags
+        self.flags = before | self.board.causes[cause]
         self.unlocked = not self.inputs["dwt-locked"]
         self.watched_since = None
-        self.timeout = (0, 0xFFF)
+        self.unguarded = False
         self.codes = [0] * self.axes
         self.eoc = False
         self.late = False
@@ -230,6 +233,7 @@ class Processor:
         address = 0x40000000 + offset
         place = address & ~3
         self.touched.add(place)
+        self._guard(place)
         look = self.LOOKS.get(place)
         value = self.registers.get(place, 0) if look is None else look(self, self.registers.get(place, 0))
         return value >> 8 * (address & 3) & (1 << 8 * size) - 1
@@ -239,6 +243,7 @@ class Processor:
         place = address & ~3
         # Two, whatever is read beside it.
         self.touched.update((place, -1))
+        self._guard(place)
         if size == 4:
             whole = value
         else:
@@ -249,6 +254,11 @@ class Processor:
             self.registers[place] = whole
         else:
             act(self, place, whole, size)
+
+    def _guard(self, place):
+        """The watchdog runs before anything but the reset's cause is looked at."""
+        if self.watched_since is None and place not in (self.board.cause, self.board.watchdog):
+            self.unguarded = True
 
     def _read_core(self, _uc, offset, size, _data):
         address = 0xE0000000 + offset
@@ -427,7 +437,7 @@ class Processor:
         words = " ".join(f"{axis}:{word.hex()}:{at}" for axis, word, at in self.words)
         self.words.clear()
         fault = int(self.pins.get(self.board.fault, False))
-        return f"{self.cycles} {state} {fault} {int(self.unwritten_read)} {words}"
+        return f"{self.cycles} {state} {fault} {int(self.unwritten_read)} {int(self.unguarded)} {words}"
 
     # The debugger's view.
 
@@ -499,7 +509,8 @@ class Processor:
             self.ACTS[port + 0x28] = Processor._port_low
 
     def _connect_adc(self, number, adc):
-        coupled = lambda self: number == 0 or self.registers.get(self.board.adc_common, 0) & 0b11111 == 0b00110
+        def coupled(self):
+            return number == 0 or self.registers.get(self.board.adc_common, 0) & 0b11111 == 0b00110
 
         def status(self, _value):
             enabled = self.registers.get(adc + 8, 0) & 1 and not self.inputs["no-adc"]

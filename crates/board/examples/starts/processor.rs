@@ -83,6 +83,8 @@ pub(crate) struct Seen {
     pub(crate) fault_pin: bool,
     /// Memory was read that had never been written since power came.
     pub(crate) unwritten_read: bool,
+    /// Something else than the reset's cause was touched before the watchdog ran.
+    pub(crate) unguarded: bool,
     /// What went over the bus meanwhile.
     pub(crate) words: Vec<Word>,
 }
@@ -242,12 +244,14 @@ fn seen(answer: &str) -> Result<Seen, Failure> {
         "bitten" => State::Bitten,
         _ => return Err(senseless(answer)),
     };
-    let (fault_pin, unwritten_read) = (next()? == "1", next()? == "1");
+    let mut flag = || Ok::<_, Failure>(next()? == "1");
+    let (fault_pin, unwritten_read, unguarded) = (flag()?, flag()?, flag()?);
     Ok(Seen {
         cycles,
         state,
         fault_pin,
         unwritten_read,
+        unguarded,
         words: parts.map(word).collect::<Result<_, _>>()?,
     })
 }

@@ -89,8 +89,10 @@ pub(crate) struct Rig {
     pub(crate) way: Way,
     /// What was compared.
     pub(crate) counts: Counts,
-    /// As [`Seen::unwritten_read`].
+    /// As [`Seen::unwritten_read`], of any start.
     pub(crate) unwritten_read: bool,
+    /// As [`Seen::unguarded`], of any start.
+    pub(crate) unguarded: bool,
 }
 
 impl Rig {
@@ -118,6 +120,7 @@ impl Rig {
             way: Way::default(),
             counts: Counts::default(),
             unwritten_read: false,
+            unguarded: false,
         }
     }
 
@@ -192,7 +195,7 @@ impl Rig {
         self.hold_up = false;
         self.outputs.fill(0);
         self.reset(Reset::Power)?;
-        self.unwritten_read = false;
+        (self.unwritten_read, self.unguarded) = (false, false);
         self.counts = Counts::default();
         self.mark();
         Ok(())
@@ -355,6 +358,7 @@ impl Rig {
         self.state = seen.state;
         self.now = seen.cycles;
         self.unwritten_read |= seen.unwritten_read;
+        self.unguarded |= seen.unguarded;
         Ok(())
     }
 

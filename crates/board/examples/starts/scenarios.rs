@@ -50,6 +50,8 @@ pub(crate) enum Wrong {
     Codes,
     /// Memory was read after a loss of power, before it was written.
     Memory,
+    /// Something else than the reset's cause was touched before the watchdog ran.
+    Unguarded,
     /// It did not happen so on the way; the reason is printed.
     Way,
 }
