@@ -11,7 +11,7 @@ use hysteron_plant::Stage;
 /// Instructions of main between two looks of the bench while the chip starts.
 const STARTING: u32 = 2000;
 /// The same in a period of the loop, an axis: what packing a sample takes, and a round.
-const LOOPING: u32 = 1000;
+const LOOPING: u32 = 700;
 /// Ticks between two looks at the telemetry, which the board keeps for 29 ms at least.
 const TELEMETRY_TICKS: u32 = 500;
 

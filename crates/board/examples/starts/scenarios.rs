@@ -204,7 +204,7 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             high(rig)?;
             rig.mark();
             rig.set(Line::LowSupply, true)?;
-            rig.go(3000)
+            down(rig)
         },
     )
     .steps(Steps::RampAfterLaw),
@@ -264,7 +264,7 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             high(rig)?;
             rig.mark();
             rig.sensor = Sensor::Stuck(rig.code());
-            rig.go(4000)
+            down(rig)
         },
     )
     .steps(Steps::Law),
@@ -276,7 +276,7 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             high(rig)?;
             rig.mark();
             rig.sensor = Sensor::Stuck(u16::MAX);
-            rig.go(4000)
+            down(rig)
         },
     )
     .steps(Steps::Law),
@@ -294,7 +294,7 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
             }
             rig.mark();
             late(rig, 3)?;
-            rig.go(3000)
+            down(rig)
         },
     )
     .steps(Steps::RampAfterLaw),
@@ -348,7 +348,7 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
                 rig.go(40)?;
             }
             rig.set(Line::Button, false)?;
-            rig.go(3000)?;
+            down(rig)?;
             let orders: Vec<Order> = rig.taken.iter().map(|&(_, order)| order).collect();
             let of_host: Vec<Order> = orders.iter().copied().filter(|&order| order != Order::Stop).collect();
             let place = orders.iter().position(|&order| order == Order::Stop);
@@ -364,13 +364,13 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         high(rig)?;
         rig.mark();
         late(rig, 3)?;
-        rig.go(2000)?;
+        down(rig)?;
         if rig.fault() != Some(Fault::Overrun) {
             return Err("no fault was latched".into());
         }
         // Clears it and starts nothing.
         press(rig)?;
-        rig.go(1000)
+        rig.go(50)
     })
     .steps(Steps::RampAfterLaw),
 ];
@@ -389,10 +389,10 @@ pub(crate) fn press(rig: &mut Rig) -> Result<(), Failure> {
     rig.go(PRESS)
 }
 
-/// To a run with every output at [`HIGH_V`] and more.
+/// To a run, by the host's order, with every output at [`HIGH_V`] and more.
 fn high(rig: &mut Rig) -> Result<(), Failure> {
     looping(rig)?;
-    press(rig)?;
+    rig.processor().orders(&order_packet(Order::Start))?;
     rig.until("a high output", 10_000, |rig| {
         let mut outputs = rig.outputs.iter().zip(&rig.axes);
         rig.mode() == Mode::Running && outputs.all(|(&code, axis)| f64::from(code) * axis.volts_a_code() >= HIGH_V)
@@ -414,6 +414,13 @@ fn back(rig: &mut Rig) -> Result<(), Failure> {
 /// Two starts that the watchdog ends.
 fn twice(rig: &mut Rig) -> Result<(), Failure> {
     rig.until("the watchdog", 30_000, |rig| rig.counts.bites == 2)
+}
+
+/// The way down of the loop, which waits then.
+fn down(rig: &mut Rig) -> Result<(), Failure> {
+    rig.until("the way down", 500, |rig| rig.mode() != Mode::Running)?;
+    rig.until("the safe level", 3000, |rig| rig.mode() == Mode::Off)?;
+    rig.go(50)
 }
 
 /// So many ticks that the next conversion overtakes.
