@@ -6,13 +6,22 @@ use crate::rig::Rig;
 use crate::scenarios::{End, Scenario, Steps, Wrong};
 use hysteron_board::Mode;
 
-/// Above the rows.
-pub(crate) const HEAD: &str = "\
-start or fault                                ms  at most  step  at most  end
-";
+/// What came of a scenario on one image.
+pub(crate) struct Row {
+    /// The scenario.
+    pub(crate) name: &'static str,
+    /// Milliseconds and codes that are allowed.
+    pub(crate) at_most: String,
+    /// Those that it took.
+    pub(crate) took: String,
+    /// How it ended.
+    pub(crate) end: String,
+    /// Whether all of it is as it must be.
+    pub(crate) is_right: bool,
+}
 
-/// One row, and whether it is as it must be.
-pub(crate) fn judge(rig: &mut Rig, scenario: &Scenario) -> Result<(String, bool), Failure> {
+/// Runs a scenario from power on.
+pub(crate) fn judge(rig: &mut Rig, scenario: &Scenario) -> Result<Row, Failure> {
     rig.power_on()?;
     let ran = (scenario.run)(rig);
     let after_ms = rig.ms(rig.way.settled - rig.way.since);
@@ -33,8 +42,8 @@ pub(crate) fn judge(rig: &mut Rig, scenario: &Scenario) -> Result<(String, bool)
         .map(|&(_, what)| what)
         .collect();
     let (known, why) = scenario.open.unwrap_or((&[], ""));
-    let right = wrong == known;
-    let end = if !right {
+    let is_right = wrong == known;
+    let end = if !is_right {
         let at = format!("{:?}, {:?}, {} resets", rig.mode(), rig.fault(), rig.counts.bites);
         let reason = ran.err().map_or_else(String::new, |error| format!("; {error}"));
         format!("WRONG: {wrong:?}, not {known:?} ({at}{reason})")
@@ -48,11 +57,13 @@ pub(crate) fn judge(rig: &mut Rig, scenario: &Scenario) -> Result<(String, bool)
     } else {
         "never".to_owned()
     };
-    let row = format!(
-        "{:<40}{after:>8}{:>9.0}{step:>6}{most_step:>9}  {end}\n",
-        scenario.name, scenario.at_most_ms,
-    );
-    Ok((row, right))
+    Ok(Row {
+        name: scenario.name,
+        at_most: format!("{:.0}, {most_step}", scenario.at_most_ms),
+        took: format!("{after}, {step}"),
+        end,
+        is_right,
+    })
 }
 
 /// The largest step that counts, and the largest that may be, codes.

@@ -1,4 +1,5 @@
-//! The boards' images in a processor model: a long run against the host's law, then starts and faults, as one table.
+//! The boards' images in a processor model: a long run against the host's law, then starts and faults, as one table: of each
+//! the milliseconds until the outputs are safe, and their largest step in codes.
 //!
 //! `cargo xtask firmware starts` builds the images, installs the model and runs this. The model (`processor.py`) is a process of its own
 //! with the registers that the images use; stage, converters of the outputs, the host's law and the judgement are here.
@@ -18,7 +19,7 @@ use host::Axis;
 use hysteron_board::two_axes::coupled;
 use hysteron_firmware::chips::{Chip, G474, H743};
 use hysteron_plant::{Stage, preset};
-use judge::{HEAD, judge};
+use judge::{Row, judge};
 use processor::{Failure, Processor};
 use rig::Rig;
 use scenarios::{SCENARIOS, Scenario, press};
@@ -26,8 +27,9 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// An image: its file, the chip, and each axis' table and stage.
+/// An image: its name in the table, its file, the chip, and each axis' table and stage.
 struct Image {
+    label: &'static str,
     file: &'static str,
     chip: Chip,
     axes: &'static [(&'static str, &'static str)],
@@ -36,16 +38,19 @@ struct Image {
 /// Those that `cargo xtask firmware boards` builds with complete laws.
 const IMAGES: [Image; 3] = [
     Image {
+        label: "nucleo-g474re",
         file: "nucleo-g474re-tracking-8k",
         chip: G474,
         axes: &[("tracking-8k", "8k")],
     },
     Image {
+        label: "nucleo-h743zi",
         file: "nucleo-h743zi-tracking-8k",
         chip: H743,
         axes: &[("tracking-8k", "8k")],
     },
     Image {
+        label: "nucleo-h743zi, both axes",
         file: "nucleo-h743zi-tracking-x-y",
         chip: H743,
         axes: &[("tracking-x", "8k"), ("tracking-y", "739")],
@@ -63,42 +68,77 @@ fn main() -> ExitCode {
         let threads: Vec<_> = IMAGES.iter().map(|image| scope.spawn(|| run(image))).collect();
         threads.into_iter().map(|thread| thread.join()).collect()
     });
-    let mut wrong = 0;
-    for result in results {
+    let mut ran = Vec::new();
+    for (image, result) in IMAGES.iter().zip(results) {
         match result {
-            Ok(Ok(of_image)) => wrong += of_image,
-            Ok(Err(error)) => {
-                eprintln!("{error}");
-                wrong += 1;
-            }
-            Err(_) => wrong += 1,
+            Ok(Ok(of_image)) => ran.push(of_image),
+            Ok(Err(error)) => eprintln!("{}: {error}", image.file),
+            Err(_) => eprintln!("{}: its thread has panicked", image.file),
         }
     }
+    print(&ran);
     eprintln!("{:.0} s", begun.elapsed().as_secs_f64());
-    if wrong == 0 {
+    let is_right = |of_image: &Ran| of_image.is_right && of_image.rows.iter().all(|row| row.is_right);
+    if ran.len() == IMAGES.len() && ran.iter().all(is_right) {
         ExitCode::SUCCESS
     } else {
         ExitCode::FAILURE
     }
 }
 
-/// All of one image, printed at once; how many rows are not as they must be.
-fn run(image: &Image) -> Result<usize, Failure> {
-    let mut rig = rig(image)?;
-    let mut text = format!("{}\n", image.file);
-    let mut wrong = 0;
-    let (row, right) = long_run(&mut rig)?;
-    text += &row;
-    wrong += usize::from(!right);
-    text += HEAD;
-    let of_board = |scenario: &&Scenario| scenario.board.is_none_or(|board| board == image.chip.board);
-    for scenario in SCENARIOS.iter().filter(of_board) {
-        let (row, right) = judge(&mut rig, scenario)?;
-        text += &row;
-        wrong += usize::from(!right);
+/// What came of one image.
+struct Ran {
+    label: &'static str,
+    /// The long run, as a row of the first table, and whether it is as it must be.
+    long: String,
+    is_right: bool,
+    rows: Vec<Row>,
+}
+
+/// Both tables; a scenario is a row, an image a column.
+fn print(ran: &[Ran]) {
+    println!(
+        "| image | ticks | DAC codes other than the host's | frames of telemetry | other frames | lowest and highest code |"
+    );
+    println!("|---|---|---|---|---|---|");
+    ran.iter().for_each(|of_image| println!("{}", of_image.long));
+    let labels: Vec<&str> = ran.iter().map(|of_image| of_image.label).collect();
+    println!("\n| start or fault | at most | {} | end |", labels.join(" | "));
+    println!("|---|---|{}---|", "---|".repeat(ran.len()));
+    for scenario in &SCENARIOS {
+        let of_image = |of_image: &Ran| of_image.rows.iter().position(|row| row.name == scenario.name);
+        let rows: Vec<Option<&Row>> = ran.iter().map(|all| all.rows.get(of_image(all)?)).collect();
+        let at_most = rows.iter().flatten().next().map_or("", |row| row.at_most.as_str());
+        let took: Vec<&str> = rows
+            .iter()
+            .map(|row| row.map_or("-", |row| row.took.as_str()))
+            .collect();
+        let mut ends: Vec<&str> = rows.iter().flatten().map(|row| row.end.as_str()).collect();
+        ends.dedup();
+        println!(
+            "| {} | {at_most} | {} | {} |",
+            scenario.name,
+            took.join(" | "),
+            ends.join("; ")
+        );
     }
-    println!("{text}");
-    Ok(wrong)
+}
+
+/// All of one image.
+fn run(image: &Image) -> Result<Ran, Failure> {
+    let mut rig = rig(image)?;
+    let (long, is_right) = long_run(&mut rig, image.label)?;
+    let of_board = |scenario: &&Scenario| scenario.board.is_none_or(|board| board == image.chip.board);
+    let rows = SCENARIOS
+        .iter()
+        .filter(of_board)
+        .map(|scenario| judge(&mut rig, scenario));
+    Ok(Ran {
+        label: image.label,
+        long,
+        is_right,
+        rows: rows.collect::<Result<_, _>>()?,
+    })
 }
 
 fn rig(image: &Image) -> Result<Rig, Failure> {
@@ -128,7 +168,7 @@ fn rig(image: &Image) -> Result<Rig, Failure> {
 }
 
 /// The closed loop on the stage: every code and every frame is the host's.
-fn long_run(rig: &mut Rig) -> Result<(String, bool), Failure> {
+fn long_run(rig: &mut Rig, label: &str) -> Result<(String, bool), Failure> {
     rig.power_on()?;
     rig.until("the loop", 5000, Rig::is_looping)?;
     press(rig)?;
@@ -149,12 +189,12 @@ fn long_run(rig: &mut Rig) -> Result<(String, bool), Failure> {
         && high - low > 20_000
         && counts.telemetry > 9 * counts.ticks / 10 * rig.axes.len() as u32;
     let row = format!(
-        "{} ticks on the stage, {} codes of the DAC other than the host's; {} frames of telemetry, {} other; codes from {low} to {high}{}\n",
+        "| {label}{} | {} | {} | {} | {} | {low}, {high} |",
+        if right { "" } else { ", WRONG" },
         counts.ticks,
         counts.different,
         counts.telemetry,
         counts.telemetry_different,
-        if right { "" } else { "  WRONG" }
     );
     Ok((row, right))
 }
