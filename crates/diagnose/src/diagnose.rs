@@ -13,7 +13,7 @@ use crate::witness::locks::Courses;
 use crate::witness::traces::Traces;
 use crate::witness::where_it_fails::where_it_fails;
 use crate::witness::{dead_band, structure};
-use hysteron_acquisition::inspect;
+use hysteron_acquisition::{Kind, inspect};
 use hysteron_data::Dataset;
 use hysteron_identify::effects::{UserEffect, late};
 use hysteron_identify::{EffectId, IdentifyError, Model, check_own_effect, period, present_step};
@@ -67,7 +67,8 @@ pub fn examine(
     let seen_by_stage = late.as_ref().unwrap_or(dataset);
     let rig = inspect(dataset);
     let floor = late.as_ref().map_or(rig.noise, noise::noise_floor);
-    let reasons = reasons::of(dataset, floor.rms_um, &Thresholds::DEFAULT);
+    let leads = rig.of(Kind::PositionLeads).next().is_some();
+    let reasons = reasons::of(dataset, floor.rms_um, leads, &Thresholds::DEFAULT);
     let blocking: Vec<Reason> = reasons.iter().copied().filter(|r| r.blocks()).collect();
     progress(0.05, "free shape");
     let investigation = Investigation::new(seen_by_stage, model, own, floor.rms_um, &reasons);

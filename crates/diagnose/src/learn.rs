@@ -8,6 +8,7 @@ use crate::ladder::percent;
 use crate::noise::noise_floor;
 use crate::reasons;
 use crate::rules::Thresholds;
+use hysteron_acquisition::position_leads;
 use hysteron_data::Dataset;
 use hysteron_identify::add::told;
 use hysteron_identify::effects::{UserEffect, find};
@@ -139,7 +140,7 @@ fn go_on(
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<Learned, IdentifyError> {
     let noise_um = noise_floor(dataset).rms_um;
-    let reasons = reasons::of(dataset, noise_um, &Thresholds::DEFAULT);
+    let reasons = reasons::of(dataset, noise_um, position_leads(dataset), &Thresholds::DEFAULT);
     let mut climb = Climb::new(dataset, model, noise_um);
     climb.take_the_controllers_delay();
     let blocking: Vec<Reason> = reasons.iter().copied().filter(|reason| reason.blocks()).collect();

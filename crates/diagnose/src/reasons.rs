@@ -2,7 +2,6 @@
 
 use crate::diagnosis::Reason;
 use crate::rules::{RuleId, Thresholds};
-use hysteron_acquisition::position_leads;
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_identify::family::{peak_to_peak, range};
 use std::f64::consts::TAU;
@@ -17,8 +16,8 @@ impl Reason {
     }
 }
 
-/// The reasons of a dataset.
-pub(crate) fn of(dataset: &Dataset, noise_um: f64, thresholds: &Thresholds) -> Vec<Reason> {
+/// The reasons of a dataset; `leads` says whether its position leads the voltage.
+pub(crate) fn of(dataset: &Dataset, noise_um: f64, leads: bool, thresholds: &Thresholds) -> Vec<Reason> {
     let moving: Vec<&Record> = dataset
         .records
         .iter()
@@ -40,7 +39,7 @@ pub(crate) fn of(dataset: &Dataset, noise_um: f64, thresholds: &Thresholds) -> V
     if distinct_excitations(&moving) < 2 {
         reasons.push(Reason::OneSine);
     }
-    if position_leads(dataset) {
+    if leads {
         reasons.push(Reason::PositionLeads);
     }
     reasons
@@ -125,6 +124,7 @@ fn sine_of(drive: &[f64], period_s: f64) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hysteron_acquisition::position_leads;
 
     /// Sines of several rates through one play, the position so many samples early.
     fn early(samples: usize) -> Dataset {
@@ -157,7 +157,10 @@ mod tests {
     /// A position that turns before the voltage hides what turns the phase; one that turns with it hides nothing.
     #[test]
     fn bva_a_lead_of_the_position_on_both_sides() {
-        let leads = |samples| of(&early(samples), 1e-4, &Thresholds::DEFAULT).contains(&Reason::PositionLeads);
+        let leads = |samples| {
+            let dataset = early(samples);
+            of(&dataset, 1e-4, position_leads(&dataset), &Thresholds::DEFAULT).contains(&Reason::PositionLeads)
+        };
         assert_eq!([0, 3].map(leads), [false, true]);
     }
 
