@@ -2,4 +2,6 @@
 
 pub mod benchmark;
 pub mod hidden;
+pub mod odds;
+pub mod stored;
 pub mod users;

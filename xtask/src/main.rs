@@ -37,6 +37,8 @@ usage: cargo xtask <command>
   calibrate   verdicts on hundreds of simulated stages with hidden effects, as the book quotes them; takes cases an
           effect and strength (default 4) and the first seed (default 1000)
   calibrate thresholds   verdicts that change where a threshold is moved by 30 %, on the evidence of the last calibration
+  calibrate odds   the weights of the probabilities, fitted to the evidence of the last two calibrations, and what they are worth on
+          cases left out; --write puts them where they stand
   calibrate users   the same on recordings as users make them: ten programmes, stages of other families; takes the number of
           cases (default 60), the first seed, a programme, family, effect or kind; --quick, --harmless, --json FILE
   rehearsals  every effect hidden in three stages, found, learned and undone, as a table; with mps2-an386 or mps2-an500 on one

@@ -2,10 +2,11 @@
 
 use crate::bends::bends;
 use crate::diagnosis::{Before, Diagnosis, Level, Lock, Reason, Unexplained, Verdict, WhereItFails};
-use crate::evidence::{Evidence, Seen, errors};
+use crate::evidence::{Evidence, Round, Seen, errors};
 use crate::investigation::{Best, Investigation};
 use crate::next_record;
 use crate::noise;
+use crate::odds::Odds;
 use crate::reasons;
 use crate::rules::Thresholds;
 use crate::verdict::{self, Decision};
@@ -16,13 +17,11 @@ use crate::witness::{dead_band, structure};
 use hysteron_acquisition::{Kind, inspect};
 use hysteron_data::Dataset;
 use hysteron_identify::effects::{UserEffect, late};
+use hysteron_identify::search::Search;
 use hysteron_identify::{EffectId, IdentifyError, Model, check_own_effect, period, present_step};
 
 /// Effects that are looked for one after another.
 const MOST_ROUNDS: usize = 3;
-
-/// Records that must all drift the same way, at the least: nine do so by chance once in 256 times.
-const ALIKE_IN: usize = 9;
 
 /// Names the physical effect that a model lacks, from all records. `progress` gets the share done and what is tried now.
 ///
@@ -75,7 +74,7 @@ pub fn examine(
     let (mut diagnosis, evidence) = match investigation {
         Ok(mut investigation) if blocking.is_empty() => {
             go_round(&mut investigation, progress);
-            let (mut diagnosis, evidence) = conclude(model, &investigation, before, progress);
+            let (mut diagnosis, evidence) = conclude(dataset, model, &investigation, before, progress);
             if diagnosis.verdict == Verdict::Unknown && !investigation.nothing_taken() {
                 // What was tried and did not stand hides where to look.
                 diagnosis.unexplained.locked_to = locks(&investigation, investigation.residuals_at_first());
@@ -121,6 +120,7 @@ pub(crate) fn go_round(investigation: &mut Investigation<'_>, progress: &(dyn Fn
 
 /// The verdict on what an investigation has found.
 pub(crate) fn conclude(
+    dataset: &Dataset,
     model: &Model,
     investigation: &Investigation<'_>,
     before: Before,
@@ -128,7 +128,10 @@ pub(crate) fn conclude(
 ) -> (Diagnosis, Evidence) {
     progress(0.92, "what remains");
     let thresholds = &investigation.thresholds;
-    let evidence = evidence(model, investigation, before);
+    let mut evidence = evidence(model, investigation, before);
+    evidence.fails = fails(dataset, model);
+    evidence.rig = inspect(dataset).findings.iter().map(|f| f.kind).collect();
+    evidence.free_fails = where_it_fails(&courses(investigation, investigation.residuals_at_first()));
     let decision = verdict::decide(&evidence, thresholds);
     let ranking = verdict::ranking(&evidence, thresholds);
     let residuals = investigation.residuals();
@@ -148,6 +151,7 @@ pub(crate) fn conclude(
     let diagnosis = Diagnosis {
         verdict,
         also_possible: set,
+        odds: Odds::of(&evidence),
         further,
         share,
         shape_too_poor,
@@ -169,9 +173,13 @@ pub(crate) fn conclude(
 
 /// What residuals of the records, run-in included, go with.
 fn locks(investigation: &Investigation<'_>, residuals: &[Vec<f64>]) -> Vec<Lock> {
+    courses(investigation, residuals).locks()
+}
+
+fn courses<'a>(investigation: &'a Investigation<'_>, residuals: &'a [Vec<f64>]) -> Courses<'a> {
     let records = investigation.traces().each.iter().zip(residuals);
     let own = records.map(|(trace, residual)| &residual[trace.from..]);
-    Courses::new(investigation.traces(), own).locks()
+    Courses::new(investigation.traces(), own)
 }
 
 fn evidence(model: &Model, investigation: &Investigation<'_>, before: Before) -> Evidence {
@@ -180,11 +188,6 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, before: Before) ->
     let residuals = investigation.residuals();
     let left = errors(search, standing);
     let traces = investigation.traces();
-    let strokes: Vec<f64> = search.strokes_um().into_iter().filter(|s| *s > 0.0).collect();
-    let noise = strokes
-        .iter()
-        .map(|s| (100.0 * search.noise_um() / s).powi(2))
-        .sum::<f64>();
     let has = |effect: EffectId| model.effects.iter().any(|fitted| fitted.name == effect);
     let took_resonance = investigation
         .rounds
@@ -199,7 +202,7 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, before: Before) ->
         base_excess: investigation.base_excess,
         left_excess: investigation.scale.excess(standing),
         left_percent: left.pooled().unwrap_or(0.0),
-        noise_percent: (noise / strokes.len().max(1) as f64).sqrt(),
+        noise_percent: noise_percent(search),
         more_than_noise: structure::more_than_noise(traces, &residuals),
         rounds: investigation.rounds.clone(),
         shape: bends(model, investigation),
@@ -214,25 +217,35 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, before: Before) ->
             } else {
                 investigation.ring(&residuals)
             },
-            drifts_alike: drifts_alike(investigation, traces),
         },
+        ..Evidence::default()
     }
 }
 
-/// Whether a drift was found that has the same sign in every record that moves, before it was taken.
-fn drifts_alike(investigation: &Investigation<'_>, traces: &Traces) -> bool {
-    let drift = EffectId::ThermalDrift.into();
-    let taken = investigation
-        .rounds
-        .iter()
-        .any(|round| round.taken.as_ref() == Some(&drift));
-    let moving = traces.each.iter().filter(|trace| trace.stroke_um > 0.0).count();
-    if !taken || moving < ALIKE_IN || traces.each.iter().any(|t| t.temperature_c.is_some()) {
-        return false;
-    }
-    // One rate foretells all records: what it takes from each of them has one sign.
-    let parts = &investigation.search.standing().parts;
-    parts.len() >= ALIKE_IN
+/// The noise of the records that move, percent of peak to peak.
+fn noise_percent(search: &Search<'_>) -> f64 {
+    let strokes: Vec<f64> = search.strokes_um().into_iter().filter(|s| *s > 0.0).collect();
+    let noise = |stroke: &f64| (100.0 * search.noise_um() / stroke).powi(2);
+    (strokes.iter().map(noise).sum::<f64>() / strokes.len().max(1) as f64).sqrt()
+}
+
+/// How likely the candidates of the last round are, on the chain as it stood then.
+pub(crate) fn odds_of_last_round(investigation: &Investigation<'_>) -> Odds {
+    let search = &investigation.search;
+    let standing = errors(search, search.standing());
+    let last = investigation.rounds.last().map(|round| Round {
+        of_family: false,
+        ..round.clone()
+    });
+    Odds::of(&Evidence {
+        before: standing,
+        base: standing,
+        shape_determined: investigation.shape_determined,
+        noise_percent: noise_percent(search),
+        rounds: last.into_iter().collect(),
+        free_fails: where_it_fails(&courses(investigation, &investigation.residuals())),
+        ..Evidence::default()
+    })
 }
 
 /// Where the given model fails, on the records as they are.
@@ -259,6 +272,7 @@ fn unanswered(before: Before, reasons: Vec<Reason>) -> (Diagnosis, Evidence) {
     let diagnosis = Diagnosis {
         verdict: Verdict::Unknown,
         also_possible: Vec::new(),
+        odds: Odds::default(),
         further: Vec::new(),
         share: None,
         shape_too_poor: false,

@@ -1,5 +1,6 @@
 //! What a diagnosis says, in numbers and names.
 
+use crate::odds::Odds;
 use hysteron_acquisition::{Finding, NoiseFloor};
 use hysteron_identify::{EffectId, EffectName};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -327,6 +328,9 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// Effects that these records cannot tell from the verdict, likeliest first; beside `unknown` those that could be it.
     pub also_possible: Vec<EffectName>,
+    /// How likely each candidate is what is missing, and none of them.
+    #[serde(default)]
+    pub odds: Odds,
     /// Further effects that are missing beside the verdict.
     pub further: Vec<EffectName>,
     /// What the verdict's effect takes of the squared error beyond noise and coarseness, 0 to 1; `None` where none is named.

@@ -1,7 +1,8 @@
 //! The evidence behind a verdict: numbers only.
 
-use crate::diagnosis::{Before, EffectParameter, Level, RankedEffect, Reason};
+use crate::diagnosis::{Before, EffectParameter, Level, RankedEffect, Reason, WhereItFails};
 use crate::rules::{RuleId, Thresholds};
+use hysteron_acquisition::Kind;
 use hysteron_identify::EffectName;
 use hysteron_identify::search::{Search, Trial};
 use serde::{Deserialize, Serialize};
@@ -95,8 +96,6 @@ pub struct Seen {
     pub dead_band: Option<RankedEffect>,
     /// A ring after a step.
     pub ring: Option<RankedEffect>,
-    /// A drift that all records share.
-    pub drifts_alike: bool,
 }
 
 /// All numbers of a diagnosis.
@@ -128,6 +127,12 @@ pub struct Evidence {
     pub shape: Bends,
     /// What needs no model.
     pub seen: Seen,
+    /// What was found of converters, clocks and cables.
+    pub rig: Vec<Kind>,
+    /// Where the given model fails.
+    pub fails: WhereItFails,
+    /// Where the free shape fails before anything is added.
+    pub free_fails: WhereItFails,
 }
 
 /// Compares trials of one search.

@@ -3,11 +3,10 @@
 use crate::diagnosis::{Before, RankedEffect, Reason};
 use crate::evidence::{Against, Candidate, Round, Scale, errors};
 use crate::rules::{RuleId, Thresholds};
-use crate::verdict::TURN_THE_PHASE;
 use crate::witness::traces::{self, Traces};
 use crate::witness::{hum, rails, ringing};
 use hysteron_data::Dataset;
-use hysteron_identify::effects::{Effect, UserEffect, catalogue};
+use hysteron_identify::effects::{Effect, Mark, UserEffect, catalogue};
 use hysteron_identify::search::{Search, Shape, Trial};
 use hysteron_identify::{EffectId, EffectName, Family, IdentifyError, Model, one_loop};
 use std::sync::Arc;
@@ -292,10 +291,11 @@ impl<'a> Investigation<'a> {
 
     /// What physics, or what these records are, says against it.
     fn against(&self, effect: &dyn Effect, trial: &Trial) -> Option<Against> {
-        if self.one_sine && !effect.shows_in_one_sine() {
+        let mark = effect.mark();
+        if self.one_sine && !mark.is_some_and(Mark::shows_in_one_sine) {
             return Some(Against::OneSine);
         }
-        if self.skewed && TURN_THE_PHASE.iter().any(|hidden| effect.name() == *hidden) {
+        if self.skewed && mark.is_some_and(Mark::hidden_by_skew) {
             return Some(Against::Skew);
         }
         let name = effect.name();

@@ -14,6 +14,7 @@ mod investigation;
 pub mod ladder;
 pub mod learn;
 mod next_record;
+pub mod odds;
 mod reasons;
 mod region;
 pub mod rules;

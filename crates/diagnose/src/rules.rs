@@ -34,7 +34,13 @@ pub enum RuleId {
     PartShare,
     /// ... and so many times the statistic of the next effect.
     PartLead,
-    /// A candidate stands in the set from this share of the best one's statistic on.
+    /// Least probability of a name that stands alone.
+    NameProbability,
+    /// Probability from which a name stands alone whatever else is left.
+    CertainProbability,
+    /// Candidates stand in a set until they hold this share of the probability of all.
+    SetProbability,
+    /// A name does not stand alone beside a candidate with this share of its statistic.
     SetStatistic,
     /// ... and this share of its likelihood.
     SetLikelihood,
@@ -80,7 +86,7 @@ const fn rule(id: RuleId, threshold: f64, reason: &'static str) -> Rule {
 }
 
 /// All rules.
-pub const RULES: [Rule; 27] = [
+pub const RULES: [Rule; 30] = [
     rule(RuleId::Statistic, 2.0, "two parts whose squared error falls to a third"),
     rule(
         RuleId::Likelihood,
@@ -122,6 +128,17 @@ pub const RULES: [Rule; 27] = [
     ),
     rule(RuleId::PartShare, 0.25, "a part smaller than a quarter is no main part"),
     rule(RuleId::PartLead, 1.15, "where much is unexplained a mimic comes close"),
+    rule(RuleId::NameProbability, 0.5, "less likely than all others together"),
+    rule(
+        RuleId::CertainProbability,
+        0.9,
+        "names that are less likely are wrong more often than one of twenty",
+    ),
+    rule(
+        RuleId::SetProbability,
+        0.85,
+        "sets of four fifths hold what is there less often, and are hardly smaller",
+    ),
     rule(RuleId::SetStatistic, 0.85, "rivals as good as this are not told apart"),
     rule(
         RuleId::SetLikelihood,
@@ -206,11 +223,17 @@ impl Thresholds {
         self.0[id as usize]
     }
 
+    /// With one of them at a value.
+    #[must_use]
+    pub fn with(mut self, id: RuleId, threshold: f64) -> Self {
+        self.0[id as usize] = threshold;
+        self
+    }
+
     /// With one of them times a factor.
     #[must_use]
-    pub fn moved(mut self, id: RuleId, factor: f64) -> Self {
-        self.0[id as usize] *= factor;
-        self
+    pub fn moved(self, id: RuleId, factor: f64) -> Self {
+        self.with(id, factor * self.of(id))
     }
 }
 

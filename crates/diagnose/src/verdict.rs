@@ -2,7 +2,9 @@
 
 use crate::diagnosis::{Level, RankedEffect, Verdict};
 use crate::evidence::{Against, Bend, Candidate, Evidence, Round};
+use crate::odds::Odds;
 use crate::rules::{RuleId, Thresholds};
+use hysteron_identify::effects::{Mark, find};
 use hysteron_identify::{EffectId, EffectName};
 
 /// What the rules make of the evidence.
@@ -22,6 +24,11 @@ pub struct Decision {
 
 /// Decides.
 pub fn decide(evidence: &Evidence, thresholds: &Thresholds) -> Decision {
+    decide_by(evidence, &Odds::of(evidence), thresholds)
+}
+
+/// As [`decide`], by these probabilities.
+pub fn decide_by(evidence: &Evidence, odds: &Odds, thresholds: &Thresholds) -> Decision {
     let shape_too_poor = evidence
         .shape
         .lacks_percent
@@ -63,26 +70,23 @@ pub fn decide(evidence: &Evidence, thresholds: &Thresholds) -> Decision {
         return decision;
     }
     if !named.is_empty() {
-        return of_found(evidence, (named, &found), bent, decision, thresholds);
-    }
-    if let Some(round) = evidence.rounds.iter().rev().find(|r| r.taken.is_none()) {
-        decision.set = set(round, coarse(evidence, thresholds), thresholds);
+        return of_found(evidence, (named, &found), (bent, odds), decision, thresholds);
     }
     let matters = thresholds.of(RuleId::MattersPercent);
     let unexplained = evidence.left_percent > matters
         && (evidence.left_percent > 2.0 * evidence.noise_percent || evidence.more_than_noise);
-    decision.verdict = if !evidence.before.exceeds(matters) {
-        Verdict::Nothing
-    } else if unexplained {
-        Verdict::Unknown
-    } else if shape_too_poor {
+    if evidence.before.exceeds(matters) && unexplained {
+        match odds.each.first() {
+            Some(first) if first.probability > thresholds.of(RuleId::CertainProbability) => {
+                decision.verdict = Verdict::Effect(first.effect.clone());
+            }
+            _ => decision.set = odds.set(thresholds.of(RuleId::SetProbability)),
+        }
+    } else if evidence.before.exceeds(matters) && shape_too_poor {
+        decision.verdict = Verdict::Effect(EffectId::HysteresisShape.into());
         decision.set = bends(evidence, thresholds);
-        Verdict::Effect(EffectId::HysteresisShape.into())
     } else {
-        Verdict::Nothing
-    };
-    if decision.verdict == Verdict::Nothing {
-        decision.set.clear();
+        decision.verdict = Verdict::Nothing;
     }
     decision
 }
@@ -91,7 +95,7 @@ pub fn decide(evidence: &Evidence, thresholds: &Thresholds) -> Decision {
 fn of_found(
     evidence: &Evidence,
     (mut named, found): (Vec<EffectName>, &[&Round]),
-    bent: Vec<EffectName>,
+    (bent, odds): (Vec<EffectName>, &Odds),
     mut decision: Decision,
     thresholds: &Thresholds,
 ) -> Decision {
@@ -100,29 +104,23 @@ fn of_found(
     let candidate = round.and_then(|round| round.candidates.iter().find(|c| c.effect == first));
     let by_witness = candidate.is_none();
     let explains = explains_enough(evidence, thresholds)
-        || evidence.seen.drifts_alike
-            && first == EffectId::ThermalDrift
-            && candidate.is_some_and(|c| large(c, thresholds))
         || candidate
             .zip(round)
             .is_some_and(|(c, round)| is_a_part(c, round, thresholds));
-    decision.set = round.map_or_else(Vec::new, |round| set(round, coarse(evidence, thresholds), thresholds));
     let mimicked = candidate
         .zip(round)
         .map_or_else(Vec::new, |(c, round)| better_in_one_sine(c, round));
-    let stands = by_witness || explains && mimicked.is_empty() && !worse_held_out(evidence, found);
-    decision.set.extend(mimicked);
-    if evidence.one_amplitude
-        && TURN_THE_PHASE.iter().any(|effect| first == *effect)
-        && let Some(round) = round
-    {
-        let alike = round.candidates.iter().filter(|c| {
-            TURN_THE_PHASE.iter().any(|effect| c.effect == *effect)
-                && c.statistic > thresholds.of(RuleId::Statistic)
-                && !decision.set.contains(&c.effect)
-        });
-        let alike: Vec<EffectName> = alike.map(|c| c.effect.clone()).collect();
-        decision.set.extend(alike);
+    let stands = by_witness
+        || explains && mimicked.is_empty() && !worse_held_out(evidence, found)
+        || odds.probability(&first) > thresholds.of(RuleId::CertainProbability);
+    let alone = by_witness
+        || stands
+            && odds.probability(&first) > thresholds.of(RuleId::NameProbability)
+            && round.is_some_and(|round| !has_rivals(evidence, &first, round, thresholds));
+    if !alone {
+        decision.set = odds.set(thresholds.of(RuleId::SetProbability));
+        let beside = mimicked.into_iter().filter(|name| !decision.set.contains(name));
+        decision.set.extend(beside.collect::<Vec<_>>());
     }
     if stands {
         decision.share = candidate.map(|c| c.share);
@@ -136,8 +134,20 @@ fn of_found(
     decision
 }
 
-/// Effects that widen a loop with the rate. Which of them does it, loops inside of others tell; sines of one amplitude close none.
-pub(crate) const TURN_THE_PHASE: [EffectId; 3] = [EffectId::Delay, EffectId::FirstOrderLag, EffectId::RateDependence];
+/// Whether a candidate comes close to the one that was taken, or goes with the rate as that does in sines of one amplitude: loops inside
+/// of others tell those apart, and such sines close none.
+fn has_rivals(evidence: &Evidence, first: &EffectName, round: &Round, thresholds: &Thresholds) -> bool {
+    let with_the_rate = |name: &EffectName| {
+        name.id()
+            .is_some_and(|id| find(id).mark().is_some_and(Mark::hidden_by_skew))
+    };
+    let alike = |c: &&Candidate| with_the_rate(&c.effect) && c.statistic > thresholds.of(RuleId::Statistic);
+    let turned = evidence.one_amplitude && with_the_rate(first) && round.candidates.iter().filter(alike).count() > 1;
+    turned
+        || close(round, coarse(evidence, thresholds), thresholds)
+            .iter()
+            .any(|name| name != first)
+}
 
 /// Whether what was found takes most of the excess, and so much that no larger thing than itself can be left.
 fn explains_enough(evidence: &Evidence, thresholds: &Thresholds) -> bool {
@@ -196,18 +206,18 @@ fn coarse(evidence: &Evidence, thresholds: &Thresholds) -> bool {
 }
 
 /// The candidates of a round that cannot be told from its best one, that one first.
-pub(crate) fn set(round: &Round, coarse: bool, thresholds: &Thresholds) -> Vec<EffectName> {
+fn close(round: &Round, coarse: bool, thresholds: &Thresholds) -> Vec<EffectName> {
     let significant = |c: &&Candidate| c.significant(true, thresholds);
     let Some(best) = round.candidates.iter().find(significant) else {
         return Vec::new();
     };
-    let close = |c: &&Candidate| {
+    let comes_close = |c: &&Candidate| {
         coarse && c.statistic > thresholds.of(RuleId::CoarseSetStatistic) * best.statistic
             || (best.statistic - c.statistic).abs() < thresholds.of(RuleId::Undecided)
             || c.statistic > thresholds.of(RuleId::SetStatistic) * best.statistic
                 && c.likelihood > thresholds.of(RuleId::SetLikelihood) * best.likelihood
     };
-    let all = round.candidates.iter().filter(significant).filter(close);
+    let all = round.candidates.iter().filter(significant).filter(comes_close);
     all.map(|c| c.effect.clone()).collect()
 }
 
@@ -343,6 +353,7 @@ mod tests {
     use super::*;
     use crate::diagnosis::{Before, Reason};
     use crate::evidence::{Against, Bends, Seen};
+    use crate::odds::Likely;
 
     fn candidate(effect: EffectId, statistic: f64, share: f64) -> Candidate {
         Candidate {
@@ -399,8 +410,26 @@ mod tests {
         }
     }
 
+    /// Probabilities of 0.6 for the first candidate of the first round, and of 0.25 for the second.
+    fn decided(evidence: &Evidence) -> Decision {
+        let first = evidence.rounds.iter().find(|round| !round.of_family);
+        let candidates = first.map_or(&[][..], |round| &round.candidates);
+        let each = candidates.iter().zip([0.6, 0.25]);
+        let odds = Odds {
+            each: each
+                .map(|(c, probability)| likely(c.effect.clone(), probability))
+                .collect(),
+            none: 0.15,
+        };
+        decide_by(evidence, &odds, &Thresholds::DEFAULT)
+    }
+
+    fn likely(effect: EffectName, probability: f64) -> Likely {
+        Likely { effect, probability }
+    }
+
     fn verdict(evidence: &Evidence) -> Verdict {
-        decide(evidence, &Thresholds::DEFAULT).verdict
+        decided(evidence).verdict
     }
 
     fn named(effect: EffectId) -> Verdict {
@@ -420,7 +449,7 @@ mod tests {
         let of = |validate_percent: Option<f64>| {
             let mut evidence = evidence();
             evidence.rounds[0].candidates[0].errors.validate_percent = validate_percent;
-            decide(&evidence, &Thresholds::DEFAULT)
+            decided(&evidence)
         };
         assert_eq!(of(Some(1.9)).verdict, named(EffectId::Delay));
         assert_eq!(of(None).verdict, named(EffectId::Delay));
@@ -470,27 +499,47 @@ mod tests {
         assert_eq!(of(8.0, 0.5, 7.7), Verdict::Unknown);
     }
 
-    /// A drift that all records share is named beside a rest and a close rival, if it is large.
+    /// A name that the rules find stands alone from one half on; from nine tenths on a candidate does whatever the rules say; a set holds
+    /// 85 % of what the candidates have.
     #[test]
-    fn bva_a_drift_of_all_records_is_named_on_both_sides() {
-        let of = |statistic: f64, share: f64, drifts_alike: bool| {
-            let mut evidence = Evidence {
-                left_percent: 2.0,
-                left_excess: 2e-4,
-                ..evidence()
-            };
-            evidence.seen.drifts_alike = drifts_alike;
-            evidence.rounds[0].taken = Some(EffectId::ThermalDrift.into());
-            evidence.rounds[0].candidates = vec![
-                candidate(EffectId::ThermalDrift, statistic, share),
-                candidate(EffectId::Creep, statistic, 0.2),
+    fn bva_probabilities_on_both_sides() {
+        let delay = EffectName::from(EffectId::Delay);
+        let lag = EffectName::from(EffectId::FirstOrderLag);
+        let creep = EffectName::from(EffectId::Creep);
+        let of = |evidence: &Evidence, [a, b, c]: [f64; 3]| {
+            let each = vec![
+                likely(delay.clone(), a),
+                likely(lag.clone(), b),
+                likely(creep.clone(), c),
             ];
-            verdict(&evidence)
+            let odds = Odds {
+                each,
+                none: 1.0 - a - b - c,
+            };
+            let decision = decide_by(evidence, &odds, &Thresholds::DEFAULT);
+            (decision.verdict, decision.set)
         };
-        assert_eq!(of(4.4, 0.28, true), named(EffectId::ThermalDrift));
-        assert_eq!(of(3.6, 0.28, true), Verdict::Unknown);
-        assert_eq!(of(4.4, 0.22, true), Verdict::Unknown);
-        assert_eq!(of(4.4, 0.28, false), Verdict::Unknown);
+        let found = evidence();
+        assert_eq!(of(&found, [0.51, 0.3, 0.1]), (named(EffectId::Delay), vec![]));
+        assert_eq!(
+            of(&found, [0.49, 0.3, 0.1]),
+            (named(EffectId::Delay), vec![lag.clone()])
+        );
+        // 0.78 and 0.75 of 0.9: 85 % are 0.765.
+        assert_eq!(of(&found, [0.48, 0.3, 0.12]).1, vec![lag.clone()]);
+        assert_eq!(of(&found, [0.45, 0.3, 0.15]).1, vec![lag.clone(), creep.clone()]);
+        let mut left = Evidence {
+            left_percent: 2.0,
+            left_excess: 3e-4,
+            ..evidence()
+        };
+        left.rounds[0].candidates[1].statistic = 19.5;
+        assert_eq!(of(&left, [0.91, 0.04, 0.03]).0, named(EffectId::Delay));
+        assert_eq!(of(&left, [0.89, 0.04, 0.03]), (Verdict::Unknown, vec![delay.clone()]));
+        left.rounds[0].taken = None;
+        left.rounds.truncate(1);
+        assert_eq!(of(&left, [0.91, 0.04, 0.03]), (named(EffectId::Delay), vec![]));
+        assert_eq!(of(&left, [0.5, 0.3, 0.1]), (Verdict::Unknown, vec![delay, lag]));
     }
 
     #[test]
@@ -499,7 +548,7 @@ mod tests {
             let mut evidence = evidence();
             evidence.rounds[0].candidates[1].statistic = statistic;
             evidence.rounds[0].candidates[1].likelihood = likelihood;
-            decide(&evidence, &Thresholds::DEFAULT).set
+            decided(&evidence).set
         };
         let lag: Vec<EffectName> = vec![EffectId::FirstOrderLag.into()];
         assert_eq!(set_of(19.0, 190.0), lag);
@@ -545,7 +594,7 @@ mod tests {
                 ],
                 ..Bends::default()
             };
-            decide(&evidence, &Thresholds::DEFAULT)
+            decided(&evidence)
         };
         assert_eq!(of(0.27, 0.1, 0.0).verdict, Verdict::Nothing);
         assert_eq!(of(0.33, 0.1, 0.0).verdict, Verdict::Nothing);
@@ -668,7 +717,7 @@ mod tests {
             evidence.rounds[0].candidates =
                 vec![candidate(EffectId::Creep, 10.0, 0.98), Candidate { against, ..rival }];
             evidence.rounds[0].taken = Some(EffectId::Creep.into());
-            let decision = decide(&evidence, &Thresholds::DEFAULT);
+            let decision = decided(&evidence);
             (decision.verdict, decision.set)
         };
         let both: Vec<EffectName> = vec![EffectId::Creep.into(), EffectId::SlewLimit.into()];
@@ -685,7 +734,7 @@ mod tests {
                 ..evidence()
             };
             evidence.rounds[0].candidates[1].statistic = statistic;
-            decide(&evidence, &Thresholds::DEFAULT).set
+            decided(&evidence).set
         };
         let lag = vec![EffectName::from(EffectId::FirstOrderLag)];
         assert_eq!([set_of(true, 2.1), set_of(true, 1.9)], [lag, vec![]]);
@@ -699,7 +748,7 @@ mod tests {
             (evidence.shape_determined, evidence.left_percent) = (determined, left_percent);
             evidence.rounds[0].candidates[1].statistic = statistic;
             evidence.rounds[0].candidates[1].likelihood = 15.0;
-            decide(&evidence, &Thresholds::DEFAULT).set.len()
+            decided(&evidence).set.len()
         };
         assert_eq!([set_of(true, 1.1, 13.0), set_of(true, 1.3, 13.0)], [0, 1]);
         assert_eq!([set_of(false, 0.1, 13.0), set_of(false, 0.1, 11.0)], [1, 0]);

@@ -211,6 +211,39 @@ impl RateLaw {
     }
 }
 
+/// What the error of a model without an effect goes with, first of all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Mark {
+    /// The rate of the drive, in proportion to the amplitude: the phase turns.
+    Phase,
+    /// The rate of the drive, otherwise than in proportion.
+    Rate,
+    /// The position.
+    Position,
+    /// The ends of the position.
+    Ends,
+    /// The time since the drive moved.
+    Time,
+    /// The temperature, or the order of the records.
+    Temperature,
+    /// The mains.
+    Mains,
+    /// The voltage of another axis.
+    OtherAxis,
+}
+
+impl Mark {
+    /// Whether records of one sine alone can tell it: a sine that repeats does not bring it.
+    pub fn shows_in_one_sine(self) -> bool {
+        matches!(self, Self::Time | Self::Temperature | Self::Mains | Self::OtherAxis)
+    }
+
+    /// Whether a skew between the channels of voltage and position hides it.
+    pub fn hidden_by_skew(self) -> bool {
+        matches!(self, Self::Phase | Self::Rate)
+    }
+}
+
 /// One record as effects see it. All series have the length of the command; where the record is periodic, one period of
 /// run-in stands before it.
 #[derive(Debug, Clone, Copy)]
@@ -386,9 +419,9 @@ pub trait Effect: Send + Sync {
         None
     }
 
-    /// Whether records of one sine alone can tell it: what changes with time, with temperature, or with another axis.
-    fn shows_in_one_sine(&self) -> bool {
-        false
+    /// What its error goes with; `None` for equations that say nothing of it.
+    fn mark(&self) -> Option<Mark> {
+        None
     }
 
     /// Whether a parameter on its physical bound speaks against the effect: it imitates another one there.

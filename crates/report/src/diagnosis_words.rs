@@ -33,7 +33,7 @@ pub fn verdict_sentence(diagnosis: &Diagnosis) -> String {
             "Structure remains that no effect of the catalogue explains.".to_owned()
         }
         Verdict::Unknown => format!(
-            "Structure remains. It could be {}, but too much stays unexplained with it to name it.",
+            "Structure remains. It could be {}: none of them is certain enough to be named.",
             list(&diagnosis.also_possible, "or")
         ),
         Verdict::Effect(name) if *name == EffectId::HysteresisShape => {
@@ -73,6 +73,7 @@ pub(crate) fn remarks(diagnosis: &Diagnosis) -> Vec<String> {
         .iter()
         .map(|reason| sentence(reason_in_words(*reason)))
         .collect();
+    lines.extend(odds_line(diagnosis));
     if !diagnosis.further.is_empty() {
         lines.push(format!(
             "With it in the model, there is still {}.",
@@ -127,6 +128,33 @@ pub(crate) fn remarks(diagnosis: &Diagnosis) -> Vec<String> {
     let findings = diagnosis.acquisition.iter().filter(|finding| !said(finding));
     lines.extend(findings.map(|finding| format!("The recording: {finding}.")));
     lines
+}
+
+/// Probabilities below this are not said.
+const LEAST_SAID: f64 = 0.05;
+
+/// How likely each candidate is, where the verdict is not certain.
+fn odds_line(diagnosis: &Diagnosis) -> Option<String> {
+    let named = diagnosis
+        .verdict
+        .effect()
+        .filter(|name| **name != EffectId::HysteresisShape);
+    if diagnosis.odds.each.is_empty() || named.is_none() && diagnosis.verdict != Verdict::Unknown {
+        return None;
+    }
+    let said = |probability: f64| probability > LEAST_SAID;
+    let percent = |name: &str, probability: f64| format!("{name} {:.0}\u{a0}%", 100.0 * probability);
+    let each = diagnosis.odds.each.iter().filter(|likely| said(likely.probability));
+    let mut parts: Vec<String> = each
+        .map(|likely| percent(&effect_name(likely.effect.as_str(), false), likely.probability))
+        .collect();
+    if said(diagnosis.odds.none) {
+        parts.push(percent("none of the catalogue", diagnosis.odds.none));
+    }
+    Some(format!(
+        "Probabilities, from stages whose hidden effect was known: {}.",
+        parts.join(", ")
+    ))
 }
 
 /// Expected difference, in units of the unexplained error, below which a record is no promise.

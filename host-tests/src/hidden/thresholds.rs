@@ -1,65 +1,23 @@
 //! Verdicts on stored evidence with every threshold of the rules' table moved.
 
 use super::score::{Answer, Grade, Outcome, grade};
-use hysteron_diagnose::evidence::Evidence;
+use crate::stored::Stored;
 use hysteron_diagnose::rules::{RULES, Thresholds};
 use hysteron_diagnose::verdict::decide;
-use serde::{Deserialize, Serialize};
 use std::fmt::Write;
-use std::path::Path;
 
 /// Factors that each threshold is moved by.
 const FACTORS: [f64; 2] = [0.7, 1.3];
 
-/// The evidence of one case, and the verdicts that are right.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Stored {
-    /// The seed of the case.
-    pub seed: u64,
-    /// Verdicts that are right.
-    pub accepted: Vec<String>,
-    /// The numbers that a verdict comes from.
-    pub evidence: Evidence,
-}
-
 impl From<&Outcome> for Stored {
     fn from(outcome: &Outcome) -> Self {
+        let accepted = outcome.truth.accepted_verdicts().into_iter();
         Self {
             seed: outcome.seed,
-            accepted: outcome
-                .truth
-                .accepted_verdicts()
-                .into_iter()
-                .map(str::to_owned)
-                .collect(),
+            accepted: accepted.map(str::to_owned).collect(),
             evidence: outcome.answer.evidence.clone(),
         }
     }
-}
-
-/// Writes evidence, a case a line.
-///
-/// # Errors
-/// A folder or file that cannot be written.
-pub fn store(path: &Path, outcomes: &[Outcome]) -> std::io::Result<()> {
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder)?;
-    }
-    let mut text = String::new();
-    for outcome in outcomes {
-        text.push_str(&serde_json::to_string(&Stored::from(outcome))?);
-        text.push('\n');
-    }
-    std::fs::write(path, text)
-}
-
-/// Reads what [`store`] has written.
-///
-/// # Errors
-/// A file that is absent, or no evidence.
-pub fn stored(path: &Path) -> std::io::Result<Vec<Stored>> {
-    let text = std::fs::read_to_string(path)?;
-    text.lines().map(|line| Ok(serde_json::from_str(line)?)).collect()
 }
 
 /// Counts of one setting of the thresholds.
@@ -135,6 +93,7 @@ fn cell(usual: Counts, moved: Counts) -> String {
 mod tests {
     use super::*;
     use hysteron_diagnose::diagnosis::Before;
+    use hysteron_diagnose::evidence::Evidence;
     use hysteron_diagnose::rules::RuleId;
 
     /// An error of 0.35 % that nothing explains: `unknown` above the threshold of 0.3 %, `none` below it.

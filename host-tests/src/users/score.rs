@@ -361,6 +361,7 @@ mod tests {
             },
             starred: Vec::new(),
             next: None,
+            evidence: Default::default(),
         }
     }
 

@@ -1,7 +1,8 @@
 //! All calls of the tool that is measured, and nothing else: where its interface changes, only this file does.
 
 use hysteron_data::Dataset;
-use hysteron_diagnose::{diagnose, learn_from};
+use hysteron_diagnose::evidence::Evidence;
+use hysteron_diagnose::{examine, learn_from};
 use hysteron_identify::{Family, FitOptions, IdentifyError, Model, fit, present_step};
 
 /// A record that the tool asks for.
@@ -32,6 +33,8 @@ pub struct Said {
     pub starred: Vec<String>,
     /// The record to take next.
     pub next: Option<Wanted>,
+    /// The numbers behind it.
+    pub evidence: Evidence,
 }
 
 impl Said {
@@ -57,9 +60,10 @@ pub fn start(dataset: &Dataset, family: Family) -> Result<Model, IdentifyError> 
 
 /// What is missing in a model.
 pub fn ask(dataset: &Dataset, model: &Model) -> Said {
-    let said = diagnose(dataset, model, &|_, _| {});
+    let (said, evidence) = examine(dataset, model, &[], &|_, _| {});
     let starred = said.ranking.iter().filter(|entry| entry.significant);
     Said {
+        evidence,
         starred: starred.map(|entry| entry.effect.to_string()).collect(),
         verdict: said.verdict.as_str().to_owned(),
         also_possible: said.also_possible.iter().map(ToString::to_string).collect(),

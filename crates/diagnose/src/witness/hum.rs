@@ -29,8 +29,8 @@ const LOWEST_TWO: f64 = 0.25;
 /// Mains deviates by at most 0.5 Hz in large grids.
 const BAND_HZ: f64 = 0.5;
 
-/// Records sampled more slowly have fewer than ten samples a period of the mains.
-pub(crate) const LONGEST_PERIOD_S: f64 = 1.0 / 600.0;
+/// Records sampled more slowly have fewer than four samples a period of the mains.
+const LONGEST_PERIOD_S: f64 = 1.0 / 240.0;
 
 /// Three periods of the mains.
 const SHORTEST_S: f64 = 3.0 / 50.0;

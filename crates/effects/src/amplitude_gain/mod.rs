@@ -1,7 +1,7 @@
 //! `amplitude-gain`
 
 use crate::compensator::{Compensation, Compensator};
-use crate::effect::{Bounds, Description, Effect, Facts, Place, Scene, Shape};
+use crate::effect::{Bounds, Description, Effect, Facts, Mark, Place, Scene, Shape};
 use crate::family::MAX_PLAYS;
 use crate::id::{EffectId, EffectName};
 
@@ -57,6 +57,10 @@ impl Effect for AmplitudeGain {
 
     fn description(&self) -> &'static Description {
         &DESCRIPTION
+    }
+
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Position)
     }
 
     fn bounds(&self, _: &Facts) -> Result<Vec<Bounds>, String> {

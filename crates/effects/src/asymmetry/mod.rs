@@ -1,7 +1,7 @@
 //! `asymmetry`
 
 use crate::compensator::{Compensation, Compensator};
-use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 
 pub(crate) struct Asymmetry;
@@ -54,6 +54,10 @@ impl Effect for Asymmetry {
 
     fn description(&self) -> &'static Description {
         &DESCRIPTION
+    }
+
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Position)
     }
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {

@@ -1,7 +1,7 @@
 //! `backlash`
 
 use crate::compensator::Compensation;
-use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use hysteron_core::effects::Block;
 use hysteron_core::effects::backlash;
@@ -38,6 +38,10 @@ impl Effect for Backlash {
 
     fn description(&self) -> &'static Description {
         &DESCRIPTION
+    }
+
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Position)
     }
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {

@@ -1,7 +1,7 @@
 //! `creep`
 
 use crate::compensator::{Compensation, Compensator, CreepElement};
-use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use crate::run;
 
@@ -60,8 +60,8 @@ impl Effect for Creep {
         EffectId::Creep.into()
     }
 
-    fn shows_in_one_sine(&self) -> bool {
-        true
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Time)
     }
 
     fn description(&self) -> &'static Description {

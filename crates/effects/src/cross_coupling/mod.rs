@@ -1,7 +1,7 @@
 //! `cross-coupling`
 
 use crate::compensator::{Compensation, Compensator};
-use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use hysteron_core::effects::Block;
 use hysteron_core::effects::coupling::Coupling;
@@ -48,8 +48,8 @@ impl Effect for CrossCoupling {
         EffectId::CrossCoupling.into()
     }
 
-    fn shows_in_one_sine(&self) -> bool {
-        true
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::OtherAxis)
     }
 
     fn description(&self) -> &'static Description {

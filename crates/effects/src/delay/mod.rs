@@ -1,7 +1,7 @@
 //! `delay`
 
 use crate::compensator::{Compensation, Compensator};
-use crate::effect::{Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::effect::{Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use crate::run;
 use hysteron_core::effects::delay;
@@ -57,6 +57,10 @@ impl Effect for Delay {
 
     fn description(&self) -> &'static Description {
         &DESCRIPTION
+    }
+
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Phase)
     }
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {

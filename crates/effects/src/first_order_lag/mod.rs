@@ -1,7 +1,7 @@
 //! `first-order-lag`
 
 use crate::compensator::{Compensation, Compensator};
-use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use crate::run;
 
@@ -48,6 +48,10 @@ impl Effect for FirstOrderLag {
 
     fn description(&self) -> &'static Description {
         &DESCRIPTION
+    }
+
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Phase)
     }
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {

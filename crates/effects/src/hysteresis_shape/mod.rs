@@ -1,7 +1,7 @@
 //! `hysteresis-shape`
 
 use crate::compensator::{Compensation, Compensator};
-use crate::effect::{Bounds, Description, Effect, Facts, Place, Scene, Shape};
+use crate::effect::{Bounds, Description, Effect, Facts, Mark, Place, Scene, Shape};
 use crate::family::{FREE_PLAYS, Family};
 use crate::id::{EffectId, EffectName};
 
@@ -36,6 +36,10 @@ impl Effect for HysteresisShape {
 
     fn description(&self) -> &'static Description {
         &DESCRIPTION
+    }
+
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Position)
     }
 
     fn bounds(&self, _: &Facts) -> Result<Vec<Bounds>, String> {

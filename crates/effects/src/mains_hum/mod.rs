@@ -1,7 +1,7 @@
 //! `mains-hum`
 
 use crate::compensator::{Compensation, Compensator};
-use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use hysteron_core::effects::hum::Hum;
 use std::f64::consts::TAU;
@@ -61,8 +61,8 @@ impl Effect for MainsHum {
         EffectId::MainsHum.into()
     }
 
-    fn shows_in_one_sine(&self) -> bool {
-        true
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Mains)
     }
 
     fn description(&self) -> &'static Description {

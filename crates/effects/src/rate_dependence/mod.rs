@@ -1,7 +1,7 @@
 //! `rate-dependence`
 
 use crate::compensator::Compensation;
-use crate::effect::{Bounds, Description, Effect, Facts, Named, Place, RateLaw, Scene};
+use crate::effect::{Bounds, Description, Effect, Facts, Mark, Named, Place, RateLaw, Scene};
 use crate::family::Family;
 use crate::id::{EffectId, EffectName};
 use hysteron_core::envelope::Envelope;
@@ -74,6 +74,10 @@ impl Effect for RateDependence {
 
     fn description(&self) -> &'static Description {
         &DESCRIPTION
+    }
+
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Rate)
     }
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {

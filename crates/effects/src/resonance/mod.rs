@@ -1,7 +1,7 @@
 //! `resonance`
 
 use crate::compensator::{Compensation, Compensator, StageMode};
-use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use crate::run;
 use hysteron_core::effects::resonance::Mode;
@@ -52,6 +52,13 @@ static DESCRIPTION: Description = Description {
 /// Above this a structure with its payload is a delay to any controller here, hertz.
 const HIGHEST_HZ: f64 = 2e4;
 
+/// Records of a second and less show modes from here on, hertz; below [`LOWEST_HZ`] no stage has one.
+const LOWEST_USUAL_HZ: f64 = 20.0;
+const LOWEST_HZ: f64 = 1.0;
+
+/// Periods of a mode in the longest record, at the least: a slower one is a creep to these records.
+const LEAST_PERIODS: f64 = 20.0;
+
 impl Effect for Resonance {
     fn name(&self) -> EffectName {
         EffectId::Resonance.into()
@@ -66,10 +73,16 @@ impl Effect for Resonance {
         &DESCRIPTION
     }
 
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Phase)
+    }
+
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
         // Ringing at the grid's Nyquist frequency and above would come back folded.
         let highest = (0.45 / facts.finest_grid_s).min(HIGHEST_HZ);
-        let lowest = 20.0_f64.min(0.1 * highest);
+        let lowest = (LEAST_PERIODS / facts.longest_s)
+            .clamp(LOWEST_HZ, LOWEST_USUAL_HZ)
+            .min(0.1 * highest);
         let frequency = |neutral: f64| Bounds::new(lowest, highest, 0.02 * highest, neutral);
         // More damping than 0.1 imitates lag and delay.
         let damping = Bounds::new(1e-3, 0.1, 0.01, 0.02);

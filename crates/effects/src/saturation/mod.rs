@@ -1,7 +1,7 @@
 //! `saturation`
 
 use crate::compensator::Compensation;
-use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use hysteron_core::effects::saturation;
 
@@ -57,6 +57,14 @@ impl Effect for Saturation {
 
     fn description(&self) -> &'static Description {
         &DESCRIPTION
+    }
+
+    fn bends_the_loops(&self) -> bool {
+        true
+    }
+
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Ends)
     }
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {

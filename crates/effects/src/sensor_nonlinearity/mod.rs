@@ -1,7 +1,7 @@
 //! `sensor-nonlinearity`
 
 use crate::compensator::{Compensation, Compensator};
-use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use hysteron_core::effects::sensor::SensorCurve;
 
@@ -52,6 +52,10 @@ impl Effect for SensorNonlinearity {
 
     fn description(&self) -> &'static Description {
         &DESCRIPTION
+    }
+
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Position)
     }
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {

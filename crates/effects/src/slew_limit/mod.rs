@@ -1,7 +1,7 @@
 //! `slew-limit`
 
 use crate::compensator::Compensation;
-use crate::effect::{Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::effect::{Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use crate::run;
 use hysteron_core::effects::slew;
@@ -34,6 +34,10 @@ impl Effect for SlewLimit {
 
     fn description(&self) -> &'static Description {
         &DESCRIPTION
+    }
+
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Rate)
     }
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {

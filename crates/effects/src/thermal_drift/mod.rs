@@ -1,7 +1,7 @@
 //! `thermal-drift`
 
 use crate::compensator::{Compensation, Compensator};
-use crate::effect::{Acts, Bounds, Description, Effect, Facts, Named, Place, Scene, Signals};
+use crate::effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use crate::series;
 use hysteron_core::effects::thermal::Thermal;
@@ -60,8 +60,8 @@ impl Effect for ThermalDrift {
         EffectId::ThermalDrift.into()
     }
 
-    fn shows_in_one_sine(&self) -> bool {
-        true
+    fn mark(&self) -> Option<Mark> {
+        Some(Mark::Temperature)
     }
 
     fn zero_um_per_k(&self, values: &[f64]) -> Option<f64> {
