@@ -131,7 +131,7 @@ pub const RULES: [Rule; 30] = [
     rule(RuleId::NameProbability, 0.5, "less likely than all others together"),
     rule(
         RuleId::CertainProbability,
-        0.9,
+        0.95,
         "names that are less likely are wrong more often than one of twenty",
     ),
     rule(

@@ -410,16 +410,16 @@ mod tests {
         }
     }
 
-    /// Probabilities of 0.6 for the first candidate of the first round, and of 0.25 for the second.
+    /// Probabilities of 0.65 for the first candidate of the first round, and of 0.25 for the second.
     fn decided(evidence: &Evidence) -> Decision {
         let first = evidence.rounds.iter().find(|round| !round.of_family);
         let candidates = first.map_or(&[][..], |round| &round.candidates);
-        let each = candidates.iter().zip([0.6, 0.25]);
+        let each = candidates.iter().zip([0.65, 0.25]);
         let odds = Odds {
             each: each
                 .map(|(c, probability)| likely(c.effect.clone(), probability))
                 .collect(),
-            none: 0.15,
+            none: 0.1,
         };
         decide_by(evidence, &odds, &Thresholds::DEFAULT)
     }
@@ -499,7 +499,7 @@ mod tests {
         assert_eq!(of(8.0, 0.5, 7.7), Verdict::Unknown);
     }
 
-    /// A name that the rules find stands alone from one half on; from nine tenths on a candidate does whatever the rules say; a set holds
+    /// A name that the rules find stands alone from one half on; from 0.95 on a candidate does whatever the rules say; a set holds
     /// 85 % of what the candidates have.
     #[test]
     fn bva_probabilities_on_both_sides() {
@@ -534,11 +534,11 @@ mod tests {
             ..evidence()
         };
         left.rounds[0].candidates[1].statistic = 19.5;
-        assert_eq!(of(&left, [0.91, 0.04, 0.03]).0, named(EffectId::Delay));
-        assert_eq!(of(&left, [0.89, 0.04, 0.03]), (Verdict::Unknown, vec![delay.clone()]));
+        assert_eq!(of(&left, [0.96, 0.02, 0.01]).0, named(EffectId::Delay));
+        assert_eq!(of(&left, [0.94, 0.03, 0.02]), (Verdict::Unknown, vec![delay.clone()]));
         left.rounds[0].taken = None;
         left.rounds.truncate(1);
-        assert_eq!(of(&left, [0.91, 0.04, 0.03]), (named(EffectId::Delay), vec![]));
+        assert_eq!(of(&left, [0.96, 0.02, 0.01]), (named(EffectId::Delay), vec![]));
         assert_eq!(of(&left, [0.5, 0.3, 0.1]), (Verdict::Unknown, vec![delay, lag]));
     }
 
