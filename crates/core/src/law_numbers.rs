@@ -1,5 +1,6 @@
 //! All numbers of a complete law: what a design file, a table and a chip's image hold of it.
 
+use crate::adaptation::Adaptation;
 use crate::bank::PlayBank;
 use crate::biquad::Biquad;
 use crate::corner_polynomial::CornerPolynomial;
@@ -69,6 +70,8 @@ pub struct LawNumbers {
     pub heat: Option<[f64; 4]>,
     /// The sensor's curve: middle (um), quadratic (1/um), cubic (1/um^2).
     pub sensor: Option<[f64; 3]>,
+    /// Gain and zero, learned while the law runs; as designed without.
+    pub adaptation: Option<AdaptationNumbers>,
 }
 
 /// Elements of creep.
@@ -123,6 +126,21 @@ pub struct TrustNumbers {
     pub slow_v: f64,
     /// Its rate.
     pub slow_v_per_s: f64,
+}
+
+/// What is learned while the law runs: see [`Adaptation`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AdaptationNumbers {
+    /// Most that the gain may change, a share.
+    pub gain_bound: f64,
+    /// Most that the zero may change.
+    pub zero_bound_um: f64,
+    /// Time constant of learning.
+    pub time_s: f64,
+    /// What of a miss is taken for noise.
+    pub dead_um: f64,
+    /// Motion of the stage for a volt of the feedback's.
+    pub um_per_v: f64,
 }
 
 /// The mains' hum: see [`HumCanceller::new`].
@@ -209,6 +227,7 @@ impl LawNumbers {
             heat: heat.transpose()?,
             sensor: sensor.transpose()?,
             sensor_lag: sensor_lag.transpose()?,
+            adaptation: self.adaptation.map(|part| part.adaptation(rate_hz)).transpose()?,
         })
     }
 }
@@ -250,6 +269,24 @@ impl FeedbackNumbers {
             damping: section(self.damping)?,
             trust: self.trust.map(|trust| trust.trust(sample_rate_hz)).transpose()?,
         })
+    }
+}
+
+impl AdaptationNumbers {
+    /// The part, in the number type of the host or the chip.
+    ///
+    /// # Errors
+    /// Values that the core refuses.
+    #[cold]
+    pub fn adaptation<T: Real>(&self, sample_rate_hz: f64) -> Result<Adaptation<T>, ParamError> {
+        Adaptation::new(
+            self.gain_bound,
+            self.zero_bound_um,
+            self.time_s,
+            self.dead_um,
+            self.um_per_v,
+            sample_rate_hz,
+        )
     }
 }
 

@@ -8,13 +8,14 @@
 //!   [`corners`] of the input, for many plays: [`corner_mrpi`], [`corner_polynomial`]
 //! - control: [`pi_controller`] (14), [`limiter`], [`control_law`] (15), [`codes`]; the complete inverse with feedback in
 //!   [`tracking_law`], made of [`preview`], [`biquad`] and the compensators beside their effects in [`effects`]; other axis, mains,
-//!   heat and sensor around it in [`surroundings`]; all of its numbers, from which host and chip build it, in [`law_numbers`]
+//!   heat and sensor around it in [`surroundings`]; gain and zero learned while it runs in [`adaptation`]; all of its numbers, from which host and chip build it, in [`law_numbers`]
 #![no_std]
 #![forbid(unsafe_code)]
 
 #[cfg(test)]
 extern crate std;
 
+pub mod adaptation;
 pub mod bank;
 pub mod biquad;
 pub mod codes;

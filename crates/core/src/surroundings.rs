@@ -1,5 +1,6 @@
 //! The complete law among its surroundings: another axis, the mains, heat and the sensor's own character undone.
 
+use crate::adaptation::{Adaptation, AdaptationState, Sample};
 use crate::effects::Block;
 use crate::effects::admit;
 use crate::effects::coupling::{Coupling, CouplingState};
@@ -83,6 +84,8 @@ pub struct Surroundings<T> {
     pub sensor: Option<SensorInverse<T>>,
     /// The sensor's own lag: the reference that is due is compared with through the same.
     pub sensor_lag: Option<Lag<T>>,
+    /// Gain and zero, learned while the law runs.
+    pub adaptation: Option<Adaptation<T>>,
 }
 
 impl<T: Real> Surroundings<T> {
@@ -96,6 +99,7 @@ impl<T: Real> Surroundings<T> {
             heat: None,
             sensor: None,
             sensor_lag: None,
+            adaptation: None,
         }
     }
 }
@@ -160,6 +164,7 @@ pub struct ChainState<T, const TAPS: usize, const PLAYS: usize, const FAST: usiz
     hum: Option<HumCancellerState<T, HARMONICS>>,
     heat: Option<HeatState<T>>,
     sensor_lag: Option<LagState<T>>,
+    adaptation: Option<AdaptationState<T>>,
 }
 
 impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize>
@@ -191,6 +196,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
                 .surroundings
                 .sensor_lag
                 .map(|part| part.rest_at(self.surroundings.rest)),
+            adaptation: self.surroundings.adaptation.map(|_| AdaptationState::default()),
         }
     }
 
@@ -215,7 +221,18 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         if let (Some(part), Some(memory)) = (&self.surroundings.hum, &mut state.hum) {
             part.learn(memory, error);
         }
-        self.tracking.close(&mut state.tracking, command, error, limiter)
+        let allowed = self.tracking.close(&mut state.tracking, command, error, limiter);
+        if let (Some(part), Some(memory)) = (&self.surroundings.adaptation, &mut state.adaptation) {
+            let sample = Sample {
+                motion: state.due - self.surroundings.rest,
+                error,
+                correction: state.tracking.correction(),
+                // Another limiter is the one of the way from rest.
+                counts: core::ptr::eq(limiter, &self.tracking.limiter) && !state.tracking.limiter().limited(),
+            };
+            part.learn(memory, sample);
+        }
+        allowed
     }
 
     /// One sample of a stage whose command is not the law's: on its way to a safe level, or held there.
@@ -258,6 +275,9 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         }
         if let (Some(part), Some(memory)) = (&around.heat, &mut state.heat) {
             target = part.undo(memory, target, input.temperature_c);
+        }
+        if let (Some(part), Some(memory)) = (&around.adaptation, &state.adaptation) {
+            target = part.adapted(memory, target);
         }
         let command = self.tracking.feedforward.step(&mut state.tracking.feedforward, target);
         let due = self.take_in(state, input.reference_ahead);
@@ -304,6 +324,11 @@ impl<T: Copy, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     /// What the feedback was allowed to add to the last command, volts.
     pub fn correction(&self) -> T {
         self.tracking.correction()
+    }
+
+    /// What was learned of gain and zero; `None` in a law that does not learn.
+    pub fn adaptation(&self) -> Option<&AdaptationState<T>> {
+        self.adaptation.as_ref()
     }
 
     /// Whether the last command met a limit.

@@ -2,7 +2,9 @@
 //! wind-up, `f32` against `f64`.
 #![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
 
-use hysteron_core::law_numbers::{CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers, TrustNumbers};
+use hysteron_core::law_numbers::{
+    AdaptationNumbers, CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers, TrustNumbers,
+};
 use hysteron_core::real::Real;
 use hysteron_core::surroundings::{HARMONICS, LoopInput};
 use hysteron_core::tracking_law::{CREEP_FAST, CREEP_SLOW, PLAYS, TAPS};
@@ -62,6 +64,7 @@ fn plain() -> LawNumbers {
         hum: None,
         heat: None,
         sensor: None,
+        adaptation: None,
     }
 }
 
@@ -122,6 +125,13 @@ fn everything() -> LawNumbers {
     });
     numbers.heat = Some([20.0, 0.01, 0.05, 0.002]);
     numbers.sensor = Some([5.0, 4e-3, -2e-4]);
+    numbers.adaptation = Some(AdaptationNumbers {
+        gain_bound: 0.01,
+        zero_bound_um: 0.01,
+        time_s: 0.1,
+        dead_um: 0.002,
+        um_per_v: 0.1,
+    });
     numbers
 }
 
@@ -246,6 +256,16 @@ const CHANGES: &[Change] = &[
     ("coupling threshold", |n| {
         n.coupling = n.coupling.map(|[g, d, p, r]| [g, d, p, 5.0 * r])
     }),
+    ("adapted gain", |n| of_adaptation(n, |part| part.gain_bound = 0.005)),
+    ("adapted zero", |n| of_adaptation(n, |part| part.zero_bound_um = 0.001)),
+    ("time of adaptation", |n| of_adaptation(n, |part| part.time_s = 0.2)),
+    ("dead zone of adaptation", |n| {
+        of_adaptation(n, |part| part.dead_um = 0.05)
+    }),
+    ("um_per_v of adaptation", |n| {
+        of_adaptation(n, |part| part.um_per_v = 0.2)
+    }),
+    ("no adaptation", |n| n.adaptation = None),
     ("cross_um_per_um", |n| n.cross_um_per_um = Some(0.03)),
     ("hum frequency", |n| of_hum(n, |hum| hum.frequency_hz = 60.0)),
     ("hum sensitivity", |n| of_hum(n, |hum| hum.sensitivity[0] = [0.5, 0.4])),
@@ -289,6 +309,10 @@ const CHANGES: &[Change] = &[
     ("no sensor", |n| n.sensor = None),
     ("no second mode", |n| n.second_mode = IDENTITY),
 ];
+
+fn of_adaptation(numbers: &mut LawNumbers, change: fn(&mut AdaptationNumbers)) {
+    change(numbers.adaptation.as_mut().unwrap());
+}
 
 fn of_hum(numbers: &mut LawNumbers, change: impl Fn(&mut HumNumbers)) {
     numbers.hum.iter_mut().for_each(change);
@@ -565,6 +589,7 @@ fn val_feedback_stays_about_the_feedforward() {
 fn val_following_keeps_the_states() {
     let mut numbers = everything();
     numbers.hum = None;
+    numbers.adaptation = None;
     let law = numbers.law::<f64>().unwrap();
     let (mut driven, mut following) = (law.rest(20.0), law.rest(20.0));
     let at = |k: usize| LoopInput {
