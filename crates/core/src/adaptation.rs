@@ -121,6 +121,21 @@ impl<T: Real> Adaptation<T> {
         })
     }
 
+    /// Bounds of gain and zero, dead zone, motion for a volt, share of a sample in a block, rate of learning, least mean square of the
+    /// swing; and the samples of a block.
+    pub fn coefficients(&self) -> ([T; 7], u32) {
+        let numbers = [
+            self.gain_bound,
+            self.zero_bound,
+            self.dead,
+            self.um_per_v,
+            self.share_of_a_sample,
+            self.rate,
+            self.least_square,
+        ];
+        (numbers, self.samples)
+    }
+
     /// The target of the inverse with what was learned.
     #[inline(always)]
     pub fn adapted(&self, state: &AdaptationState<T>, target: T) -> T {

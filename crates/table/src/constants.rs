@@ -123,8 +123,10 @@ pub type Law = crate::law::Complete;
 pub fn law() -> Result<Law, hysteron_core::error::ParamError> {
     Ok(Law::new(NUMBERS.law()?, SLOPES_V_PER_UM[0]))
 }
-#[allow(unused_imports, reason = \"a law without feedback or hum has no numbers of them\")]
-use hysteron_core::law_numbers::{CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers, TrustNumbers};
+#[allow(unused_imports, reason = \"a law without a part has no numbers of it\")]
+use hysteron_core::law_numbers::{
+    AdaptationNumbers, CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers, TrustNumbers,
+};
 ";
 
 impl Table {

@@ -8,7 +8,8 @@ use hysteron_core::effects::creep::CreepInverse;
 use hysteron_core::effects::lag::{HeldLagInverse, Lag};
 use hysteron_core::error::ParamError;
 use hysteron_core::law_numbers::{
-    CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LARGEST_CROSS, LawNumbers, TrustNumbers,
+    AdaptationNumbers, CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LARGEST_CROSS, LawNumbers,
+    TrustNumbers,
 };
 use hysteron_core::preview::Preview;
 use hysteron_core::surroundings::{HARMONICS, SensorInverse};
@@ -64,6 +65,9 @@ pub struct Controller {
     /// The mains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hum: Option<Hum>,
+    /// What is learned of gain and zero while the law runs; nothing without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adaptation: Option<Adaptation>,
 }
 
 /// Feedback of a [`Controller`].
@@ -132,6 +136,58 @@ pub struct Hum {
     pub sensitivity: [[f64; 2]; HARMONICS],
 }
 
+/// Gain and zero that a [`Controller`] learns while it runs, and how far it may.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Adaptation {
+    /// Most that the gain may change, a share: 0.0001 to 0.2.
+    pub gain_bound: f64,
+    /// Most that the zero may change.
+    pub zero_bound_um: f64,
+    /// Time constant of learning, 0.1 to 1000.
+    pub time_s: f64,
+    /// What of a miss is taken for noise.
+    pub dead_um: f64,
+    /// Motion of the stage for a volt.
+    pub um_per_v: f64,
+}
+
+impl Adaptation {
+    fn of(numbers: &AdaptationNumbers) -> Self {
+        let &AdaptationNumbers {
+            gain_bound,
+            zero_bound_um,
+            time_s,
+            dead_um,
+            um_per_v,
+        } = numbers;
+        Self {
+            gain_bound,
+            zero_bound_um,
+            time_s,
+            dead_um,
+            um_per_v,
+        }
+    }
+
+    fn numbers(&self) -> AdaptationNumbers {
+        let &Self {
+            gain_bound,
+            zero_bound_um,
+            time_s,
+            dead_um,
+            um_per_v,
+        } = self;
+        AdaptationNumbers {
+            gain_bound,
+            zero_bound_um,
+            time_s,
+            dead_um,
+            um_per_v,
+        }
+    }
+}
+
 impl Table {
     /// The table of a complete law: everything but references, safe level, ramp and converters is taken from its numbers.
     ///
@@ -189,6 +245,7 @@ impl Table {
                     largest_um: hum.largest_um,
                     sensitivity: hum.sensitivity,
                 }),
+                adaptation: law.adaptation.as_ref().map(Adaptation::of),
             }),
             ..self
         }
@@ -245,6 +302,7 @@ impl Table {
             }),
             heat: part.heat,
             sensor: part.sensor,
+            adaptation: part.adaptation.as_ref().map(Adaptation::numbers),
         }))
     }
 
@@ -355,6 +413,9 @@ impl Controller {
         }
         if let Some([middle, c2, c3]) = self.sensor {
             named("controller.sensor", SensorInverse::<f32>::new(middle, c2, c3))?;
+        }
+        if let Some(part) = &self.adaptation {
+            named("controller.adaptation", part.numbers().adaptation::<f32>(rate_hz))?;
         }
         if let Some(share) = self.cross_um_per_um.filter(|share| share.abs() > LARGEST_CROSS) {
             let reason = format!("must lie in -{LARGEST_CROSS} to {LARGEST_CROSS}");

@@ -16,7 +16,7 @@ mod supervision;
 pub use banks::{MOST_BANKS, constants_of_banks};
 pub use c::CCode;
 pub use check::Sweep;
-pub use controller::{Controller, Feedback, Hum, Trust};
+pub use controller::{Adaptation, Controller, Feedback, Hum, Trust};
 pub use covered::Covered;
 pub use inverse::Inverse;
 pub use supervision::LEAST_TRUST;

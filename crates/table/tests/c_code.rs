@@ -13,7 +13,7 @@ use hysteron_core::mpi::MpiCoefficients;
 use hysteron_core::pi_controller::PiController;
 use hysteron_core::surroundings::LoopInput;
 use hysteron_core::thresholds::Thresholds;
-use hysteron_table::{Family, Hum, Table};
+use hysteron_table::{Adaptation, Family, Hum, Table};
 use std::fmt::Write;
 use std::path::Path;
 use std::process::Command;
@@ -273,9 +273,17 @@ fn val_every_part_of_a_complete_law_is_the_same_in_c() {
         largest_um: 0.05,
         sensitivity: [[0.1, 0.2], [0.3, 0.4], [0.0, 0.0], [0.5, 0.6], [0.7, 0.6]],
     });
+    part.adaptation = Some(Adaptation {
+        gain_bound: 0.05,
+        zero_bound_um: 0.1,
+        time_s: 0.5,
+        dead_um: 0.002,
+        um_per_v: 0.1,
+    });
     same("all parts", &table, text, |inputs| complete(&table, inputs));
     let part = table.controller.as_mut().unwrap();
     (part.coupling, part.cross_um_per_um, part.sensor, part.heat) = (None, None, None, None);
+    part.adaptation = None;
     part.feedback.as_mut().unwrap().trust = None;
     same("no trust", &table, text, |inputs| complete(&table, inputs));
     let part = table.controller.as_mut().unwrap();

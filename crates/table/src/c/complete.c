@@ -163,6 +163,56 @@ static void learn_hum(@name@_state *s, float error) {
 }
 
 //} hum
+//{ adaptation
+static float within(float x, float bound) { return larger(smaller(x, bound), -bound); }
+
+/* What the means over a block tell of gain and zero. */
+static void end_block(@name@_state *s) {
+    float motion = s->adapt_motion * ADAPTATION[4], missed = s->adapt_missed * ADAPTATION[4];
+    float swing, missed_swing;
+    uint8_t spoilt = s->adapt_spoilt;
+    s->adapt_motion = 0.0f;
+    s->adapt_missed = 0.0f;
+    s->adapt_taken = 0;
+    s->adapt_spoilt = 0;
+    if (spoilt) {
+        return;
+    }
+    if (!s->adapt_begun) {
+        s->adapt_begun = 1;
+        s->adapt_mean_motion = motion;
+        s->adapt_mean_missed = missed;
+    }
+    swing = motion - s->adapt_mean_motion;
+    missed_swing = missed - s->adapt_mean_missed;
+    s->adapt_mean_motion += ADAPTATION[5] * swing;
+    s->adapt_mean_missed += ADAPTATION[5] * missed_swing;
+    s->adapt_square += ADAPTATION[5] * (swing * swing - s->adapt_square);
+    if (s->adapt_square > ADAPTATION[6]) {
+        float asked = (missed_swing - within(missed_swing, ADAPTATION[2])) * (swing / s->adapt_square);
+        float step = within(admit(asked, 0.0f), ADAPTATION[0]);
+        s->adapt_gain = within(s->adapt_gain + ADAPTATION[5] * step, ADAPTATION[0]);
+    }
+    missed = missed - within(missed, ADAPTATION[2]);
+    s->adapt_zero = within(s->adapt_zero + ADAPTATION[5] * missed, ADAPTATION[1]);
+}
+
+/* Gain and zero, learned from what the feedforward misses. */
+static void learn_gain(@name@_state *s, float error, float correction) {
+    float motion = s->due_um - REST_UM, missed = error + ADAPTATION[3] * correction;
+    if (fabsf(missed) <= 1e6f && fabsf(motion) <= 1e6f && !@name@_limited(s)) {
+        s->adapt_motion += motion;
+        s->adapt_missed += missed;
+    } else {
+        s->adapt_spoilt = 1;
+    }
+    s->adapt_taken++;
+    if (s->adapt_taken >= ADAPTATION_SAMPLES) {
+        end_block(s);
+    }
+}
+
+//} adaptation
 //{ trust
 /* What the sensor is trusted with: about a slow part that follows at a rate. */
 static float trusted(@name@_state *s, float asked) {
@@ -192,6 +242,9 @@ static float close_loop(@name@_state *s, float command, float error) {
     command = command + bounded;
     allowed = limit(s, command);
     take(s, integral, (bounded - asked) + (allowed - command));
+//{ adaptation
+    s->adapt_correction = bounded;
+//} adaptation
     return allowed;
 }
 
@@ -238,6 +291,9 @@ float @name@_step(@name@_state *state, const @name@_input *now) {
 //{ heat
     target = undo_heat(state, target, now->temperature_c);
 //} heat
+//{ adaptation
+    target = target + state->adapt_gain * target + state->adapt_zero;
+//} adaptation
     command = feedforward(state, target);
     expected = take_in(state, now->reference_um);
 //{ sensor_lag
@@ -251,12 +307,23 @@ float @name@_step(@name@_state *state, const @name@_input *now) {
 //{ hum
     learn_hum(state, error);
 //} hum
+//{ adaptation
+    state->adapt_correction = 0.0f;
+//} adaptation
 //{ feedback
     if (state->feedback) {
-        return close_loop(state, command, error);
+        command = close_loop(state, command, error);
+    } else {
+        command = limit(state, command);
     }
 //} feedback
+//{ open
     (void)error;
-    return limit(state, command);
+    command = limit(state, command);
+//} open
+//{ adaptation
+    learn_gain(state, error, state->adapt_correction);
+//} adaptation
+    return command;
 }
 

@@ -241,6 +241,7 @@ impl Constants {
             heat,
             sensor,
             sensor_lag,
+            adaptation,
         } = surroundings;
         self.scalar("REST_UM", *rest);
         if let Some(coupling) = coupling {
@@ -264,6 +265,11 @@ impl Constants {
         }
         if let Some(sensor_lag) = sensor_lag {
             self.list("SENSOR_LAG", &sensor_lag.coefficients());
+        }
+        if let Some(adaptation) = adaptation {
+            let (numbers, samples) = adaptation.coefficients();
+            self.list("ADAPTATION", &numbers);
+            self.count("ADAPTATION_SAMPLES", format_args!("{samples}u"));
         }
     }
 }

@@ -95,6 +95,12 @@ typedef struct {
     float hum[2 * @harmonics@], hum_predicted;
     uint16_t hum_bounded;
 //} hum
+//{ adaptation
+    float adapt_gain, adapt_zero, adapt_motion, adapt_missed, adapt_correction;
+    float adapt_mean_motion, adapt_mean_missed, adapt_square;
+    uint32_t adapt_taken;
+    uint8_t adapt_spoilt, adapt_begun;
+//} adaptation
 //{ heat
     float heat_output, heat_input;
 //} heat

@@ -49,6 +49,9 @@ enum Part {
     Sensor,
     Lag,
     SensorLag,
+    Adaptation,
+    /// No feedback.
+    Open,
 }
 
 impl Part {
@@ -80,6 +83,8 @@ impl Part {
             Self::Sensor => "sensor",
             Self::Lag => "lag",
             Self::SensorLag => "sensor_lag",
+            Self::Adaptation => "adaptation",
+            Self::Open => "open",
         }
     }
 }
@@ -223,6 +228,8 @@ fn complete_parts(law: &CompleteLaw<f32>) -> Vec<Part> {
         (Part::Heat, around.heat.is_some()),
         (Part::Sensor, around.sensor.is_some()),
         (Part::SensorLag, around.sensor_lag.is_some()),
+        (Part::Adaptation, around.adaptation.is_some()),
+        (Part::Open, law.tracking.feedback.is_none()),
         (Part::Lag, around.sensor_lag.is_some() || around.heat.is_some()),
     ];
     let there = some.into_iter().filter_map(|(part, there)| there.then_some(part));
