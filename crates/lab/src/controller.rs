@@ -72,6 +72,7 @@ impl Wished {
             rigid_hz: self.rigid_hz,
             beyond_records: self.beyond_records,
             open: self.open,
+            ..usual
         };
         wishes.check().map_err(Refusal::unusable)?;
         Ok((wishes, given))

@@ -311,6 +311,7 @@ pub(crate) fn design(
         rigid_hz,
         beyond_records,
         open,
+        ..usual
     };
     let along: Vec<Record> = along.map_or_else(Vec::new, |along| along.borrow().data.records.clone());
     let answer = if let Ok(model) = source.cast::<Model>() {

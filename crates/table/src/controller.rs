@@ -136,6 +136,11 @@ pub struct Hum {
     pub sensitivity: [[f64; 2]; HARMONICS],
 }
 
+/// Time constant of learning: a change is gone to a hundredth after five, and a period of 10 Hz is a tenth of it.
+const ADAPTATION_S: f64 = 1.0;
+/// What is taken for noise, of the stroke: the noise of a good sensor averaged over a millisecond.
+const DEAD_SHARE: f64 = 1e-4;
+
 /// Gain and zero that a [`Controller`] learns while it runs, and how far it may.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -153,6 +158,17 @@ pub struct Adaptation {
 }
 
 impl Adaptation {
+    /// Of a stage that moves by `stroke_um` over `range_v`: up to a share of its gain, and as much of the stroke in its zero.
+    pub fn within(gain_bound: f64, stroke_um: f64, range_v: f64) -> Self {
+        Self {
+            gain_bound,
+            zero_bound_um: gain_bound * stroke_um,
+            time_s: ADAPTATION_S,
+            dead_um: DEAD_SHARE * stroke_um,
+            um_per_v: stroke_um / range_v,
+        }
+    }
+
     fn of(numbers: &AdaptationNumbers) -> Self {
         let &AdaptationNumbers {
             gain_bound,
@@ -170,7 +186,8 @@ impl Adaptation {
         }
     }
 
-    fn numbers(&self) -> AdaptationNumbers {
+    /// As the core takes them.
+    pub fn numbers(&self) -> AdaptationNumbers {
         let &Self {
             gain_bound,
             zero_bound_um,

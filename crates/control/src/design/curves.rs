@@ -85,6 +85,31 @@ mod tests {
     use crate::design::feedback::FeedbackDesign;
     use crate::design::{FORMAT, ReferenceKind};
 
+    /// Off by default; asked for, the law has it, and the file says so.
+    #[test]
+    fn val_adaptation_is_off_until_it_is_asked_for() {
+        let plain = Controller::design(&crate::design::stands::tests::rigid(), ReferenceKind::Previewed).unwrap();
+        assert_eq!(plain.numbers().unwrap().adaptation, None);
+        assert!(!plain.to_toml().unwrap().contains("adaptation"));
+        let adapting = plain.clone().adapting(0.05).unwrap();
+        let part = adapting.numbers().unwrap().adaptation.unwrap();
+        let stroke_um = part.zero_bound_um / 0.05;
+        assert!(part.gain_bound == 0.05 && stroke_um > 0.0);
+        assert!(adapting.law::<f32>().unwrap().surroundings.adaptation.is_some());
+        assert!(adapting.to_toml().unwrap().contains("gain_bound = 0.05"));
+        let asked = crate::design::source::Wishes {
+            adapt_percent: Some(50.0),
+            ..crate::design::source::Wishes::default()
+        };
+        assert!(
+            asked
+                .check()
+                .unwrap_err()
+                .to_string()
+                .starts_with("--adapt 50: 0.01 to 20 percent")
+        );
+    }
+
     /// An integral behind a latency: `|L| = K / w`, its phase `-90 degrees - w T`, and `1 / |1 + g L|` is what is left. The sum of samples
     /// leads the integral by half of one.
     #[test]
@@ -100,6 +125,7 @@ mod tests {
             preview: Vec::new(),
             feedback: None,
             open_loop: None,
+            adaptation: None,
             model,
         };
         assert_eq!(LoopCurves::of(&controller), None);

@@ -18,6 +18,7 @@ use hysteron_core::law_numbers::{HumNumbers, LawNumbers};
 use hysteron_core::real::Real;
 use hysteron_core::surroundings::HARMONICS;
 use hysteron_identify::control::ControlModel;
+use hysteron_table::Adaptation;
 use preview::{AHEAD, PreviewQuality, TAPS, Undone};
 use serde::{Deserialize, Serialize};
 
@@ -67,6 +68,9 @@ pub struct Controller {
     /// Why there is no feedback.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub open_loop: Option<OpenLoop>,
+    /// What is learned of gain and zero while the law runs; nothing without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adaptation: Option<Adaptation>,
     /// The identified chain.
     pub model: ControlModel,
 }
@@ -98,7 +102,22 @@ impl Controller {
             preview: taps.to_vec(),
             feedback: None,
             open_loop: Some(OpenLoop::NotAsked),
+            adaptation: None,
             model: model.clone(),
+        })
+    }
+
+    /// The same controller, which learns gain and zero while it runs: the gain by `gain_bound` at most, a share.
+    ///
+    /// # Errors
+    /// An inverse of another size than the law's.
+    pub fn adapting(self, gain_bound: f64) -> Result<Self, ControlError> {
+        let inverse = self.model.inverse.numbers()?;
+        let range_v = self.model.voltage_max_v - self.model.voltage_min_v;
+        let adaptation = Adaptation::within(gain_bound, inverse.max_um - inverse.min_um, range_v);
+        Ok(Self {
+            adaptation: Some(adaptation),
+            ..self
         })
     }
 
@@ -231,6 +250,7 @@ impl Controller {
             hum: self.hum_numbers(),
             heat: around.heat,
             sensor: around.sensor,
+            adaptation: self.adaptation.as_ref().map(Adaptation::numbers),
         })
     }
 

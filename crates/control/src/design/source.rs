@@ -37,6 +37,8 @@ pub struct Wishes {
     pub beyond_records: bool,
     /// Without feedback.
     pub open: bool,
+    /// By how much the gain may be learned while the law runs, percent; it is not learned without.
+    pub adapt_percent: Option<f64>,
 }
 
 impl Default for Wishes {
@@ -49,6 +51,7 @@ impl Default for Wishes {
             rigid_hz: None,
             beyond_records: false,
             open: false,
+            adapt_percent: None,
         }
     }
 }
@@ -57,8 +60,13 @@ impl Wishes {
     /// Refuses what makes no sense whatever the source is.
     ///
     /// # Errors
-    /// [`ControlError::Wish`] for a margin outside of its range.
+    /// [`ControlError::Wish`] for a margin or an adaptation outside of its range.
     pub fn check(&self) -> Result<(), ControlError> {
+        if let Some(percent) = self.adapt_percent.filter(|percent| !(0.01..=20.0).contains(percent)) {
+            return Err(ControlError::Wish(format!(
+                "--adapt {percent}: 0.01 to 20 percent of the gain; a stage whose gain changes by more is to be recorded again"
+            )));
+        }
         let margin = self.margin;
         if (1.2..=4.0).contains(&margin) {
             return Ok(());
@@ -123,6 +131,10 @@ pub fn design(source: &Source<'_>, wishes: &Wishes) -> Result<Designed, ControlE
         controller
     } else {
         controller.with_feedback_within(wishes.margin, Effort::Whole)?
+    };
+    let controller = match wishes.adapt_percent {
+        Some(percent) => controller.adapting(percent / 100.0)?,
+        None => controller,
     };
     let last = match source {
         Source::Model { model, .. } => model.history.last(),

@@ -20,9 +20,21 @@ pub fn design_text(source: &Designed, margin: f64) -> Result<String, ControlErro
     identified(&mut text, source);
     feedforward(&mut text, controller)?;
     feedback(&mut text, controller, margin);
+    learned(&mut text, controller);
     expected(&mut text, source, controller)?;
     covered(&mut text, &controller.model.covered);
     Ok(text)
+}
+
+/// What is learned while the law runs.
+fn learned(text: &mut String, controller: &Controller) {
+    if let Some(part) = &controller.adaptation {
+        // Writing to a String does not fail.
+        let _ = writeln!(text, "LEARNED WHILE IT RUNS");
+        let _ = writeln!(text, "  gain, at most              {:8.2} %", 100.0 * part.gain_bound);
+        let _ = writeln!(text, "  zero, at most              {:8.3} um", part.zero_bound_um);
+        let _ = writeln!(text, "  time constant              {:8.1} s", part.time_s);
+    }
 }
 
 /// The chain.

@@ -16,7 +16,8 @@ use std::path::PathBuf;
 
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  hysteron design records -o controller.toml\n  hysteron design model.toml --volts 0,200 -o controller.toml\n\n\
+    after_help = "Examples:\n  hysteron design records -o controller.toml\n  hysteron design model.toml --volts 0,200 -o controller.toml\n  \
+    hysteron design model.toml --adapt 5 -o controller.toml          # gain and zero follow the stage\n\n\
     From the records of `hysteron campaign`, or from a model that `fit`, `add` and `learn` wrote. Every effect brings its\n\
     compensator: latency and modes a filter over the reference ahead, creep and hysteresis their inverses, the amplifier's lag a\n\
     lead, another axis, mains, heat and the sensor's curve their own; feedback on what is left. What has none is named.\n\n\
@@ -52,6 +53,9 @@ pub(crate) struct DesignArgs {
     /// Without feedback
     #[arg(long)]
     pub open: bool,
+    /// Let gain and zero follow the stage while the controller runs: the gain by this much at most, percent, such as 5; not without
+    #[arg(long, value_name = "PERCENT")]
+    pub adapt: Option<f64>,
     /// Where to write the controller
     #[arg(short, long, default_value = "controller.toml")]
     pub output: PathBuf,
@@ -96,6 +100,7 @@ pub(crate) fn run(args: &DesignArgs) -> Result<Done, CliError> {
         rigid_hz: args.rigid,
         beyond_records: args.beyond_records,
         open: args.open,
+        adapt_percent: args.adapt,
     };
     // Before a file is read: what is wrong with the options is said whatever the file is.
     wishes.check()?;
