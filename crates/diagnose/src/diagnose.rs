@@ -2,7 +2,7 @@
 
 use crate::bends::bends;
 use crate::diagnosis::{Before, Diagnosis, Level, Lock, Reason, Unexplained, Verdict, WhereItFails};
-use crate::evidence::{Evidence, Round, Seen, errors};
+use crate::evidence::{Evidence, Seen, errors};
 use crate::investigation::{Best, Investigation};
 use crate::next_record;
 use crate::noise;
@@ -227,25 +227,6 @@ fn noise_percent(search: &Search<'_>) -> f64 {
     let strokes: Vec<f64> = search.strokes_um().into_iter().filter(|s| *s > 0.0).collect();
     let noise = |stroke: &f64| (100.0 * search.noise_um() / stroke).powi(2);
     (strokes.iter().map(noise).sum::<f64>() / strokes.len().max(1) as f64).sqrt()
-}
-
-/// How likely the candidates of the last round are, on the chain as it stood then.
-pub(crate) fn odds_of_last_round(investigation: &Investigation<'_>) -> Odds {
-    let search = &investigation.search;
-    let standing = errors(search, search.standing());
-    let last = investigation.rounds.last().map(|round| Round {
-        of_family: false,
-        ..round.clone()
-    });
-    Odds::of(&Evidence {
-        before: standing,
-        base: standing,
-        shape_determined: investigation.shape_determined,
-        noise_percent: noise_percent(search),
-        rounds: last.into_iter().collect(),
-        free_fails: where_it_fails(&courses(investigation, &investigation.residuals())),
-        ..Evidence::default()
-    })
 }
 
 /// Where the given model fails, on the records as they are.

@@ -1,13 +1,13 @@
 //! Learns a model by itself: fits, tries every candidate, takes what records not fitted confirm, until nothing is gained any more.
 
-use crate::diagnose::{conclude, controllers_delay_s, odds_of_last_round};
+use crate::diagnose::{conclude, controllers_delay_s};
 use crate::diagnosis::{Before, Diagnosis, Reason, Unexplained, Verdict};
 use crate::evidence::Against;
 use crate::investigation::{Best, Investigation};
 use crate::ladder::percent;
 use crate::noise::noise_floor;
 use crate::reasons;
-use crate::rules::{RuleId, Thresholds};
+use crate::rules::Thresholds;
 use hysteron_acquisition::position_leads;
 use hysteron_data::Dataset;
 use hysteron_identify::add::told;
@@ -446,6 +446,9 @@ impl<'a> Climb<'a> {
 
 /// What the last round does not tell from its best candidate.
 fn rivals(investigation: &Investigation<'_>, best: &Best) -> Vec<EffectName> {
-    let set = odds_of_last_round(investigation).set(investigation.thresholds.of(RuleId::SetProbability));
-    set.into_iter().filter(|name| *name != best.effect.name()).collect()
+    let Some(round) = investigation.rounds.last() else {
+        return Vec::new();
+    };
+    let close = crate::verdict::close(round, !investigation.shape_determined, &investigation.thresholds);
+    close.into_iter().filter(|name| *name != best.effect.name()).collect()
 }

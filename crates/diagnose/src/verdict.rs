@@ -206,7 +206,7 @@ fn coarse(evidence: &Evidence, thresholds: &Thresholds) -> bool {
 }
 
 /// The candidates of a round that cannot be told from its best one, that one first.
-fn close(round: &Round, coarse: bool, thresholds: &Thresholds) -> Vec<EffectName> {
+pub(crate) fn close(round: &Round, coarse: bool, thresholds: &Thresholds) -> Vec<EffectName> {
     let significant = |c: &&Candidate| c.significant(true, thresholds);
     let Some(best) = round.candidates.iter().find(significant) else {
         return Vec::new();
