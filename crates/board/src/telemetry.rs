@@ -5,6 +5,7 @@ use hysteron_core::codes::{AdcCode, Converter};
 pub use hysteron_firmware::telemetry::About;
 use hysteron_firmware::telemetry::{ABOUT_BYTES, Found, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample, find};
 use hysteron_firmware::wire::{ACCEPTED, Hello, REFUSED};
+use std::fmt::Write;
 
 /// Bytes without a packet after which the stream is none of ours: four seconds of a board's.
 const MOST_FOREIGN_BYTES: u64 = 4 << 20;
@@ -328,4 +329,13 @@ impl Collector {
             counts: self.counts,
         })
     }
+}
+
+/// A table's hash as text.
+pub fn hex(hash: &[u8; 32]) -> String {
+    hash.iter().fold(String::new(), |mut text, byte| {
+        // Writing to a String does not fail.
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
 }

@@ -29,6 +29,9 @@ pub(crate) enum CliError {
     /// A tracking run that cannot be made.
     #[error(transparent)]
     Tracking(#[from] hysteron_tracking::TrackingError),
+    /// A trial in the emulator or on a board that cannot be made.
+    #[error(transparent)]
+    Trial(#[from] hysteron_trials::TrialError),
     /// A model that makes no table.
     #[error("{}: {source}", path.display())]
     Table {

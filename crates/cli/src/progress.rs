@@ -21,3 +21,11 @@ pub(crate) fn advance(bar: &ProgressBar, share: f64) {
         bar.set_position(position);
     }
 }
+
+/// Names what runs, and moves a bar.
+pub(crate) fn show(bar: &ProgressBar, what: &str, share: f64) {
+    if bar.message() != what {
+        bar.set_message(what.to_owned());
+    }
+    advance(bar, share);
+}

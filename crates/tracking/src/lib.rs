@@ -8,6 +8,7 @@
 pub mod bench;
 pub mod campaign;
 pub mod complete;
+pub mod ends;
 pub mod error;
 pub mod experiment;
 pub mod learning;

@@ -9,12 +9,13 @@ use crate::exit::Done;
 use crate::output;
 use clap::{Args, ValueEnum};
 use hysteron_control::design::Controller;
-use hysteron_control::export::{Bench, Ends, RAMP_RANGES_PER_S, StageEnds, export, top};
+use hysteron_control::export::{Bench, Ends, RAMP_RANGES_PER_S, export, top};
 use hysteron_identify::{Direction, Model};
-use hysteron_plant::{Converter, StageConfig};
+use hysteron_plant::StageConfig;
 use hysteron_report::law_table_text;
 use hysteron_table::gains::{Design, LoopData, design};
 use hysteron_table::{FORMAT, Family, Table, TableError};
+use hysteron_tracking::ends::ends_of;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -207,20 +208,6 @@ fn bench(args: &ExportArgs) -> Bench {
         beyond_records: args.beyond_records,
         // Where C runs there may be one.
         thermometer: args.format == Format::C,
-    }
-}
-
-/// Converters and amplifier of a simulated stage, in volts at the stack and micrometres.
-pub(crate) fn ends_of(stage: &StageConfig) -> StageEnds {
-    let scaled = |converter: Option<Converter>, factor: f64| {
-        let converter = converter.unwrap_or(Converter::BIPOLAR_16_BIT);
-        [converter.min_v * factor, converter.max_v * factor]
-    };
-    let amplifier = &stage.amplifier;
-    StageEnds {
-        amplifier_v: [amplifier.min_v, amplifier.max_v],
-        dac_v: scaled(stage.dac, amplifier.gain),
-        adc_um: scaled(stage.sensor.adc, stage.sensor.um_per_v),
     }
 }
 

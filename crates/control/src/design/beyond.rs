@@ -1,8 +1,9 @@
 //! Nothing leaves the records that were taken, unless `--beyond-records` says so: then the file remembers it.
 
+use super::Controller;
 use crate::error::ControlError;
 use hysteron_identify::Covered;
-use hysteron_identify::covered::{Envelope, Field};
+use hysteron_identify::covered::{Beyond, Envelope, Field};
 
 /// Values that are asked for, and the option that asks.
 pub struct Asked<'a> {
@@ -66,4 +67,22 @@ pub fn granted(covered: &mut Covered, asked: &[Asked<'_>], beyond_records: bool)
         }
     }
     Ok(())
+}
+
+/// Refuses references that leave the records of a controller; where that is granted, what leaves them.
+///
+/// # Errors
+/// [`ControlError::Wish`] for references that leave the records without being granted.
+pub fn references(
+    controller: &Controller,
+    range_um: [f64; 2],
+    beyond_records: bool,
+) -> Result<Vec<Beyond>, ControlError> {
+    let mut covered = Covered {
+        beyond: Vec::new(),
+        ..controller.model.covered.clone()
+    };
+    let asked = [Asked::position(&range_um, "--range LOW,HIGH")];
+    granted(&mut covered, &asked, beyond_records)?;
+    Ok(covered.beyond)
 }

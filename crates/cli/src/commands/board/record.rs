@@ -1,17 +1,13 @@
 //! `hysteron board record`.
 
 use crate::commands::board::wanted::Wanted;
-use crate::commands::board::{Axis, Piece, fault_line, hex, known_delay_line, record, write};
+use crate::commands::board::{Axis, fault_line, known_delay_line, write};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
-use hysteron_board::BoardError;
-use hysteron_board::budget;
-use hysteron_board::capture::{Start, capture};
-use hysteron_board::telemetry::Capture;
-use hysteron_data::{Dataset, Known, Record};
-use serde::Serialize;
+use hysteron_board::capture::Start;
+use hysteron_trials::recording::{Counted, Recorded, name, record, tables};
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -47,31 +43,6 @@ pub(crate) struct RecordArgs {
     pub json: bool,
 }
 
-/// What was recorded.
-#[derive(Serialize)]
-struct Answer {
-    board: String,
-    /// Of the tables that ran, in their order.
-    tables_sha256: Vec<String>,
-    seconds: f64,
-    samples: u64,
-    lost: u64,
-    /// Recordings without a gap.
-    pieces: usize,
-    /// Samples between two gaps, which are left out.
-    alone: u64,
-    /// Samples from before anybody listened, which are left out.
-    unheard: u64,
-    /// Bytes that belong to no packet.
-    foreign_bytes: u64,
-    /// Times that the board began anew.
-    restarts: u64,
-    /// Computed of the board; none where it is not known.
-    known_delay_s: Option<f64>,
-    /// Number of the first fault.
-    fault: Option<u8>,
-}
-
 pub(crate) fn run(args: &RecordArgs) -> Result<Done, CliError> {
     output::refuse_to_replace(&args.output, args.overwrite)?;
     let wish = match args.wanted.is_nothing() {
@@ -92,108 +63,25 @@ pub(crate) fn run(args: &RecordArgs) -> Result<Done, CliError> {
         None if args.run => Start::Host,
         None => Start::Nobody,
     };
-    let captured = capture(&args.from, args.seconds, start, &mut |share| {
-        progress::advance(&bar, share);
+    let recorded = record(&args.from, args.seconds, start, axis, &|share| {
+        progress::advance(&bar, share)
     });
     bar.finish_and_clear();
-    let mut captured = captured?;
-    if axis >= captured.len() {
-        return Err(BoardError::OneAxis.into());
-    }
-    let recorded = captured.swap_remove(axis);
-    let answer = answer(&recorded);
-    let fault = fault_line(recorded.pieces.iter().map(|piece| &piece.recording));
-    let dataset = dataset(recorded, captured.first(), &answer);
+    let Recorded {
+        counted: answer,
+        fault,
+        dataset,
+    } = recorded?;
     write(&dataset, &args.output, args.overwrite)?;
     if args.json {
         output::print_json(&answer)?;
     } else {
-        output::print(&text(args, &answer, &fault))?;
+        output::print(&text(args, &answer, &fault_line(fault)))?;
     }
     Ok(Done::Answered)
 }
 
-fn answer(captured: &Capture) -> Answer {
-    let about = &captured.about;
-    let counts = captured.counts;
-    let mut frames = captured.pieces.iter().flat_map(|piece| &piece.recording.frames);
-    let mut tables: Vec<String> = captured.pieces.iter().map(|piece| hex(&piece.table.hash)).collect();
-    tables.dedup();
-    Answer {
-        board: about.board().to_owned(),
-        tables_sha256: tables,
-        seconds: (counts.samples + counts.lost) as f64 / f64::from(about.hello.sample_rate_hz),
-        samples: counts.samples,
-        lost: counts.lost,
-        pieces: captured.pieces.len(),
-        alone: counts.alone,
-        unheard: counts.unheard,
-        foreign_bytes: counts.foreign_bytes,
-        restarts: counts.restarts,
-        known_delay_s: budget::known_delay_s(about),
-        fault: frames.find_map(|frame| frame.fault()).map(|fault| fault as u8),
-    }
-}
-
-/// A record a piece; with the command of the axis beside it where that came with every sample.
-fn dataset(captured: Capture, beside: Option<&Capture>, answer: &Answer) -> Dataset {
-    let period_s = 1.0 / f64::from(captured.about.hello.sample_rate_hz);
-    let several = answer.tables_sha256.len() > 1;
-    let pieces = captured.pieces.into_iter().enumerate().map(|(i, piece)| {
-        let references = piece.recording.frames.iter().map(|frame| frame.reference_um);
-        let [low, high] = references.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], um| {
-            [low.min(um), high.max(um)]
-        });
-        let numbers = piece.recording.frames.iter().map(|frame| frame.number);
-        let voltage2_v = beside.and_then(|beside| beside.commands_v(numbers));
-        let record = record(Piece {
-            file: format!("run-{:03}.csv", i + 1),
-            excitation: format!(
-                "reference of the board, {low} to {high} um{}",
-                match several {
-                    true => format!(", bank {}, table {}", piece.table.bank, hex(&piece.table.hash)),
-                    false => String::new(),
-                }
-            ),
-            start_s: piece.start_tick as f64 * period_s,
-            period_s,
-            recording: piece.recording,
-        });
-        Record { voltage2_v, ..record }
-    });
-    Dataset {
-        name: format!("{}-recording", name(&answer.board)),
-        description: format!(
-            "recorded from {}{}: {} samples, {} lost, {}",
-            name(&answer.board),
-            match (beside, captured.about.axis) {
-                (None, _) => "",
-                (Some(_), 0) => ", the first axis",
-                (Some(_), _) => ", the second axis",
-            },
-            answer.samples,
-            answer.lost,
-            tables(answer)
-        ),
-        known: Known {
-            delay_s: answer.known_delay_s,
-            ..Known::default()
-        },
-        records: pieces.collect(),
-        notices: Vec::new(),
-    }
-}
-
-fn tables(answer: &Answer) -> String {
-    let plural = if answer.tables_sha256.len() > 1 { "s" } else { "" };
-    format!("table{plural} {}", answer.tables_sha256.join(", then "))
-}
-
-fn name(board: &str) -> &str {
-    if board.is_empty() { "board" } else { board }
-}
-
-fn text(args: &RecordArgs, answer: &Answer, fault: &str) -> String {
+fn text(args: &RecordArgs, answer: &Counted, fault: &str) -> String {
     let total = answer.samples + answer.lost;
     let mut text = format!(
         "{}: {} samples in {:.3} s, {} lost ({:.3} %), {} without a gap\n",

@@ -1,19 +1,15 @@
 //! `hysteron board run`.
 
 use crate::commands::board::wanted::Wanted;
-use crate::commands::board::{Axis, Piece, fault_line, hex, record, write};
+use crate::commands::board::{Axis, fault_line, write};
 use crate::commands::simulate::StageName;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::{Args, ValueEnum};
-use hysteron_board::capture::Wish;
-use hysteron_board::two_axes::{TwoAxisRig, run_both};
-use hysteron_board::upload::Upload;
-use hysteron_board::{Change, Hello, Machine, Outcome, Recording};
-use hysteron_data::{Dataset, Known, Record};
-use hysteron_plant::Stage;
+use hysteron_board::{Machine, Outcome};
 use hysteron_tracking::scans::SHARES;
+use hysteron_trials::recording::{Emulated, On, Ran};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -92,26 +88,15 @@ impl EmulatorName {
     }
 }
 
-/// What an axis did, and what ran it.
-struct Ran {
-    stage: StageName,
-    outcome: Outcome,
-    recording: Recording,
-    excitation: String,
-}
-
 pub(crate) fn run(args: &RunArgs) -> Result<Done, CliError> {
     output::refuse_to_replace(&args.output, args.overwrite)?;
     let bar = progress::bar("running");
-    let ran = match args.stage_y {
-        Some(stage_y) => both(args, stage_y, &|share| progress::advance(&bar, share)),
-        None => one(args, &|share| progress::advance(&bar, share)),
-    };
+    let ran = ran(args, &|share| progress::advance(&bar, share));
     bar.finish_and_clear();
     let mut ran = ran?;
     let text = report(args, &ran);
     let recorded = ran.swap_remove(usize::from(args.axis == Axis::Y));
-    let dataset = dataset(args, recorded, ran.pop());
+    let dataset = recorded.dataset((args.emulator.machine(), args.seed), ran.pop());
     write(&dataset, &args.output, args.overwrite)?;
     output::print(&text)?;
     Ok(Done::Answered)
@@ -124,37 +109,26 @@ impl RunArgs {
         let usual = || PathBuf::from(format!("firmware/target/images/{machine}{both}"));
         self.image.clone().unwrap_or_else(usual)
     }
-
-    fn patience(&self) -> Duration {
-        Duration::from_secs(self.patience)
-    }
 }
 
-fn one(args: &RunArgs, progress: &dyn Fn(f64)) -> Result<Vec<Ran>, CliError> {
-    let Wish { bank, request, upload } = args.wanted.wish(args.seconds)?;
-    let stage = Stage::new(&args.stage.config(), args.seed)?;
-    // An image begins with bank 0.
-    let mut changes = Vec::from_iter((bank > 0).then_some(Change::Bank(bank)));
-    changes.extend(upload.iter().flat_map(Upload::changes));
-    let asked = (&request, &changes[..]);
-    let (outcome, recording) = hysteron_board::run(
-        args.emulator.machine(),
-        &args.image(),
-        stage,
-        asked,
-        args.patience(),
-        &mut |share| progress(share),
-    )?;
-    Ok(vec![Ran {
-        stage: args.stage,
-        outcome,
-        recording,
-        excitation: args.wanted.words(),
-    }])
-}
-
-fn both(args: &RunArgs, stage_y: StageName, progress: &dyn Fn(f64)) -> Result<Vec<Ran>, CliError> {
-    let request = args.wanted.wish(args.seconds)?.request;
+fn ran(args: &RunArgs, progress: &dyn Fn(f64)) -> Result<Vec<Ran>, CliError> {
+    let image = args.image();
+    let emulated = Emulated {
+        machine: args.emulator.machine(),
+        image: &image,
+        seed: args.seed,
+        patience: Duration::from_secs(args.patience),
+    };
+    let wish = args.wanted.wish(args.seconds)?;
+    let on = |stage: StageName, excitation| On {
+        name: stage.name(),
+        stage: stage.config(),
+        excitation,
+    };
+    let x = on(args.stage, args.wanted.words());
+    let Some(stage_y) = args.stage_y else {
+        return Ok(vec![emulated.one(x, &wish, progress)?]);
+    };
     let shares = match args.cross.as_deref() {
         None => SHARES,
         Some(&[of_y, of_x]) => [of_y, of_x],
@@ -164,86 +138,16 @@ fn both(args: &RunArgs, stage_y: StageName, progress: &dyn Fn(f64)) -> Result<Ve
             )));
         }
     };
-    let stages = [args.stage, stage_y];
-    let [x, y] = stages.map(StageName::config);
-    let mut rig = TwoAxisRig::new([&x, &y], shares, args.seed, args.seconds)?;
-    let outcomes = run_both(
-        args.emulator.machine(),
-        &args.image(),
-        &mut rig,
-        (&request, args.hz_y),
-        args.patience(),
-        &mut |share| progress(share),
-    )?;
     let of_y = args
         .hz_y
         .map_or("stands still".to_owned(), |hz| format!("sine {hz} Hz"));
-    let axes = stages.into_iter().zip(outcomes).zip(rig.recordings);
-    Ok(axes
-        .zip([args.wanted.words(), of_y])
-        .map(|(((stage, outcome), recording), excitation)| Ran {
-            stage,
-            outcome,
-            recording,
-            excitation,
-        })
-        .collect())
-}
-
-/// Of an axis; with the command of the one beside it where there is one.
-fn dataset(args: &RunArgs, ran: Ran, beside: Option<Ran>) -> Dataset {
-    let config = ran.stage.config();
-    let setup = ran.outcome.setup;
-    let of_the_other = beside.as_ref().map_or(String::new(), |beside| {
-        format!("; the other axis, {}: {}", beside.stage.name(), beside.excitation)
-    });
-    let record = record(Piece {
-        file: "run.csv".to_owned(),
-        excitation: format!(
-            "reference {}, {} to {} um{of_the_other}",
-            ran.excitation, setup.low_um, setup.high_um
-        ),
-        start_s: 0.0,
-        period_s: config.sample_period_s,
-        recording: ran.recording,
-    });
-    Dataset {
-        name: format!("{}-board", ran.stage.name()),
-        description: format!(
-            "{} in QEMU at the simulated stage {}, seed {}, {}",
-            args.emulator.machine().name(),
-            ran.stage.name(),
-            args.seed,
-            table(&ran.outcome)
-        ),
-        known: Known {
-            delay_s: Some(config.known_delay_s()),
-            sensor_noise_um: None,
-            voltage_min_v: Some(config.amplifier.min_v),
-            voltage_max_v: Some(config.amplifier.max_v),
-            dac_v: config.dac_v(),
-            adc_um: config.adc_um(),
-        },
-        records: vec![Record {
-            voltage2_v: beside.map(|beside| beside.recording.voltage_v),
-            ..record
-        }],
-        notices: Vec::new(),
-    }
-}
-
-/// Which table ran.
-fn table(outcome: &Outcome) -> String {
-    let Hello { hash, bank, banks, .. } = &outcome.hello;
-    match banks {
-        1 => format!("table {}", hex(hash)),
-        _ => format!("bank {bank} of {banks}, table {}", hex(hash)),
-    }
+    let axes = [x, on(stage_y, of_y)];
+    Ok(emulated.both(axes, shares, (&wish.request, args.hz_y), progress)?)
 }
 
 /// Times of the ticks, then a line an axis.
 fn report(args: &RunArgs, ran: &[Ran]) -> String {
-    let fault = fault_line(ran.iter().map(|ran| &ran.recording));
+    let fault = fault_line(ran.iter().find_map(Ran::fault));
     let mut text = ran.first().map_or(String::new(), |first| {
         times(&first.outcome, first.recording.frames.len())
     });
@@ -256,7 +160,7 @@ fn report(args: &RunArgs, ran: &[Ran]) -> String {
         text += &format!(
             "{of_axis}later half of the run: sensor off the reference by {rms_um:.4} um rms, {:.2} % of peak to peak\n{of_axis}{}\n",
             100.0 * rms_um / f64::from(setup.high_um - setup.low_um),
-            table(&ran.outcome),
+            ran.table(),
         );
     }
     text + &format!("written to {}\n", args.output.display())

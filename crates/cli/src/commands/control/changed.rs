@@ -1,10 +1,11 @@
 //! `hysteron track --robustness`: a controller on changed stages.
 
-use crate::commands::control::track::{TrackArgs, cells, heads};
+use crate::commands::control::track::{TrackArgs, beyond_text, cells, heads};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
 use hysteron_control::design::Controller;
+use hysteron_identify::covered::Beyond;
 use hysteron_tracking::bench::Bench;
 use hysteron_tracking::robustness::{RobustnessRow, robustness};
 use std::fmt::Write;
@@ -12,9 +13,9 @@ use std::fmt::Write;
 /// The controller on the stage and on each change of it.
 pub(super) fn stages(
     args: &TrackArgs,
-    name: &str,
-    bench: &Bench<'_>,
+    (name, bench): (&str, &Bench<'_>),
     controller: &Controller,
+    beyond: &[Beyond],
 ) -> Result<Done, CliError> {
     let rows = robustness(bench, controller)?;
     let stroke_um = bench.range_um[1] - bench.range_um[0];
@@ -24,9 +25,10 @@ pub(super) fn stages(
             "stroke_um": stroke_um,
             "position": "true",
             "rows": rows,
+            "beyond": beyond,
         }))?;
     } else {
-        output::print(&robustness_text(name, stroke_um, &rows))?;
+        output::print(&(robustness_text(name, stroke_um, &rows) + &beyond_text(beyond)))?;
     }
     Ok(Done::Answered)
 }

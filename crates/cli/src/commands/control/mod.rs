@@ -1,8 +1,6 @@
 //! From records to a controller that tracks: `campaign`, `design`, `track`, `drive`; `rehearse` all of it.
 
-mod campaign_on_board;
 mod changed;
-mod chip;
 pub(crate) mod design;
 pub(crate) mod drive;
 mod learning;
@@ -11,11 +9,8 @@ mod on_model;
 mod on_process;
 mod own_stage;
 mod page;
-mod programme;
 pub(crate) mod record;
 pub(crate) mod rehearse;
-mod scans;
-mod small_signals;
 pub(crate) mod track;
 
 use crate::error::CliError;

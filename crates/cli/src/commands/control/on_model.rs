@@ -1,6 +1,6 @@
 //! `hysteron track --model`: a controller on the user's own identified model.
 
-use crate::commands::control::track::{TrackArgs, within_records};
+use crate::commands::control::track::{TrackArgs, beyond_text, within_records};
 use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
@@ -8,7 +8,9 @@ use crate::output;
 use hysteron_control::design::Controller;
 use hysteron_control::expected::{Report, half_the_stroke};
 use hysteron_control::on_model::on_model;
+use hysteron_identify::covered::Beyond;
 use hysteron_report::tracked_text;
+use serde::Serialize;
 use std::path::Path;
 
 /// Runs the controller along the references that repeat.
@@ -20,17 +22,26 @@ pub(super) fn track(
 ) -> Result<Done, CliError> {
     let model = load::model(path)?;
     let range_um = given_um.unwrap_or_else(|| half_the_stroke(controller));
-    within_records(args, range_um, controller)?;
+    let beyond = within_records(args, range_um, controller)?;
     let report = on_model(&model, controller, range_um)?;
-    answer(args, &format!("MODEL {}", path.display()), &report)
+    answer(args, &format!("MODEL {}", path.display()), (&report, &beyond))
+}
+
+#[derive(Serialize)]
+struct Answer<'a> {
+    #[serde(flatten)]
+    report: &'a Report,
+    /// What of the references leaves the records, as was granted.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    beyond: &'a [Beyond],
 }
 
 /// Prints what was expected beside what was found.
-pub(super) fn answer(args: &TrackArgs, title: &str, report: &Report) -> Result<Done, CliError> {
+pub(super) fn answer(args: &TrackArgs, title: &str, (report, beyond): (&Report, &[Beyond])) -> Result<Done, CliError> {
     if args.json {
-        output::print_json(report)?;
+        output::print_json(&Answer { report, beyond })?;
     } else {
-        output::print(&tracked_text(title, report))?;
+        output::print(&(tracked_text(title, report) + &beyond_text(beyond)))?;
     }
     Ok(if report.rows.iter().all(|row| row.stable) {
         Done::Answered

@@ -21,12 +21,12 @@ pub(super) fn track(
     controller: &Controller,
 ) -> Result<Done, CliError> {
     let range_um = given_um.unwrap_or_else(|| half_the_stroke(controller));
-    within_records(args, range_um, controller)?;
+    let beyond = within_records(args, range_um, controller)?;
     let stage = stage(command, args.timeout)?;
     let bar = progress::bar("on the process");
     let report = on_process(&stage, controller, range_um, &|share| progress::advance(&bar, share))?;
     bar.finish_and_clear();
-    answer(args, &format!("PROCESS {command}"), &report)
+    answer(args, &format!("PROCESS {command}"), (&report, &beyond))
 }
 
 /// A stage in a process as options name it.

@@ -1,6 +1,6 @@
 //! The page of `hysteron track`.
 
-use super::track::{OnChip, PUBLISHED_500_HZ, TrackArgs};
+use super::track::{PUBLISHED_500_HZ, TrackArgs};
 use hysteron_control::design::Controller;
 use hysteron_control::learning::{Iteration, LearnedReference};
 use hysteron_control::reference::SHAPES;
@@ -8,6 +8,7 @@ use hysteron_report::figures::{Line, Lines, lines};
 use hysteron_report::{Block, Cell, Figure, Ink, Page, Picture, Section, Size, Table, significant};
 use hysteron_tracking::bench::{ControllerFigures, TrackReport};
 use hysteron_tracking::scans::{LINES_HZ, Scan, ScanFigures};
+use hysteron_trials::on_chip::OnChip;
 
 const HALF: Size = Size {
     width: 524,

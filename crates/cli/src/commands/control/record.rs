@@ -1,7 +1,6 @@
 //! `hysteron campaign`: on a simulated stage, by a board at a real one, on a stage in a process, or as files for one's own.
 
 use crate::commands::board::known_delay_line;
-use crate::commands::control::campaign_on_board::{self, Asked};
 use crate::commands::control::{on_process::stage as process_stage, own_stage, range_um, stage};
 use crate::error::CliError;
 use crate::exit::Done;
@@ -10,6 +9,7 @@ use clap::Args;
 use hysteron_control::campaign::{Campaign, Protocol, on_process};
 use hysteron_data::{Overwrite, Record, write_dataset};
 use hysteron_tracking::campaign::campaign;
+use hysteron_trials::campaign::{Asked, record};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -183,14 +183,18 @@ fn latency_s(args: &CampaignArgs) -> Result<Option<f64>, CliError> {
 fn by_a_board(args: &CampaignArgs, from: &str) -> Result<Done, CliError> {
     within("--rest-s", args.rest_s, [0.0, 3600.0], "s")?;
     output::refuse_to_replace(&args.output, args.overwrite)?;
-    let records = campaign_on_board::record(&Asked {
+    let asked = Asked {
         from,
         bank: args.bank.unwrap_or(0),
         range_um: range_um(args.range.as_deref())?,
         rest_s: args.rest_s,
         training: args.training,
         seed: seed(args),
-    })?;
+    };
+    let bar = progress::bar("recording on the board");
+    let records = record(&asked, &|what, share| progress::show(&bar, what, share));
+    bar.finish_and_clear();
+    let records = records?;
     write_dataset(&records, &args.output, overwrite(args))?;
     let folder = args.output.display();
     let next = match args.training {

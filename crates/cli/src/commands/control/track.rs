@@ -1,22 +1,19 @@
 //! `hysteron track`.
 
 use crate::commands::board::EmulatorName;
-use crate::commands::control::chip::{Chip, Follow};
-use crate::commands::control::learning::{self, Plan};
-use crate::commands::control::{changed, on_board, on_model, on_process, page, range_um, scans, stage};
+use crate::commands::control::{changed, learning, on_board, on_model, on_process, page, range_um, stage};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
-use hysteron_board::Shape;
 use hysteron_control::design::Controller;
-use hysteron_control::design::beyond::{self, Asked};
-use hysteron_control::learning::LearnedReference;
-use hysteron_control::reference::{self, SHAPES};
-use hysteron_plant::StageConfig;
+use hysteron_control::design::beyond;
+use hysteron_control::reference::SHAPES;
+use hysteron_identify::covered::Beyond;
 use hysteron_tracking::bench::{Bench, ControllerFigures, TrackReport, compare};
 use hysteron_tracking::learning::learn_references;
 use hysteron_tracking::scans::{LINES_HZ, ScanFigures};
+use hysteron_trials::on_chip::{self, OnChip};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -65,11 +62,10 @@ pub(crate) struct TrackArgs {
     /// Which of the board's tables runs, from 0 on
     #[arg(long, default_value_t = 0, requires = "board")]
     pub bank: u8,
-    /// Lowest and highest reference, micrometres; without it half the stroke about two fifths of it, on a board the table's range
-    /// less 2 % at either end
+    /// Lowest and highest reference, micrometres; without it half the stroke about two fifths of it
     #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 1)]
     pub range: Option<Vec<f64>>,
-    /// References beyond the positions that the records cover
+    /// References beyond the positions that the records cover; the answer says so
     #[arg(long)]
     pub beyond_records: bool,
     /// Write a page with pictures
@@ -111,41 +107,15 @@ pub(super) const PUBLISHED_500_HZ: [(&str, f64); 5] = [
     ("paper's PI + MRPI", 2.3),
 ];
 
-/// What the same controller reached as firmware.
-#[derive(Serialize)]
-pub(super) struct OnChip {
-    /// The machine that ran it.
-    pub machine: &'static str,
-    /// Open loop, and closed where there is feedback.
-    pub controllers: Vec<OnChipFigures>,
-    /// Ticks that ran at the sample clock; the others were worked out ahead and compared bit by bit.
-    pub clocked_ticks: u32,
-    /// Of these the late and lost ones.
-    pub late_ticks: u32,
-    /// References that it learned run by run.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub learned: Vec<LearnedReference>,
-    /// Scans of both axes.
-    pub scans: Vec<ScanFigures>,
-}
-
-#[derive(Serialize)]
-pub(super) struct OnChipFigures {
-    pub name: String,
-    #[serde(rename = "loop")]
-    pub loop_kind: &'static str,
-    /// As the controllers' of the report.
-    pub rms_percent: BTreeMap<String, f64>,
-    /// Largest error from 5 ms after a move to the range's upper end to 10 s after it, averaged over a millisecond.
-    pub creep_peak_percent: f64,
-}
-
 #[derive(Serialize)]
 struct Answer<'a> {
     #[serde(flatten)]
     report: &'a TrackReport,
     #[serde(skip_serializing_if = "Option::is_none")]
     board: &'a Option<OnChip>,
+    /// What of the references leaves the records, as was granted.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    beyond: &'a [Beyond],
 }
 
 pub(crate) fn run(args: &TrackArgs) -> Result<Done, CliError> {
@@ -173,7 +143,7 @@ fn on_stage(
     let stage = stage(name)?;
     let stroke_um = stage.hysteresis.stroke_um;
     let range_um = given_um.unwrap_or([0.15 * stroke_um, 0.65 * stroke_um]);
-    within_records(args, range_um, controller)?;
+    let beyond = within_records(args, range_um, controller)?;
     // Records and runs must not share their noise.
     let bench = Bench {
         stage: &stage,
@@ -182,7 +152,7 @@ fn on_stage(
         first_mode_hz: controller.model.linear.modes.first().map(|mode| mode.frequency_hz),
     };
     if args.robustness {
-        return changed::stages(args, name, &bench, controller);
+        return changed::stages(args, (name, &bench), controller, &beyond);
     }
     // Refused first where it cannot be: the rest takes its time.
     let learned = args
@@ -208,9 +178,10 @@ fn on_stage(
         output::print_json(&Answer {
             report: &report,
             board: &board,
+            beyond: &beyond,
         })?;
     } else {
-        output::print(&(text(&report) + &board.as_ref().map_or_else(String::new, board_text)))?;
+        output::print(&(text(&report) + &board.as_ref().map_or_else(String::new, board_text) + &beyond_text(&beyond)))?;
     }
     Ok(ended(&report))
 }
@@ -225,18 +196,28 @@ fn ended(report: &TrackReport) -> Done {
     }
 }
 
-/// Refuses references that the records do not cover.
-pub(super) fn within_records(args: &TrackArgs, range_um: [f64; 2], controller: &Controller) -> Result<(), CliError> {
-    let mut covered = controller.model.covered.clone();
-    let asked = [Asked::position(&range_um, "--range LOW,HIGH")];
-    Ok(beyond::granted(&mut covered, &asked, args.beyond_records)?)
+/// Refuses references that the records do not cover; what leaves them where that is granted.
+pub(super) fn within_records(
+    args: &TrackArgs,
+    range_um: [f64; 2],
+    controller: &Controller,
+) -> Result<Vec<Beyond>, CliError> {
+    Ok(beyond::references(controller, range_um, args.beyond_records)?)
+}
+
+/// What leaves the records, a line each.
+pub(super) fn beyond_text(beyond: &[Beyond]) -> String {
+    beyond
+        .iter()
+        .map(|beyond| format!("beyond the records: {beyond}\n"))
+        .collect()
 }
 
 fn is_own(controller: &ControllerFigures) -> bool {
     !controller.name.starts_with("paper's")
 }
 
-/// The references of [`SHAPES`] by the firmware, settled and judged for as long as here.
+/// The same controller as firmware.
 fn on_chip(
     args: &TrackArgs,
     emulator: EmulatorName,
@@ -244,79 +225,19 @@ fn on_chip(
     controller: &Controller,
     measured_shares: [f64; 2],
 ) -> Result<OnChip, CliError> {
-    let stage: &StageConfig = bench.stage;
-    let chip = Chip::new(emulator.machine(), &args.firmware, None)?;
-    let [low_um, high_um] = bench.range_um;
-    let period_s = stage.sample_period_s;
-    let references: Vec<Follow> = SHAPES
-        .into_iter()
-        .map(|(name, shape)| {
-            let here = shape.reference(bench.range_um, period_s);
-            Follow {
-                name,
-                shape: of_the_board(shape),
-                frequency_hz: shape.frequency_hz(),
-                range_um: bench.range_um,
-                stroke_um: high_um - low_um,
-                settling_s: here.judged_from as f64 * period_s,
-                judged_s: (here.samples_um.len() - here.judged_from) as f64 * period_s,
-            }
-        })
-        .collect();
-    let open = controller.without_feedback();
-    let loops = [
-        ("open", Some(&open)),
-        ("closed", controller.feedback.as_ref().map(|_| controller)),
-    ];
-    let mut board = OnChip {
-        machine: chip.name(),
-        controllers: Vec::new(),
-        clocked_ticks: 0,
-        late_ticks: 0,
-        learned: Vec::new(),
-        scans: Vec::new(),
+    let asked = on_chip::Asked {
+        machine: emulator.machine(),
+        firmware: &args.firmware,
+        beyond_records: args.beyond_records,
+        iterations: args.iterations.map(|most| most as usize),
+        measured_shares,
     };
     let bar = progress::bar("on the chip");
-    for (number, (loop_kind, controller)) in loops.into_iter().enumerate() {
-        let Some(controller) = controller else { continue };
-        bar.set_message(format!("on the chip, {loop_kind} loop"));
-        let mut running = chip.start_law(loop_kind, controller, stage)?;
-        let seed = |number: usize| bench.seed.wrapping_add(number as u64);
-        let reached = running.follow(stage, &references, controller.feedback.is_some(), seed)?;
-        board.clocked_ticks += reached.clocked_ticks;
-        board.late_ticks += reached.late_ticks;
-        board.controllers.push(OnChipFigures {
-            name: format!("complete on {}", chip.name()),
-            loop_kind,
-            rms_percent: reached.percent,
-            creep_peak_percent: running.hold(stage, bench.range_um, controller.feedback.is_some(), bench.seed)?,
-        });
-        if let (Some(most), None) = (args.iterations, &controller.feedback) {
-            bar.set_message("learning on the chip");
-            let plan = Plan {
-                controller,
-                range_um: bench.range_um,
-                most: most as usize,
-            };
-            board.learned = plan.on_chip(&mut running, stage, bench.seed)?;
-        }
-        bar.set_message(format!("both axes on the chip, {loop_kind} loop"));
-        board
-            .scans
-            .extend(scans::on_chip(&chip, controller, bench, measured_shares)?);
-        progress::advance(&bar, (number + 1) as f64 / 2.0);
-    }
+    let report = on_chip::track(controller, bench, &asked, &|what, share| {
+        progress::show(&bar, what, share)
+    });
     bar.finish_and_clear();
-    Ok(board)
-}
-
-/// A reference as the board makes it.
-pub(super) fn of_the_board(shape: reference::Shape) -> Shape {
-    match shape {
-        reference::Shape::Sine { .. } => Shape::Sine,
-        reference::Shape::ComplexHarmonic { .. } => Shape::ComplexHarmonic,
-        reference::Shape::Triangle { .. } => Shape::Triangle,
-    }
+    Ok(report?)
 }
 
 fn board_text(board: &OnChip) -> String {

@@ -1,7 +1,7 @@
 //! What a rehearsal says, as a table.
 
-use super::Rehearsed;
 use crate::output;
+use hysteron_trials::rehearsal::Rehearsed;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 

@@ -1,9 +1,8 @@
-//! `hysteron campaign --board`: the records of a stage, played by the board at it.
+//! The records of a stage, played by the board at it.
 
-use crate::commands::control::on_board::{RAMP_S, no_fault};
-use crate::commands::control::programme::{Piece, programme, training_programme};
-use crate::error::CliError;
-use crate::progress;
+use crate::error::TrialError;
+use crate::on_board::{RAMP_S, no_fault};
+use crate::programme::{Piece, programme, training_programme};
 use hysteron_board::budget;
 use hysteron_board::capture::{Start, Wish, capture};
 use hysteron_board::telemetry::Capture;
@@ -18,9 +17,11 @@ use std::time::{Duration, Instant};
 const TIMES: usize = 3;
 
 /// What is asked of whom.
-pub(super) struct Asked<'a> {
+#[derive(Debug, Clone, Copy)]
+pub struct Asked<'a> {
     /// The server of the board's telemetry.
     pub from: &'a str,
+    /// Which of the board's tables runs.
     pub bank: u8,
     /// Lowest and highest reference, micrometres; none for all that the table allows.
     pub range_um: Option<[f64; 2]>,
@@ -28,13 +29,17 @@ pub(super) struct Asked<'a> {
     pub rest_s: f64,
     /// Slow references only.
     pub training: bool,
+    /// Of the references that are drawn.
     pub seed: u64,
 }
 
 /// Plays the programme open loop, whatever table the board has, and keeps what it commanded and read. Where the board has both axes, the
 /// second goes up and down meanwhile, at a rate of its own for each record, and its command is kept as well. Stops at the first record
-/// that is of no use.
-pub(super) fn record(asked: &Asked<'_>) -> Result<Dataset, CliError> {
+/// that is of no use. Progress gets what runs and the share done, 0 to 1.
+///
+/// # Errors
+/// A board that does not answer or stops, a record that never comes whole, or that is of no use.
+pub fn record(asked: &Asked<'_>, progress: &dyn Fn(&str, f64)) -> Result<Dataset, TrialError> {
     let mut pieces = programme(asked.seed)?;
     if asked.training {
         pieces.retain(|piece| !piece.moves());
@@ -42,21 +47,19 @@ pub(super) fn record(asked: &Asked<'_>) -> Result<Dataset, CliError> {
     }
     // The rest comes first: it says which board it is, what its table allows, and what the sensor's noise is.
     pieces.sort_by_key(Piece::moves);
-    let bar = progress::bar("recording on the board");
     let total_s: f64 = pieces.iter().map(|piece| asked.rest_s + RAMP_S + piece.kept_s).sum();
     let mut done_s = 0.0;
     let mut range_um = asked.range_um;
     let mut both = false;
     let mut dataset = Dataset::default();
     for (number, piece) in pieces.iter().enumerate() {
-        bar.set_message(format!("before {}, at rest", piece.name));
-        rest(asked.rest_s, &|s| progress::advance(&bar, (done_s + s) / total_s));
+        let before = format!("before {}, at rest", piece.name);
+        rest(asked.rest_s, &|s| progress(&before, (done_s + s) / total_s));
         done_s += asked.rest_s;
-        bar.set_message(piece.name);
         let length_s = RAMP_S + piece.kept_s;
         let beside_hz = both.then(|| Rehearsal::cycles_beside(number) / piece.kept_s);
         let axes = without_a_gap(asked, (piece, beside_hz), range_um.unwrap_or_default(), &|share| {
-            progress::advance(&bar, (done_s + share * length_s) / total_s);
+            progress(piece.name, (done_s + share * length_s) / total_s);
         })?;
         done_s += length_s;
         let [captured, beside @ ..] = axes.as_slice() else {
@@ -65,7 +68,10 @@ pub(super) fn record(asked: &Asked<'_>) -> Result<Dataset, CliError> {
         both = !beside.is_empty();
         let record = rows(captured, beside.first(), piece);
         if let Some(at_rest) = dataset.records.first() {
-            moved(&record, at_rest).map_err(|why| CliError::Option(format!("{}: {why}", piece.name)))?;
+            moved(&record, at_rest).map_err(|why| TrialError::Useless {
+                name: piece.name.to_owned(),
+                why,
+            })?;
         } else {
             let [low_um, high_um] = *range_um.get_or_insert_with(|| whole_range_um(&captured.about.hello));
             dataset = about(captured);
@@ -77,7 +83,6 @@ pub(super) fn record(asked: &Asked<'_>) -> Result<Dataset, CliError> {
         }
         dataset.records.push(record);
     }
-    bar.finish_and_clear();
     Ok(dataset)
 }
 
@@ -113,7 +118,7 @@ fn without_a_gap(
     (piece, beside_hz): (&Piece, Option<f64>),
     [low_um, high_um]: [f64; 2],
     progress: &dyn Fn(f64),
-) -> Result<Vec<Capture>, CliError> {
+) -> Result<Vec<Capture>, TrialError> {
     let range_um = piece.range.map(|share| low_um + share * (high_um - low_um));
     let wish = Wish {
         bank: asked.bank,
@@ -158,11 +163,11 @@ fn without_a_gap(
             return Ok(axes);
         }
     }
-    Err(CliError::Option(format!(
-        "{}: played {TIMES} times, and never came whole ({lost} ticks lost the last time); a record with gaps tells nothing of time: \
-         take a faster probe, or a shorter polling interval",
-        piece.name
-    )))
+    Err(TrialError::Gaps {
+        name: piece.name.to_owned(),
+        times: TIMES,
+        lost,
+    })
 }
 
 fn rate_hz(captured: &Capture) -> f64 {

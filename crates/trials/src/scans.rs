@@ -1,8 +1,8 @@
 //! Scans of both axes by the firmware: in the emulator, or on a board.
 
-use crate::commands::control::chip::{Chip, RATE_HZ, refused};
-use crate::commands::control::on_board::{Looped, enough, no_fault};
-use crate::error::CliError;
+use crate::chip::{Chip, RATE_HZ};
+use crate::error::TrialError;
+use crate::on_board::{Looped, enough, no_fault};
 use hysteron_board::host::complete;
 use hysteron_board::telemetry::Capture;
 use hysteron_board::two_axes::TwoAxisRig;
@@ -38,12 +38,12 @@ fn requests(scan: Scan, range_um: [f64; 2], feedback: bool) -> [Request; 2] {
 
 /// Every scan by an image of both axes, the same controller on each, told of the shares that were measured. Worked out ahead: every frame
 /// is compared with the host's.
-pub(super) fn on_chip(
+pub(crate) fn on_chip(
     chip: &Chip,
     controller: &Controller,
     bench: &Bench<'_>,
     measured_shares: [f64; 2],
-) -> Result<Vec<ScanFigures>, CliError> {
+) -> Result<Vec<ScanFigures>, TrialError> {
     let stage: &StageConfig = bench.stage;
     let loop_kind = if controller.feedback.is_some() {
         "closed"
@@ -61,8 +61,7 @@ pub(super) fn on_chip(
         let [of_x, of_y] = axes.session.banks().each_ref().map(|banks| banks[0]);
         let setups = [x.setup(&of_x)?, y.setup(&of_y)?].map(|setup| Setup { ticks, ..setup });
         let [x, y] = axes.tables.each_ref().map(complete);
-        axes.session
-            .run_ahead(&setups, (x.map_err(refused)?, y.map_err(refused)?), &mut rig)?;
+        axes.session.run_ahead(&setups, (x?, y?), &mut rig)?;
         let [of_x, of_y] = &rig.recordings;
         let both = of_x
             .frames
@@ -87,13 +86,13 @@ pub(super) fn on_chip(
 }
 
 /// Every scan by a board of both axes, by its own sensors; adds the ticks that did not come to `lost`.
-pub(super) fn on_board(
+pub(crate) fn on_board(
     looped: &Looped<'_>,
     range_um: [f64; 2],
     loop_kind: &'static str,
     lost: &mut u64,
     progress: &dyn Fn(&str, f64),
-) -> Result<Vec<ScanFigures>, CliError> {
+) -> Result<Vec<ScanFigures>, TrialError> {
     let mut all = Vec::new();
     for scan in Scan::ALL {
         let name = scan.name();

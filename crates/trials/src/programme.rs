@@ -1,6 +1,6 @@
 //! The records that a board takes of the stage: what it can play with a straight line for a law and 256 points of a reference.
 
-use crate::commands::control::chip::RATE_HZ;
+use crate::chip::RATE_HZ;
 use hysteron_board::{Shape, TABLE_POINTS};
 use hysteron_data::Role;
 use hysteron_excitation::{DecayingTriangle, Excitation};
@@ -10,7 +10,7 @@ use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
 
 /// One record.
-pub(super) struct Piece {
+pub(crate) struct Piece {
     pub name: &'static str,
     pub role: Role,
     pub shape: Shape,
@@ -33,12 +33,12 @@ fn a_point_every(ticks: u32) -> f64 {
 
 impl Piece {
     /// Whether the reference moves at all.
-    pub(super) fn moves(&self) -> bool {
+    pub(crate) fn moves(&self) -> bool {
         self.range[0] < self.range[1]
     }
 
     /// What it is, for a person.
-    pub(super) fn words(&self) -> String {
+    pub(crate) fn words(&self) -> String {
         if !self.moves() {
             return format!("at rest for {} s", self.kept_s);
         }
@@ -91,15 +91,15 @@ impl Piece {
 
 /// Harmonics of the small multisine: at four ticks a point 49 Hz to 3.9 kHz. Small: a mode multiplies a line by fifty, and the board takes
 /// swings of 6 % of the range for an oscillation.
-pub(super) const HARMONICS: usize = 80;
+pub(crate) const HARMONICS: usize = 80;
 /// Ticks from point to point of the small multisine.
-pub(super) const TICKS_A_POINT: u32 = 4;
+pub(crate) const TICKS_A_POINT: u32 = 4;
 /// Harmonics of a walk: at 300 ticks a point 0.65 to 8 Hz, so that a turn takes many points.
 const WALKED: usize = 12;
 
 /// Sines from 1 to 503 Hz, minor loops, a multisine, holds, a rest, and others to judge by: what the host's rehearsal records, with
 /// references of 256 points where those are drawn freely. Before each the stage has rested at 0 V for long.
-pub(super) fn programme(seed: u64) -> Result<Vec<Piece>, StageError> {
+pub(crate) fn programme(seed: u64) -> Result<Vec<Piece>, StageError> {
     use Role::{Identify, Validate};
     let (whole, small) = ([0.0, 1.0], [0.0, 0.4]);
     let harmonic = Piece {
@@ -137,7 +137,7 @@ pub(super) fn programme(seed: u64) -> Result<Vec<Piece>, StageError> {
 }
 
 /// Slow references over the range that is followed later and about it, shares of the stroke.
-pub(super) fn training_programme(seed: u64) -> Vec<Piece> {
+pub(crate) fn training_programme(seed: u64) -> Vec<Piece> {
     const EVERY: usize = 25;
     let walk = |name, range, number: u64| {
         let points = multisine(seed ^ number, WALKED);
@@ -181,7 +181,7 @@ fn minor_loops() -> Result<[u16; TABLE_POINTS], StageError> {
 }
 
 /// The small multisine, one period.
-pub(super) fn small_multisine(seed: u64) -> [u16; TABLE_POINTS] {
+pub(crate) fn small_multisine(seed: u64) -> [u16; TABLE_POINTS] {
     multisine(seed, HARMONICS)
 }
 

@@ -1,8 +1,7 @@
 //! Images of controllers on the firmware in the emulator, and the references that they follow there.
 
-use crate::commands::control::on_board::{AFTER_MOVE_S, HOLD_S, along, held, peak_percent};
-use crate::commands::export::ends_of;
-use crate::error::CliError;
+use crate::error::TrialError;
+use crate::on_board::{AFTER_MOVE_S, HOLD_S, along, held, peak_percent};
 use hysteron_board::host::{complete, hello, parameters};
 use hysteron_board::two_axes::TwoAxisSession;
 use hysteron_board::upload::Upload;
@@ -14,23 +13,24 @@ use hysteron_control::design::Controller;
 use hysteron_control::export::{Bench, RAMP_RANGES_PER_S, SLEW_RANGES_PER_S, StageEnds, export, top};
 use hysteron_plant::{Stage, StageConfig};
 use hysteron_table::{FORMAT, Table, TableError};
+use hysteron_tracking::ends::ends_of;
 use hysteron_tracking::rehearsal::BESIDE_HZ;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Sample rate of the boards' tables, hertz.
-pub(super) const RATE_HZ: f64 = 50e3;
+pub(crate) const RATE_HZ: f64 = 50e3;
 /// Closed loops of up to so many ticks are exchanged tick by tick at the sample clock; all else is worked out ahead. 3 s of wall time.
 const LIVE_TICKS: u32 = 15_000;
 /// Ticks for the rise to a reference's first value: the whole range takes 20 ms at the inverse's mean slope, which its steepest may
 /// be three times.
-pub(super) const RISE_TICKS: u32 = 3_000;
+pub(crate) const RISE_TICKS: u32 = 3_000;
 /// An emulator that has not ended by then is ended.
 const PATIENCE: Duration = Duration::from_secs(900);
 
 /// Where the board's images come from and go.
-pub(super) struct Chip {
+pub struct Chip {
     machine: Machine,
     firmware: PathBuf,
     folder: Folder,
@@ -53,7 +53,7 @@ impl Folder {
 
 /// What a controller reached.
 #[derive(Default)]
-pub(super) struct Reached {
+pub(crate) struct Reached {
     /// Rms of the error of the true position, percent of the references' range, by reference.
     pub percent: BTreeMap<String, f64>,
     /// Ticks that ran at the sample clock.
@@ -63,7 +63,7 @@ pub(super) struct Reached {
 }
 
 /// A reference to follow.
-pub(super) struct Follow {
+pub(crate) struct Follow {
     pub name: &'static str,
     pub shape: Shape,
     pub frequency_hz: f64,
@@ -77,23 +77,15 @@ pub(super) struct Follow {
 }
 
 /// An image that runs, and the table in it.
-pub(super) struct Running {
+pub(crate) struct Running {
     image: Image,
     pub table: Table,
 }
 
 /// An image of both axes that runs, and the tables in it.
-pub(super) struct Axes {
+pub(crate) struct Axes {
     pub session: TwoAxisSession,
     pub tables: [Table; 2],
-}
-
-/// A table that no controller is made of.
-pub(super) fn refused(source: TableError) -> CliError {
-    CliError::Table {
-        path: PathBuf::from("controller.toml"),
-        source,
-    }
 }
 
 /// Of one axis, or of both.
@@ -109,16 +101,19 @@ enum Image {
 
 impl Chip {
     /// Builds from the sources in a folder; tables and images go to another, or to one that does not stay.
-    pub(super) fn new(machine: Machine, firmware: &Path, folder: Option<PathBuf>) -> Result<Self, CliError> {
+    ///
+    /// # Errors
+    /// A folder that cannot be made.
+    pub fn new(machine: Machine, firmware: &Path, folder: Option<PathBuf>) -> Result<Self, TrialError> {
         let folder = match folder {
             Some(folder) => {
-                std::fs::create_dir_all(&folder).map_err(|source| CliError::Write {
+                std::fs::create_dir_all(&folder).map_err(|source| TrialError::Write {
                     path: folder.clone(),
                     source,
                 })?;
                 Folder::Kept(folder)
             }
-            None => Folder::Passing(tempfile::tempdir()?),
+            None => Folder::Passing(tempfile::tempdir().map_err(TrialError::Passing)?),
         };
         Ok(Self {
             machine,
@@ -128,23 +123,23 @@ impl Chip {
     }
 
     /// The machine's name.
-    pub(super) fn name(&self) -> &'static str {
+    pub fn name(&self) -> &'static str {
         self.machine.name()
     }
 
     /// Exports a controller, builds its image and starts it.
-    pub(super) fn start_law(
+    pub(crate) fn start_law(
         &self,
         name: &str,
         controller: &Controller,
         stage: &StageConfig,
-    ) -> Result<Running, CliError> {
+    ) -> Result<Running, TrialError> {
         let table = export(controller, &bench(stage))?.table;
         self.start(name, table, stage)
     }
 
     /// Builds the image of a table and starts it; of two, where another axis couples into this one.
-    pub(super) fn start(&self, name: &str, table: Table, stage: &StageConfig) -> Result<Running, CliError> {
+    pub(crate) fn start(&self, name: &str, table: Table, stage: &StageConfig) -> Result<Running, TrialError> {
         let Some(other) = other_axis(stage) else {
             let (path, said) = self.write(name, &table)?;
             let image = self.folder.path().join(name);
@@ -168,13 +163,13 @@ impl Chip {
 
     /// Exports a controller for both axes of a stage, each with the share of the other's motion that reaches it, builds their image and
     /// starts it.
-    pub(super) fn start_axes(
+    pub(crate) fn start_axes(
         &self,
         name: &str,
         controller: &Controller,
         stage: &StageConfig,
         shares: [f64; 2],
-    ) -> Result<Axes, CliError> {
+    ) -> Result<Axes, TrialError> {
         let table = |share: f64| {
             let crossed = Bench {
                 cross_um_per_um: Some(share),
@@ -189,7 +184,7 @@ impl Chip {
     }
 
     /// Builds the image of two axes from their tables, each by its file's name, and starts it.
-    fn start_both(&self, name: &str, x: (&str, &Table), y: (&str, &Table)) -> Result<TwoAxisSession, CliError> {
+    fn start_both(&self, name: &str, x: (&str, &Table), y: (&str, &Table)) -> Result<TwoAxisSession, TrialError> {
         let (path_x, said_x) = self.write(x.0, x.1)?;
         let (path_y, said_y) = self.write(y.0, y.1)?;
         let image = self.folder.path().join(name);
@@ -203,13 +198,10 @@ impl Chip {
     }
 
     /// Writes a table: where to, and what an image says of it.
-    fn write(&self, name: &str, table: &Table) -> Result<(PathBuf, Hello), CliError> {
+    fn write(&self, name: &str, table: &Table) -> Result<(PathBuf, Hello), TrialError> {
         let path = self.folder.path().join(format!("{name}.toml"));
-        let text = table.to_toml().map_err(|source| CliError::Table {
-            path: path.clone(),
-            source,
-        })?;
-        std::fs::write(&path, &text).map_err(|source| CliError::Write {
+        let text = table.to_toml()?;
+        std::fs::write(&path, &text).map_err(|source| TrialError::Write {
             path: path.clone(),
             source,
         })?;
@@ -219,20 +211,20 @@ impl Chip {
 }
 
 impl Running {
-    pub(super) fn hello(&self) -> &Hello {
+    pub(crate) fn hello(&self) -> &Hello {
         match &self.image {
             Image::One(session) => session.hello(),
             Image::Both { session, .. } => &session.banks()[0][0],
         }
     }
 
-    pub(super) fn setup(&self, request: &Request, ticks: u32) -> Result<Setup, CliError> {
+    pub(crate) fn setup(&self, request: &Request, ticks: u32) -> Result<Setup, TrialError> {
         let setup = request.setup(self.hello())?;
         Ok(Setup { ticks, ..setup })
     }
 
     /// The other axis' stage; none without one. It runs without feedback: its noise reaches no command.
-    pub(super) fn other_stage(&self) -> Result<Option<Stage>, CliError> {
+    pub(crate) fn other_stage(&self) -> Result<Option<Stage>, TrialError> {
         match &self.image {
             Image::One(_) => Ok(None),
             Image::Both { other, .. } => Ok(Some(Stage::new(other, 0)?)),
@@ -240,7 +232,7 @@ impl Running {
     }
 
     /// What both axes are asked for, the other one up and down four fifths of its range; the same twice without one.
-    fn setups(&self, setup: &Setup, beside_hz: f64) -> Result<[Setup; 2], CliError> {
+    fn setups(&self, setup: &Setup, beside_hz: f64) -> Result<[Setup; 2], TrialError> {
         let Image::Both { session, .. } = &self.image else {
             return Ok([*setup; 2]);
         };
@@ -264,19 +256,19 @@ impl Running {
     }
 
     /// Runs a law ahead, the other axis at `beside_hz` where there is one.
-    pub(super) fn run_ahead<L: Law>(
+    pub(crate) fn run_ahead<L: Law>(
         &mut self,
         setup: &Setup,
         law: Result<Parameters<L>, TableError>,
         player: &mut Player,
         beside_hz: f64,
-    ) -> Result<(), CliError> {
-        let law = law.map_err(refused)?;
+    ) -> Result<(), TrialError> {
+        let law = law?;
         let setups = self.setups(setup, beside_hz)?;
         match &mut self.image {
             Image::One(session) => session.run_ahead(setup, law, player)?,
             Image::Both { session, table, .. } => {
-                let beside = parameters(table).map_err(refused)?;
+                let beside = parameters(table)?;
                 session.run_ahead(&setups, (law, beside), player)?;
             }
         }
@@ -284,26 +276,26 @@ impl Running {
     }
 
     /// Along uploaded points at a stage at rest, so many ticks from the start on; worked out ahead.
-    pub(super) fn along(
+    pub(crate) fn along(
         &mut self,
         request: &Request,
         points: &Upload,
         (stage, seed): (&StageConfig, u64),
         ticks: u32,
-    ) -> Result<Player, CliError> {
+    ) -> Result<Player, TrialError> {
         let player = Player::new(Stage::new(stage, seed)?, Some(points.shares()), ticks);
         self.play(request, complete(&self.table), (player, ticks), BESIDE_HZ)
     }
 
     /// Lets a player send what it has to and start a run of so many ticks, the other axis at `beside_hz` where there is one; worked out
     /// ahead.
-    pub(super) fn play<L: Law>(
+    pub(crate) fn play<L: Law>(
         &mut self,
         request: &Request,
         law: Result<Parameters<L>, TableError>,
         (player, ticks): (Player, u32),
         beside_hz: f64,
-    ) -> Result<Player, CliError> {
+    ) -> Result<Player, TrialError> {
         let mut player = player.beside(self.other_stage()?);
         let setup = self.setup(request, player.ticks_before() + ticks + FALL_TICKS)?;
         self.run_ahead(&setup, law, &mut player, beside_hz)?;
@@ -311,13 +303,13 @@ impl Running {
     }
 
     /// Largest error of a hold at the upper end of a range, percent of it; worked out ahead.
-    pub(super) fn hold(
+    pub(crate) fn hold(
         &mut self,
         stage: &StageConfig,
         range_um: [f64; 2],
         feedback: bool,
         seed: u64,
-    ) -> Result<f64, CliError> {
+    ) -> Result<f64, TrialError> {
         let points = held(range_um);
         let request = along(&points, 1.0, 1.0, feedback);
         let ticks = (HOLD_S * RATE_HZ) as u32;
@@ -334,7 +326,7 @@ impl Running {
     }
 
     /// Tick by tick at the sample clock.
-    fn run_live(&mut self, setup: &Setup, player: &mut Player) -> Result<Summary, CliError> {
+    fn run_live(&mut self, setup: &Setup, player: &mut Player) -> Result<Summary, TrialError> {
         let setups = self.setups(setup, BESIDE_HZ)?;
         let summary = match &mut self.image {
             Image::One(session) => session.run(setup, player, &mut |_| {})?,
@@ -345,13 +337,13 @@ impl Running {
     }
 
     /// Along references on a stage, each run with noise of its own.
-    pub(super) fn follow(
+    pub(crate) fn follow(
         &mut self,
         stage: &StageConfig,
         references: &[Follow],
         feedback: bool,
         seed: impl Fn(usize) -> u64,
-    ) -> Result<Reached, CliError> {
+    ) -> Result<Reached, TrialError> {
         let mut reached = Reached::default();
         for (number, follow) in references.iter().enumerate() {
             let request = Request {
@@ -401,7 +393,7 @@ fn bench(stage: &StageConfig) -> Bench {
 }
 
 /// A law that knows the stage's data sheet only: stroke and voltage.
-pub(super) fn straight_line(stage: &StageConfig) -> Table {
+pub(crate) fn straight_line(stage: &StageConfig) -> Table {
     let StageEnds { dac_v, adc_um, .. } = ends_of(stage);
     let (dac_top_v, adc_top_um) = (top(dac_v), top(adc_um));
     let output_max_v = stage.amplifier.max_v.min(dac_top_v);
@@ -440,19 +432,14 @@ fn other_axis(stage: &StageConfig) -> Option<StageConfig> {
     })
 }
 
-fn no_fault(player: &Player) -> Result<(), CliError> {
+fn no_fault(player: &Player) -> Result<(), TrialError> {
     let fault = player
         .played
         .iter()
         .find_map(|tick| Some((tick.frame.number, tick.frame.fault()?)));
     match fault {
         None => Ok(()),
-        Some((tick, Fault::Disagreement)) => Err(CliError::Option(format!(
-            "the board stopped at tick {tick} with fault Disagreement: the position is further from where the model has it than the \
-             model's own error explains, so stage and model are not one; record this stage and design from that"
-        ))),
-        Some((tick, fault)) => Err(CliError::Option(format!(
-            "the board stopped at tick {tick} with fault {fault:?}; the stage is not one that this controller can run on"
-        ))),
+        Some((tick, Fault::Disagreement)) => Err(TrialError::Disagreement { tick }),
+        Some((tick, fault)) => Err(TrialError::NotThisStage { tick, fault }),
     }
 }

@@ -1,14 +1,14 @@
 //! Bandwidths and noise on a real board, by signals so small that hysteresis hardly shows.
 
-use crate::commands::control::on_board::{Looped, no_fault};
-use crate::commands::control::programme::{HARMONICS, TICKS_A_POINT, small_multisine};
-use crate::error::CliError;
+use crate::error::TrialError;
+use crate::on_board::{Looped, no_fault};
+use crate::programme::{HARMONICS, TICKS_A_POINT, small_multisine};
 use hysteron_board::upload::Upload;
-use hysteron_board::{Hello, Mode, TABLE_POINTS, whole_range_um};
+use hysteron_board::{Hello, Mode, TABLE_POINTS};
 use hysteron_control::response::{Response, line_response};
 
 /// Small signals about the middle of what is followed.
-pub(super) struct Small<'a> {
+pub(crate) struct Small<'a> {
     looped: &'a Looped<'a>,
     middle_um: f64,
     swing_um: f64,
@@ -27,8 +27,7 @@ const PHASES: u64 = 1;
 const REST_S: f64 = 0.5;
 
 impl<'a> Small<'a> {
-    pub(super) fn about(looped: &'a Looped<'a>, table: &Hello, range_um: Option<[f64; 2]>) -> Self {
-        let [low_um, high_um] = range_um.unwrap_or_else(|| whole_range_um(table));
+    pub(crate) fn about(looped: &'a Looped<'a>, table: &Hello, [low_um, high_um]: [f64; 2]) -> Self {
         Self {
             looped,
             middle_um: 0.5 * (low_um + high_um),
@@ -39,7 +38,7 @@ impl<'a> Small<'a> {
 
     /// From reference to measured position, at the multisine's own lines; empty where a gap leaves no whole periods. Adds the ticks that
     /// did not come to `lost`.
-    pub(super) fn response(&self, lost: &mut u64, progress: &dyn Fn(f64)) -> Result<Response, CliError> {
+    pub(crate) fn response(&self, lost: &mut u64, progress: &dyn Fn(f64)) -> Result<Response, TrialError> {
         let period = TICKS_A_POINT as usize * TABLE_POINTS;
         let judged = PERIODS * period;
         let points = small_multisine(PHASES);
@@ -51,7 +50,7 @@ impl<'a> Small<'a> {
     }
 
     /// Standard deviation of the measured position about a straight line in time, nanometres: the sensor's own noise with it.
-    pub(super) fn noise_nm(&self, lost: &mut u64, progress: &dyn Fn(f64)) -> Result<Option<f64>, CliError> {
+    pub(crate) fn noise_nm(&self, lost: &mut u64, progress: &dyn Fn(f64)) -> Result<Option<f64>, TrialError> {
         let judged = (REST_S * self.rate_hz) as usize;
         let ticks = self.run([1 << 15; TABLE_POINTS], judged, lost, progress)?;
         let n = ticks.len() as f64;
@@ -72,7 +71,7 @@ impl<'a> Small<'a> {
         judged: usize,
         lost: &mut u64,
         progress: &dyn Fn(f64),
-    ) -> Result<Vec<[f64; 2]>, CliError> {
+    ) -> Result<Vec<[f64; 2]>, TrialError> {
         let range_um = [self.middle_um - self.swing_um, self.middle_um + self.swing_um];
         let frequency_hz = self.rate_hz / f64::from(TICKS_A_POINT * TABLE_POINTS as u32);
         let seconds = STANDS_S + judged as f64 / self.rate_hz;

@@ -1,10 +1,9 @@
 //! Records and runs of a rehearsal on the firmware in the emulator.
 
 use super::rows::{Hold, Kept};
-use crate::commands::control::chip::{Chip, Follow, RATE_HZ, RISE_TICKS, Reached, Running, straight_line};
-use crate::commands::control::programme::{Piece, programme, training_programme};
-use crate::error::CliError;
-use crate::progress;
+use crate::chip::{Chip, Follow, RATE_HZ, RISE_TICKS, Reached, Running, straight_line};
+use crate::error::TrialError;
+use crate::programme::{Piece, programme, training_programme};
 use hysteron_board::host::{complete, parameters};
 use hysteron_board::{Law, Parameters, Player, Request, Shape};
 use hysteron_control::design::Controller;
@@ -14,23 +13,20 @@ use hysteron_table::TableError;
 use hysteron_tracking::rehearsal::{BESIDE_HZ, Rehearsal};
 
 /// The records: the board plays them with a straight line for a law; commands are what its frames say.
-pub(super) fn records(chip: &Chip, rehearsal: &Rehearsal) -> Result<Dataset, CliError> {
+pub(super) fn records(chip: &Chip, rehearsal: &Rehearsal, progress: &dyn Fn(&str, f64)) -> Result<Dataset, TrialError> {
     let stage = &rehearsal.stage;
     let mut running = chip.start("plain", straight_line(stage), stage)?;
     let pieces = programme(rehearsal.seed)?;
-    let bar = progress::bar("recording on the board");
     let mut played = Vec::new();
     for (number, piece) in pieces.iter().enumerate() {
-        bar.set_message(format!("recording {}", piece.name));
+        progress(piece.name, number as f64 / pieces.len() as f64);
         let rested = Stage::new(stage, rehearsal.noise_seed(number as u64))?;
         let beside_hz = Rehearsal::cycles_beside(number) / piece.kept_s;
         let top_um = f64::from(running.hello().input_max_um);
         let law = parameters(&running.table);
         let player = play(&mut running, law, (piece, top_um), rested, beside_hz)?;
         played.push(Kept::of(piece, &player));
-        progress::advance(&bar, (number + 1) as f64 / pieces.len() as f64);
     }
-    bar.finish_and_clear();
     let multisine = played.iter().zip(&pieces).find(|(_, piece)| piece.name == "multisine");
     let hold = multisine.map_or(Hold::Smoothed, |(kept, _)| Hold::of(kept));
     Ok(Dataset {
@@ -60,7 +56,7 @@ pub(super) fn errors(
     rehearsal: &Rehearsal,
     controller: &Controller,
     name: &str,
-) -> Result<Reached, CliError> {
+) -> Result<Reached, TrialError> {
     let mut running = chip.start_law(name, controller, &rehearsal.stage)?;
     let range_um = rehearsal.range_um();
     let [low_um, high_um] = range_um;
@@ -91,7 +87,7 @@ pub(super) fn errors(
 }
 
 /// Records of a controller, open loop, along slow references: what the host's rehearsal runs along, with references of 256 points.
-pub(super) fn training(chip: &Chip, rehearsal: &Rehearsal, controller: &Controller) -> Result<Vec<Record>, CliError> {
+pub(super) fn training(chip: &Chip, rehearsal: &Rehearsal, controller: &Controller) -> Result<Vec<Record>, TrialError> {
     let stage = &rehearsal.stage;
     let mut running = chip.start_law("training", controller, stage)?;
     let both = stage.cross_coupling.is_some();
@@ -118,7 +114,7 @@ fn play<L: Law>(
     (piece, top_um): (&Piece, f64),
     stage: Stage,
     beside_hz: f64,
-) -> Result<Player, CliError> {
+) -> Result<Player, TrialError> {
     let ticks = (piece.kept_s * RATE_HZ).ceil() as u32;
     let [low, high] = piece.range;
     let moves = piece.moves();

@@ -1,7 +1,7 @@
 //! The rows of a record of the board's telemetry: what stands beside a reading, the command having been held for a sample.
 
-use crate::commands::control::chip::RATE_HZ;
-use crate::commands::control::programme::Piece;
+use crate::chip::RATE_HZ;
+use crate::programme::Piece;
 use hysteron_board::Player;
 use hysteron_data::Record;
 
