@@ -164,7 +164,9 @@ pub struct ChainState<T, const TAPS: usize, const PLAYS: usize, const FAST: usiz
     hum: Option<HumCancellerState<T, HARMONICS>>,
     heat: Option<HeatState<T>>,
     sensor_lag: Option<LagState<T>>,
-    adaptation: Option<AdaptationState<T>>,
+    adaptation: AdaptationState<T>,
+    /// Whether the law has a part that learns.
+    learns: bool,
 }
 
 impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize>
@@ -196,7 +198,8 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
                 .surroundings
                 .sensor_lag
                 .map(|part| part.rest_at(self.surroundings.rest)),
-            adaptation: self.surroundings.adaptation.map(|_| AdaptationState::default()),
+            adaptation: AdaptationState::default(),
+            learns: self.surroundings.hum.is_some() || self.surroundings.adaptation.is_some(),
         }
     }
 
@@ -218,21 +221,30 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     ) -> T {
         let command = self.prepare(state, input);
         let error = state.error;
-        if let (Some(part), Some(memory)) = (&self.surroundings.hum, &mut state.hum) {
-            part.learn(memory, error);
-        }
         let allowed = self.tracking.close(&mut state.tracking, command, error, limiter);
-        if let (Some(part), Some(memory)) = (&self.surroundings.adaptation, &mut state.adaptation) {
-            let sample = Sample {
-                motion: state.due - self.surroundings.rest,
-                error,
-                correction: state.tracking.correction(),
-                // Another limiter is the one of the way from rest.
-                counts: core::ptr::eq(limiter, &self.tracking.limiter) && !state.tracking.limiter().limited(),
-            };
-            part.learn(memory, sample);
+        if state.learns {
+            self.learn(state, core::ptr::eq(limiter, &self.tracking.limiter));
         }
         allowed
+    }
+
+    /// What a sample tells hum, gain and zero. Apart from the step, so that a law which does not learn jumps over little; another
+    /// limiter than its own is that of the way from rest.
+    #[inline(never)]
+    fn learn(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, through_its_own_limiter: bool) {
+        let around = &self.surroundings;
+        if let (Some(part), Some(memory)) = (&around.hum, &mut state.hum) {
+            part.learn(memory, state.error);
+        }
+        if let Some(part) = &around.adaptation {
+            let sample = Sample {
+                motion: state.due - around.rest,
+                error: state.error,
+                correction: state.tracking.correction(),
+                counts: through_its_own_limiter && !state.tracking.limiter().limited(),
+            };
+            part.learn(&mut state.adaptation, sample);
+        }
     }
 
     /// One sample of a stage whose command is not the law's: on its way to a safe level, or held there.
@@ -276,8 +288,8 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         if let (Some(part), Some(memory)) = (&around.heat, &mut state.heat) {
             target = part.undo(memory, target, input.temperature_c);
         }
-        if let (Some(part), Some(memory)) = (&around.adaptation, &state.adaptation) {
-            target = part.adapted(memory, target);
+        if let Some(part) = &around.adaptation {
+            target = part.adapted(&state.adaptation, target);
         }
         let command = self.tracking.feedforward.step(&mut state.tracking.feedforward, target);
         let due = self.take_in(state, input.reference_ahead);
@@ -326,9 +338,9 @@ impl<T: Copy, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         self.tracking.correction()
     }
 
-    /// What was learned of gain and zero; `None` in a law that does not learn.
-    pub fn adaptation(&self) -> Option<&AdaptationState<T>> {
-        self.adaptation.as_ref()
+    /// What was learned of gain and zero; nothing in a law that does not learn.
+    pub fn adaptation(&self) -> &AdaptationState<T> {
+        &self.adaptation
     }
 
     /// Whether the last command met a limit.

@@ -155,7 +155,7 @@ impl<T: Real> Run<T> {
     }
 
     fn learned(&self) -> AdaptationState<T> {
-        *self.state.adaptation().unwrap()
+        *self.state.adaptation()
     }
 
     fn gain(&self) -> f64 {
