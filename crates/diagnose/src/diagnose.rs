@@ -15,7 +15,7 @@ use crate::witness::traces::Traces;
 use crate::witness::where_it_fails::where_it_fails;
 use crate::witness::{dead_band, structure};
 use hysteron_acquisition::{Kind, inspect};
-use hysteron_data::Dataset;
+use hysteron_data::{Dataset, Role};
 use hysteron_identify::effects::{UserEffect, late};
 use hysteron_identify::search::Search;
 use hysteron_identify::{EffectId, IdentifyError, Model, check_own_effect, period, present_step};
@@ -56,6 +56,8 @@ pub fn examine(
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> (Diagnosis, Evidence) {
     progress(0.0, "model");
+    let fitted_to = as_fitted(dataset);
+    let dataset = fitted_to.as_ref().unwrap_or(dataset);
     let step = present_step(dataset, model);
     let before = Before {
         identify_percent: step.identify_percent,
@@ -281,6 +283,19 @@ fn unanswered(before: Before, reasons: Vec<Reason>) -> (Diagnosis, Evidence) {
 pub(crate) fn controllers_delay_s(dataset: &Dataset, model: &Model) -> Option<f64> {
     let has_delay = model.effects.iter().any(|effect| effect.name == EffectId::Delay);
     dataset.known.delay_s.filter(|delay_s| *delay_s > 0.0 && !has_delay)
+}
+
+/// Records of which none was meant to be fitted, as those of another day: the candidates are fitted to all of them, by turns.
+fn as_fitted(dataset: &Dataset) -> Option<Dataset> {
+    let none = dataset.records.iter().all(|record| record.role != Role::Identify);
+    none.then(|| {
+        let mut fitted = dataset.clone();
+        fitted
+            .records
+            .iter_mut()
+            .for_each(|record| record.role = Role::Identify);
+        fitted
+    })
 }
 
 /// The records with each drive as the stage gets it, so much later than it was commanded.

@@ -145,6 +145,21 @@ fn val_without_a_validation_record_the_records_are_held_out_by_turns() {
     assert!(found.cannot_answer.is_empty());
 }
 
+/// Records of another day, all kept for validation: what is missing in a model is asked of them as well.
+#[test]
+fn val_records_that_are_all_for_validation_name_the_effect() {
+    let dataset = delayed(11);
+    let model = model(&dataset);
+    let mut other_day = delayed(12);
+    other_day
+        .records
+        .iter_mut()
+        .for_each(|record| record.role = Role::Validate);
+    let said = diagnose(&other_day, &model, &|_, _| ());
+    assert!(said.verdict.is(EffectId::Delay), "{said:?}");
+    assert!(said.free_shape.counts().is_some_and(f64::is_finite));
+}
+
 #[test]
 fn refuse_to_name_what_widens_the_loops_from_one_sine() {
     let mut one = delayed(4);
