@@ -113,14 +113,17 @@ fn of_found(
     let stands = by_witness
         || explains && mimicked.is_empty() && !worse_held_out(evidence, found)
         || odds.probability(&first) > thresholds.of(RuleId::CertainProbability);
-    let alone = by_witness
-        || stands
-            && odds.probability(&first) > thresholds.of(RuleId::NameProbability)
-            && round.is_some_and(|round| !has_rivals(evidence, &first, round, thresholds));
+    let mut rivals = round.map_or_else(Vec::new, |round| rivals(evidence, &first, round, thresholds));
+    rivals.extend(mimicked);
+    let alone =
+        by_witness || stands && rivals.is_empty() && odds.probability(&first) > thresholds.of(RuleId::NameProbability);
     if !alone {
         decision.set = odds.set(thresholds.of(RuleId::SetProbability));
-        let beside = mimicked.into_iter().filter(|name| !decision.set.contains(name));
-        decision.set.extend(beside.collect::<Vec<_>>());
+        for rival in rivals {
+            if !decision.set.contains(&rival) {
+                decision.set.push(rival);
+            }
+        }
     }
     if stands {
         decision.share = candidate.map(|c| c.share);
@@ -134,19 +137,23 @@ fn of_found(
     decision
 }
 
-/// Whether a candidate comes close to the one that was taken, or goes with the rate as that does in sines of one amplitude: loops inside
-/// of others tell those apart, and such sines close none.
-fn has_rivals(evidence: &Evidence, first: &EffectName, round: &Round, thresholds: &Thresholds) -> bool {
+/// The candidates that come close to the one that was taken, or go with the rate as that does in sines of one amplitude: loops inside of
+/// others tell those apart, and such sines close none.
+fn rivals(evidence: &Evidence, first: &EffectName, round: &Round, thresholds: &Thresholds) -> Vec<EffectName> {
     let with_the_rate = |name: &EffectName| {
         name.id()
             .is_some_and(|id| find(id).mark().is_some_and(Mark::hidden_by_skew))
     };
-    let alike = |c: &&Candidate| with_the_rate(&c.effect) && c.statistic > thresholds.of(RuleId::Statistic);
-    let turned = evidence.one_amplitude && with_the_rate(first) && round.candidates.iter().filter(alike).count() > 1;
-    turned
-        || close(round, coarse(evidence, thresholds), thresholds)
-            .iter()
-            .any(|name| name != first)
+    let turned = evidence.one_amplitude && with_the_rate(first);
+    let alike = |c: &&Candidate| turned && with_the_rate(&c.effect) && c.statistic > thresholds.of(RuleId::Statistic);
+    let mut rivals = close(round, coarse(evidence, thresholds), thresholds);
+    for candidate in round.candidates.iter().filter(alike) {
+        if !rivals.contains(&candidate.effect) {
+            rivals.push(candidate.effect.clone());
+        }
+    }
+    rivals.retain(|name| name != first);
+    rivals
 }
 
 /// Whether what was found takes most of the excess, and so much that no larger thing than itself can be left.
@@ -528,6 +535,13 @@ mod tests {
         // 0.78 and 0.75 of 0.9: 85 % are 0.765.
         assert_eq!(of(&found, [0.48, 0.3, 0.12]).1, vec![lag.clone()]);
         assert_eq!(of(&found, [0.45, 0.3, 0.15]).1, vec![lag.clone(), creep.clone()]);
+        // A rival by its statistic stays one, however unlikely it is.
+        let mut close = evidence();
+        close.rounds[0].candidates[1].statistic = 19.9;
+        assert_eq!(
+            of(&close, [0.97, 0.01, 0.01]),
+            (named(EffectId::Delay), vec![lag.clone()])
+        );
         let mut left = Evidence {
             left_percent: 2.0,
             left_excess: 3e-4,
@@ -535,7 +549,10 @@ mod tests {
         };
         left.rounds[0].candidates[1].statistic = 19.5;
         assert_eq!(of(&left, [0.96, 0.02, 0.01]).0, named(EffectId::Delay));
-        assert_eq!(of(&left, [0.94, 0.03, 0.02]), (Verdict::Unknown, vec![delay.clone()]));
+        assert_eq!(
+            of(&left, [0.94, 0.03, 0.02]),
+            (Verdict::Unknown, vec![delay.clone(), lag.clone()])
+        );
         left.rounds[0].taken = None;
         left.rounds.truncate(1);
         assert_eq!(of(&left, [0.96, 0.02, 0.01]), (named(EffectId::Delay), vec![]));

@@ -108,17 +108,14 @@ impl Controller {
     }
 
     /// The same controller, which learns gain and zero while it runs: the gain by `gain_bound` at most, a share.
-    ///
-    /// # Errors
-    /// An inverse of another size than the law's.
-    pub fn adapting(self, gain_bound: f64) -> Result<Self, ControlError> {
-        let inverse = self.model.inverse.numbers()?;
+    #[must_use]
+    pub fn adapting(self, gain_bound: f64) -> Self {
+        let stroke_um = self.model.inverse.input_max_um - self.model.inverse.input_min_um;
         let range_v = self.model.voltage_max_v - self.model.voltage_min_v;
-        let adaptation = Adaptation::within(gain_bound, inverse.max_um - inverse.min_um, range_v);
-        Ok(Self {
-            adaptation: Some(adaptation),
+        Self {
+            adaptation: Some(Adaptation::within(gain_bound, stroke_um, range_v)),
             ..self
-        })
+        }
     }
 
     /// The same controller with feedback, where there is a robust one.

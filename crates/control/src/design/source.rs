@@ -133,7 +133,7 @@ pub fn design(source: &Source<'_>, wishes: &Wishes) -> Result<Designed, ControlE
         controller.with_feedback_within(wishes.margin, Effort::Whole)?
     };
     let controller = match wishes.adapt_percent {
-        Some(percent) => controller.adapting(percent / 100.0)?,
+        Some(percent) => controller.adapting(percent / 100.0),
         None => controller,
     };
     let last = match source {
