@@ -218,6 +218,8 @@ pub enum Mark {
     Phase,
     /// The rate of the drive, otherwise than in proportion.
     Rate,
+    /// The rate of the drive where it is above a limit.
+    Slew,
     /// The position.
     Position,
     /// The ends of the position.

@@ -241,7 +241,7 @@ fn of_mark(evidence: &Evidence, mark: Mark) -> Vec<(Term, f64)> {
     let (free, own) = (&evidence.free_fails, &evidence.fails);
     let (itself, with): (Term, &[LockTo]) = match mark {
         Mark::Phase => (Term::OfPhase, &[LockTo::Speed]),
-        Mark::Rate => (Term::OfRate, &[LockTo::Speed]),
+        Mark::Rate | Mark::Slew => (Term::OfRate, &[LockTo::Speed]),
         Mark::Position => (Term::OfPosition, &[LockTo::Position]),
         Mark::Ends => (Term::OfEnds, &[LockTo::Position]),
         Mark::Time => (Term::OfTime, &[LockTo::Time]),
@@ -258,7 +258,10 @@ fn of_mark(evidence: &Evidence, mark: Mark) -> Vec<(Term, f64)> {
             Term::FlatTop,
             is(mark == Mark::Ends && evidence.rig.contains(&Kind::FlatTop)),
         ),
-        (Term::OneAmplitude, is(evidence.one_amplitude && mark.hidden_by_skew())),
+        (
+            Term::OneAmplitude,
+            is(evidence.one_amplitude && matches!(mark, Mark::Phase | Mark::Rate | Mark::Slew)),
+        ),
     ];
     if let Some(repeats) = free.repeats_with_drive {
         terms.push(if mark.shows_in_one_sine() {

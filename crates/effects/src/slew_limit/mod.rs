@@ -37,7 +37,7 @@ impl Effect for SlewLimit {
     }
 
     fn mark(&self) -> Option<Mark> {
-        Some(Mark::Rate)
+        Some(Mark::Slew)
     }
 
     fn bounds(&self, facts: &Facts) -> Result<Vec<Bounds>, String> {
