@@ -40,18 +40,6 @@ pub fn mistakes(dataset: &Dataset) -> Vec<Finding> {
     found.filter(|finding| finding.kind.is_mistake()).collect()
 }
 
-/// Whether the position turns before the voltage does, by the same time at every rate: the columns were not taken at one time.
-///
-/// # Cost
-/// A pass over the samples.
-pub fn position_leads(dataset: &Dataset) -> bool {
-    let records = &dataset.records;
-    let swapped = plain::glance(records)
-        .iter()
-        .any(|finding| finding.kind == Kind::SwappedColumns);
-    !swapped && lead(&followings(records)).is_some()
-}
-
 /// How each record's position follows, and the time between its turns.
 fn followings(records: &[Record]) -> Vec<(&Record, Following, f64)> {
     let each = records.par_iter();

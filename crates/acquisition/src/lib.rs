@@ -21,7 +21,7 @@ mod tones;
 mod turns;
 
 pub use ends::clipped_at;
-pub use inspect::{inspect, mistakes, position_leads};
+pub use inspect::{inspect, mistakes};
 pub use noise::{Basis, NoiseFloor, NoiseSource, noise_floor};
 pub use report::{Channel, Figure, Finding, Following, Kind, Quantity, Report, Resolution, Unit};
 

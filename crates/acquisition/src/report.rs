@@ -389,6 +389,16 @@ impl Report {
     pub fn of(&self, kind: Kind) -> impl Iterator<Item = &Finding> {
         self.findings.iter().filter(move |finding| finding.kind == kind)
     }
+
+    /// Whether there is a finding of a kind.
+    pub fn finds(&self, kind: Kind) -> bool {
+        self.of(kind).next().is_some()
+    }
+
+    /// The kinds of all findings, in their order.
+    pub fn kinds(&self) -> Vec<Kind> {
+        self.findings.iter().map(|finding| finding.kind).collect()
+    }
 }
 
 impl core::fmt::Display for Report {

@@ -1,7 +1,7 @@
 //! Which physical effect a model lacks.
 
 use crate::bends::bends;
-use crate::diagnosis::{Before, Diagnosis, Level, Lock, Reason, Unexplained, Verdict, WhereItFails};
+use crate::diagnosis::{Before, Diagnosis, Level, Reason, Unexplained, Verdict, WhereItFails};
 use crate::evidence::{Evidence, Seen, errors};
 use crate::investigation::{Best, Investigation};
 use crate::next_record;
@@ -68,18 +68,31 @@ pub fn examine(
     let seen_by_stage = late.as_ref().unwrap_or(dataset);
     let rig = inspect(dataset);
     let floor = late.as_ref().map_or(rig.noise, noise::noise_floor);
-    let leads = rig.of(Kind::PositionLeads).next().is_some();
-    let reasons = reasons::of(dataset, floor.rms_um, leads, &Thresholds::DEFAULT);
+    let reasons = reasons::of(
+        dataset,
+        floor.rms_um,
+        rig.finds(Kind::PositionLeads),
+        &Thresholds::DEFAULT,
+    );
     let blocking: Vec<Reason> = reasons.iter().copied().filter(|r| r.blocks()).collect();
+    let fails = fails(dataset, model);
     progress(0.05, "free shape");
     let investigation = Investigation::new(seen_by_stage, model, own, floor.rms_um, &reasons);
     let (mut diagnosis, evidence) = match investigation {
         Ok(mut investigation) if blocking.is_empty() => {
             go_round(&mut investigation, progress);
-            let (mut diagnosis, evidence) = conclude(dataset, model, &investigation, before, progress);
+            let of_records = OfRecords {
+                before,
+                fails: fails.clone(),
+                rig: rig.kinds(),
+            };
+            let (mut diagnosis, evidence) = conclude(model, &investigation, of_records, progress);
             if diagnosis.verdict == Verdict::Unknown && !investigation.nothing_taken() {
                 // What was tried and did not stand hides where to look.
-                diagnosis.unexplained.locked_to = locks(&investigation, investigation.residuals_at_first());
+                diagnosis
+                    .unexplained
+                    .locked_to
+                    .clone_from(&evidence.free_fails.locked_to);
             }
             (diagnosis, evidence)
         }
@@ -92,7 +105,7 @@ pub fn examine(
             },
         ),
     };
-    diagnosis.where_it_fails = fails(dataset, model);
+    diagnosis.where_it_fails = fails;
     diagnosis.noise_rms_um = floor.rms_um;
     diagnosis.noise = Some(floor);
     diagnosis.known_delay_s = known_delay_s;
@@ -120,27 +133,34 @@ pub(crate) fn go_round(investigation: &mut Investigation<'_>, progress: &(dyn Fn
     }
 }
 
+/// What the records show without a search.
+pub(crate) struct OfRecords {
+    /// Errors of the given model.
+    pub before: Before,
+    /// Where it fails.
+    pub fails: WhereItFails,
+    /// What was found of converters, clocks and cables.
+    pub rig: Vec<Kind>,
+}
+
 /// The verdict on what an investigation has found.
 pub(crate) fn conclude(
-    dataset: &Dataset,
     model: &Model,
     investigation: &Investigation<'_>,
-    before: Before,
+    of_records: OfRecords,
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> (Diagnosis, Evidence) {
     progress(0.92, "what remains");
     let thresholds = &investigation.thresholds;
-    let mut evidence = evidence(model, investigation, before);
-    evidence.fails = fails(dataset, model);
-    evidence.rig = inspect(dataset).findings.iter().map(|f| f.kind).collect();
-    evidence.free_fails = where_it_fails(&courses(investigation, investigation.residuals_at_first()));
-    let decision = verdict::decide(&evidence, thresholds);
+    let evidence = evidence(model, investigation, of_records);
+    let odds = Odds::of(&evidence);
+    let decision = verdict::decide_by(&evidence, &odds, thresholds);
     let ranking = verdict::ranking(&evidence, thresholds);
     let residuals = investigation.residuals();
     let unexplained = Unexplained {
         percent: evidence.left_percent,
         noise_percent: evidence.noise_percent,
-        locked_to: locks(investigation, &residuals),
+        locked_to: courses(investigation, &residuals).locks(),
     };
     let next_record = next_record::choose(investigation, &decision);
     let Decision {
@@ -153,7 +173,7 @@ pub(crate) fn conclude(
     let diagnosis = Diagnosis {
         verdict,
         also_possible: set,
-        odds: Odds::of(&evidence),
+        odds,
         further,
         share,
         shape_too_poor,
@@ -163,7 +183,7 @@ pub(crate) fn conclude(
         noise: None,
         known_delay_s: None,
         acquisition: Vec::new(),
-        before,
+        before: evidence.before,
         where_it_fails: WhereItFails::default(),
         free_shape: investigation.base,
         ranking,
@@ -173,18 +193,15 @@ pub(crate) fn conclude(
     (diagnosis, evidence)
 }
 
-/// What residuals of the records, run-in included, go with.
-fn locks(investigation: &Investigation<'_>, residuals: &[Vec<f64>]) -> Vec<Lock> {
-    courses(investigation, residuals).locks()
-}
-
+/// Residuals of the records, run-in included, beside what they may go with.
 fn courses<'a>(investigation: &'a Investigation<'_>, residuals: &'a [Vec<f64>]) -> Courses<'a> {
     let records = investigation.traces().each.iter().zip(residuals);
     let own = records.map(|(trace, residual)| &residual[trace.from..]);
     Courses::new(investigation.traces(), own)
 }
 
-fn evidence(model: &Model, investigation: &Investigation<'_>, before: Before) -> Evidence {
+fn evidence(model: &Model, investigation: &Investigation<'_>, of_records: OfRecords) -> Evidence {
+    let OfRecords { before, fails, rig } = of_records;
     let search = &investigation.search;
     let standing = search.standing();
     let residuals = investigation.residuals();
@@ -220,7 +237,9 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, before: Before) ->
                 investigation.ring(&residuals)
             },
         },
-        ..Evidence::default()
+        rig,
+        fails,
+        free_fails: where_it_fails(&courses(investigation, investigation.residuals_at_first())),
     }
 }
 
@@ -232,7 +251,7 @@ fn noise_percent(search: &Search<'_>) -> f64 {
 }
 
 /// Where the given model fails, on the records as they are.
-fn fails(dataset: &Dataset, model: &Model) -> WhereItFails {
+pub(crate) fn fails(dataset: &Dataset, model: &Model) -> WhereItFails {
     let (states, errors_um): (Vec<_>, Vec<Vec<f64>>) = dataset
         .records
         .iter()

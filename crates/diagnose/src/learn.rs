@@ -1,6 +1,6 @@
 //! Learns a model by itself: fits, tries every candidate, takes what records not fitted confirm, until nothing is gained any more.
 
-use crate::diagnose::{conclude, controllers_delay_s};
+use crate::diagnose::{OfRecords, conclude, controllers_delay_s, fails};
 use crate::diagnosis::{Before, Diagnosis, Reason, Unexplained, Verdict};
 use crate::evidence::Against;
 use crate::investigation::{Best, Investigation};
@@ -8,7 +8,7 @@ use crate::ladder::percent;
 use crate::noise::noise_floor;
 use crate::reasons;
 use crate::rules::Thresholds;
-use hysteron_acquisition::position_leads;
+use hysteron_acquisition::{Kind, inspect};
 use hysteron_data::Dataset;
 use hysteron_identify::add::told;
 use hysteron_identify::effects::{UserEffect, find};
@@ -139,8 +139,9 @@ fn go_on(
     own: &[UserEffect],
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<Learned, IdentifyError> {
-    let noise_um = noise_floor(dataset).rms_um;
-    let reasons = reasons::of(dataset, noise_um, position_leads(dataset), &Thresholds::DEFAULT);
+    let rig = inspect(dataset);
+    let noise_um = rig.noise.rms_um;
+    let reasons = reasons::of(dataset, noise_um, rig.finds(Kind::PositionLeads), &Thresholds::DEFAULT);
     let mut climb = Climb::new(dataset, model, noise_um);
     climb.take_the_controllers_delay();
     let blocking: Vec<Reason> = reasons.iter().copied().filter(|reason| reason.blocks()).collect();
@@ -161,8 +162,12 @@ fn go_on(
         stop = climb.as_far_as_it_goes(&mut around_own, progress);
     }
     climb.prune();
-    let before = before_of(&climb.model, dataset);
-    let (mut diagnosis, _) = conclude(dataset, &start, &investigation, before, &|_, _| ());
+    let of_records = OfRecords {
+        before: before_of(&climb.model, dataset),
+        fails: fails(dataset, &start),
+        rig: rig.kinds(),
+    };
+    let (mut diagnosis, _) = conclude(&start, &investigation, of_records, &|_, _| ());
     after_all(&mut diagnosis, &climb.model);
     let stop = match stop {
         Stop::NothingMissing if diagnosis.verdict != Verdict::Nothing => Stop::Unknown {

@@ -124,7 +124,7 @@ fn sine_of(drive: &[f64], period_s: f64) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hysteron_acquisition::position_leads;
+    use hysteron_acquisition::{Kind, inspect};
 
     /// Sines of several rates through one play, the position so many samples early.
     fn early(samples: usize) -> Dataset {
@@ -159,7 +159,8 @@ mod tests {
     fn bva_a_lead_of_the_position_on_both_sides() {
         let leads = |samples| {
             let dataset = early(samples);
-            of(&dataset, 1e-4, position_leads(&dataset), &Thresholds::DEFAULT).contains(&Reason::PositionLeads)
+            let leads = inspect(&dataset).finds(Kind::PositionLeads);
+            of(&dataset, 1e-4, leads, &Thresholds::DEFAULT).contains(&Reason::PositionLeads)
         };
         assert_eq!([0, 3].map(leads), [false, true]);
     }
