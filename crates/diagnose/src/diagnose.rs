@@ -122,7 +122,7 @@ pub(crate) fn go_round(investigation: &mut Investigation<'_>, progress: &(dyn Fn
     for round in 0..MOST_ROUNDS {
         let (from, to) = (0.15 + 0.25 * round as f64, 0.4 + 0.25 * round as f64);
         let best = investigation.round(&|share, effect| progress(from + (to - from) * share, effect));
-        match best.filter(|best: &Best| best.significant) {
+        match best.into_iter().next().filter(|best: &Best| best.significant) {
             Some(best) => investigation.take(best),
             None => break,
         }

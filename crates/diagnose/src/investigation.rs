@@ -39,7 +39,7 @@ pub(crate) struct Investigation<'a> {
     at_first: Vec<Vec<f64>>,
 }
 
-/// What a round found.
+/// A candidate of a round.
 pub(crate) struct Best {
     pub effect: Arc<dyn Effect>,
     pub trial: Trial,
@@ -117,6 +117,11 @@ impl<'a> Investigation<'a> {
         }
     }
 
+    /// Leaves only these effects among the candidates.
+    pub(crate) fn ask_only(&mut self, names: &[EffectName]) {
+        self.effects.retain(|effect| names.contains(&effect.name()));
+    }
+
     /// Whether one sine is all that was played.
     pub(crate) fn one_sine(&self) -> bool {
         self.one_sine
@@ -159,8 +164,8 @@ impl<'a> Investigation<'a> {
         self.rounds.iter().all(|round| round.taken.is_none() || round.of_family)
     }
 
-    /// Tries every candidate on the chain as it stands; the best of those that are significant, else the best of all.
-    pub(crate) fn round(&mut self, progress: &(dyn Fn(f64, &str) + Sync)) -> Option<Best> {
+    /// Tries every candidate on the chain as it stands: those that are significant first, then by the statistic.
+    pub(crate) fn round(&mut self, progress: &(dyn Fn(f64, &str) + Sync)) -> Vec<Best> {
         let first = self.nothing_taken();
         let residuals = self.residuals();
         let line = self.mains_line(&residuals);
@@ -196,7 +201,7 @@ impl<'a> Investigation<'a> {
             taken: None,
             of_family: false,
         });
-        judged.into_iter().next()
+        judged
     }
 
     /// Takes the best of the last round into the chain.

@@ -79,6 +79,12 @@ const MOST_STEPS: usize = 6;
 /// A step that is not named must bring the error that counts below this share: chance and mimics take a tenth.
 const FAR_BETTER: f64 = 0.88;
 
+/// A candidate that leaves less than this share of what the first one leaves goes before it.
+const CLEARLY_LESS: f64 = 0.8;
+
+/// A step that brings the error on records not fitted above this share of what it was is not kept, whatever it does to the others.
+const MOST_RISE: f64 = 1.1;
+
 /// A step without which the error rises by less than this share is superfluous.
 const SUPERFLUOUS: f64 = 0.01;
 
@@ -152,22 +158,26 @@ fn go_on(
     let mut investigation = Investigation::new(dataset, &climb.model, own, noise_um, &reasons)?;
     let start = climb.model.clone();
     let mut stop = climb.as_far_as_it_goes(&mut investigation, progress);
-    climb.shape_alone(&investigation);
-    // Where the model's own plays stay, its chain is no longer that of the free shape: what helps it is asked of itself.
-    if !investigation.nothing_taken()
-        && stop != Stop::EnoughSteps
-        && climb.model.family != investigation.search.standing().family()
-        && let Ok(mut around_own) = Investigation::around_own(dataset, &climb.model, own, noise_um, &reasons)
-    {
-        stop = climb.as_far_as_it_goes(&mut around_own, progress);
-    }
-    climb.prune();
+    climb.shape_of(&investigation);
     let of_records = OfRecords {
-        before: before_of(&climb.model, dataset),
+        before: before_of(&start, dataset),
         fails: fails(dataset, &start),
         rig: rig.kinds(),
     };
     let (mut diagnosis, _) = conclude(&start, &investigation, of_records, &|_, _| ());
+    // Where the model's own plays stay, its chain is no longer that of the free shape: what helps it is asked of itself.
+    if stop != Stop::EnoughSteps
+        && climb.model.family != investigation.search.standing().family()
+        && let Ok(mut around_own) = Investigation::around_own(dataset, &climb.model, own, noise_um, &reasons)
+    {
+        if climb.model.effects.is_empty() {
+            climb.rivals = named(&diagnosis);
+            around_own.ask_only(&climb.rivals);
+        }
+        stop = climb.as_far_as_it_goes(&mut around_own, progress);
+    }
+    climb.prune();
+    diagnosis.before = before_of(&climb.model, dataset);
     after_all(&mut diagnosis, &climb.model);
     let stop = match stop {
         Stop::NothingMissing if diagnosis.verdict != Verdict::Nothing => Stop::Unknown {
@@ -193,16 +203,30 @@ fn after_all(diagnosis: &mut Diagnosis, model: &Model) {
     diagnosis.further.retain(|name| !taken(name));
 }
 
+/// The effects that a verdict names, alone or as a set.
+fn named(diagnosis: &Diagnosis) -> Vec<EffectName> {
+    let first = diagnosis.verdict.effect().cloned();
+    first
+        .into_iter()
+        .chain(diagnosis.also_possible.iter().cloned())
+        .collect()
+}
+
 fn before_of(model: &Model, dataset: &Dataset) -> Before {
-    let step = model
-        .history
-        .last()
-        .cloned()
-        .unwrap_or_else(|| present_step(dataset, model));
+    let last = model.history.last().cloned();
+    errors_of(&last.unwrap_or_else(|| present_step(dataset, model)))
+}
+
+fn errors_of(step: &Step) -> Before {
     Before {
         identify_percent: step.identify_percent,
         validate_percent: step.validate_percent,
     }
+}
+
+/// The error over all records, percent of peak to peak.
+fn pooled(step: &Step) -> Option<f64> {
+    errors_of(step).pooled()
 }
 
 /// The model on its way up, and how it came about.
@@ -212,6 +236,8 @@ struct Climb<'a> {
     model: Model,
     attempts: Vec<Attempt>,
     rungs: Vec<Model>,
+    /// The set of a verdict that the steps are from.
+    rivals: Vec<EffectName>,
 }
 
 impl<'a> Climb<'a> {
@@ -222,6 +248,7 @@ impl<'a> Climb<'a> {
             rungs: vec![model.clone()],
             model,
             attempts: Vec::new(),
+            rivals: Vec::new(),
         }
     }
 
@@ -272,37 +299,15 @@ impl<'a> Climb<'a> {
     ) -> Stop {
         let told = |share: f64, effect: &str| progress(&format!("is it {effect}?"), share);
         loop {
-            let best = investigation.round(&told);
+            let judged = investigation.round(&told);
             if self.kept() >= MOST_STEPS {
                 return Stop::EnoughSteps;
             }
-            match best {
-                Some(best) if self.worth(investigation, &best) => self.climb(investigation, best),
-                _ => return Stop::NothingMissing,
+            match chosen(investigation, judged) {
+                Some(best) => self.climb(investigation, best),
+                None => return Stop::NothingMissing,
             }
         }
-    }
-
-    /// Whether the best candidate of a round is named, or helps so much that it stays without a name.
-    fn worth(&self, investigation: &Investigation<'_>, best: &Best) -> bool {
-        let search = &investigation.search;
-        let counts = |of: &hysteron_identify::search::Trial| {
-            search
-                .percent(of, false)
-                .or_else(|| search.percent(of, true))
-                .unwrap_or(0.0)
-        };
-        let (before, after) = (counts(search.standing()), counts(&best.trial));
-        if best.significant {
-            return after < before.max(f64::MIN_POSITIVE);
-        }
-        let pairs = search.standing().parts.iter().zip(&best.trial.parts);
-        let lower = pairs.filter(|(a, b)| b.held_out_um2 < a.held_out_um2).count();
-        !matches!(best.candidate.against, Some(Against::OneSine | Against::Skew))
-            && best.candidate.statistic > 1.0
-            && 2 * lower >= best.trial.parts.len()
-            && after < FAR_BETTER * before
-            && investigation.scale.excess(search.standing()) > 0.05 * investigation.base_excess
     }
 
     /// Takes a candidate into the chain, and tells the step; a model of another family gets the shape as a step beside it.
@@ -314,7 +319,8 @@ impl<'a> Climb<'a> {
         if of_the_loop {
             rivals.push(EffectId::HysteresisShape.into());
         }
-        let uncertain = !best.significant || of_the_loop;
+        rivals.extend(self.rivals.iter().filter(|&name| *name != effect).cloned());
+        let uncertain = !best.significant || of_the_loop || self.rivals.len() > 1;
         let before = self.last_step();
         let shapes = investigation.one_loop() || investigation.search.standing().family() != self.model.family;
         let of_effect = Arc::clone(&best.effect);
@@ -333,7 +339,9 @@ impl<'a> Climb<'a> {
                 before.clone(),
             ),
         };
-        if percent(&added.after) > percent(&before) {
+        let (was, is) = (percent(&before), percent(&added.after));
+        let spoils = was.zip(is).is_some_and(|(was, is)| is > MOST_RISE * was);
+        if spoils || pooled(&added.after) > pooled(&before) {
             self.note(&effect, rivals, (&before, &added.after), false, uncertain);
             return;
         }
@@ -367,8 +375,8 @@ impl<'a> Climb<'a> {
         self.rungs.push(added.model);
     }
 
-    /// The free shape where no effect was found and it is what holds the error up.
-    fn shape_alone(&mut self, investigation: &Investigation<'_>) {
+    /// The free shape where it is what holds the error up, around the effects that were found.
+    fn shape_of(&mut self, investigation: &Investigation<'_>) {
         let search = &investigation.search;
         let own = self.last_step();
         let counts = search
@@ -377,8 +385,11 @@ impl<'a> Climb<'a> {
         let better = counts
             .zip(percent(&own))
             .is_some_and(|(free, own)| free < SHAPE_HOLDS_UP * own);
+        let taken = investigation.rounds.iter().filter_map(|round| round.taken.as_ref());
+        let has = |name: &EffectName| self.model.effects.iter().any(|fitted| fitted.name == *name);
+        let same_effects = taken.clone().all(has);
         let determined = investigation.shape_determined && !investigation.one_loop();
-        if better && investigation.nothing_taken() && determined {
+        if better && same_effects && determined {
             self.shape(investigation);
         }
     }
@@ -447,6 +458,36 @@ impl<'a> Climb<'a> {
             diagnosis,
         }
     }
+}
+
+/// The first candidate of a round that is worth a step, unless another one leaves clearly less.
+fn chosen(investigation: &Investigation<'_>, judged: Vec<Best>) -> Option<Best> {
+    let search = &investigation.search;
+    let left = |best: &Best| search.held_out_percent(&best.trial);
+    let mut worth: Vec<Best> = judged
+        .into_iter()
+        .filter(|best| is_worth(investigation, best))
+        .collect();
+    let least = (0..worth.len()).min_by(|&a, &b| left(&worth[a]).total_cmp(&left(&worth[b])))?;
+    let clearly = left(&worth[least]) < CLEARLY_LESS * left(&worth[0]);
+    Some(worth.swap_remove(if clearly { least } else { 0 }))
+}
+
+/// Whether a candidate is named, or helps so much that it stays without a name: on what took no part in its fit.
+fn is_worth(investigation: &Investigation<'_>, best: &Best) -> bool {
+    let search = &investigation.search;
+    let standing = search.standing();
+    let (before, after) = (search.held_out_percent(standing), search.held_out_percent(&best.trial));
+    if best.significant {
+        return after < before;
+    }
+    let pairs = standing.parts.iter().zip(&best.trial.parts);
+    let lower = pairs.filter(|(a, b)| b.held_out_um2 < a.held_out_um2).count();
+    !matches!(best.candidate.against, Some(Against::OneSine | Against::Skew))
+        && best.candidate.statistic > 1.0
+        && 2 * lower >= best.trial.parts.len()
+        && after < FAR_BETTER * before
+        && investigation.scale.excess(standing) > 0.05 * investigation.base_excess
 }
 
 /// What the last round does not tell from its best candidate.

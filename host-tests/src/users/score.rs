@@ -79,6 +79,9 @@ pub struct Outcome {
     pub said: Result<Said, String>,
     /// Error on the records held out, of the start model and after `learn`, percent of peak to peak.
     pub held_percent: Option<[f64; 2]>,
+    /// The same error of the model that `learn` makes of the same recordings of the same stage with nothing hidden: what these records
+    /// can tell of its hysteresis.
+    pub bare_percent: Option<f64>,
     /// Effects in what was learned.
     pub learned: Vec<String>,
     /// Further records.
@@ -152,6 +155,7 @@ pub fn one(seed: u64, spec: &Spec, questions: Questions) -> Outcome {
         grade,
         said,
         held_percent: None,
+        bare_percent: None,
         learned: Vec::new(),
         asked: Vec::new(),
         took_s,
@@ -161,6 +165,7 @@ pub fn one(seed: u64, spec: &Spec, questions: Questions) -> Outcome {
         let clock = Instant::now();
         learn(&case, model, &mut outcome);
         outcome.took_s[2] = clock.elapsed().as_secs_f64();
+        outcome.bare_percent = outcome.counts().then(|| with_nothing_hidden(seed, spec)).flatten();
     }
     let open = matches!(grade, Grade::InSet(_) | Grade::Silent(_) | Grade::WrongSet);
     if questions.next && open && outcome.truth.kind == Kind::One {
@@ -185,6 +190,15 @@ fn learn(case: &Case, start: Model, outcome: &mut Outcome) {
             outcome.learned = vec![format!("error: {error}")];
         }
     }
+}
+
+/// Held-out error of what `learn` makes of the stage of a case with nothing hidden in it, percent of peak to peak.
+fn with_nothing_hidden(seed: u64, spec: &Spec) -> Option<f64> {
+    let kind = Some(Kind::Nothing);
+    let case = Case::generate(seed, &Spec { kind, ..*spec });
+    let start = tool::start(&case.dataset, Start::Mpi).ok()?;
+    let (model, _) = tool::learned(&case.dataset, start).ok()?;
+    tool::error_percent(&case.held_out, &model)
 }
 
 /// Plays what is asked for, adds it to the records, asks again.
@@ -334,6 +348,7 @@ pub fn json(outcome: &Outcome) -> serde_json::Value {
         "grade": format!("{:?}", outcome.grade),
         "said": said,
         "held_out_percent": outcome.held_percent,
+        "held_out_with_nothing_hidden_percent": outcome.bare_percent,
         "learned": outcome.learned,
         "asked": asked,
         "seconds": {

@@ -42,6 +42,11 @@ fn ratio(outcome: &Outcome) -> Option<f64> {
     outcome.held_percent.map(|[before, after]| after / before)
 }
 
+fn bare_ratio(outcome: &Outcome) -> Option<f64> {
+    let [before, _] = outcome.held_percent?;
+    outcome.bare_percent.map(|bare| bare / before)
+}
+
 /// The rows of the first table: what, what is wanted, what was found.
 fn wanted(text: &mut String, outcomes: &[Outcome]) {
     let counts: Vec<&Outcome> = outcomes.iter().filter(|o| o.counts()).collect();
@@ -111,6 +116,11 @@ fn wanted(text: &mut String, outcomes: &[Outcome]) {
             "held out, after `learn` over before, an effect of 1 % and more",
             "<= 0.35",
             median_text(&ratios(&counts)),
+        ),
+        (
+            "the same stages with nothing hidden, after `learn`, over the same before",
+            "",
+            median_text(&counts.iter().filter_map(|o| bare_ratio(o)).collect::<Vec<f64>>()),
         ),
         (
             "held out, worse than before (by more than a thousandth)",

@@ -411,6 +411,16 @@ impl super::Search<'_> {
         (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
     }
 
+    /// Error of a trial over all records that move, each relative to its stroke, every part as it is foretold from what took part in
+    /// the fit without it, percent of peak to peak.
+    pub fn held_out_percent(&self, trial: &Trial) -> f64 {
+        let parts = trial.parts.iter().filter(|part| self.records[part.record].moves());
+        let squares: Vec<f64> = parts
+            .map(|part| 1e4 * part.held_out_um2 / self.records[part.record].stroke_um.powi(2))
+            .collect();
+        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+    }
+
     /// Sum of the logarithms of what a trial leaves of the fitted parts, each foretold from the others.
     pub(super) fn foretold(&self, trial: &Trial) -> f64 {
         let fitted = trial.parts.iter().filter(|part| self.records[part.record].fits);
