@@ -406,6 +406,53 @@ fn refuse_to_leave_the_records() {
     assert!(said.contains("expected") && said.contains("found"), "{said}");
 }
 
+/// On a stage that moves 2 % less than the model says, the gain has risen towards those 2 % at the end of 10 Hz, which lasts half a time
+/// constant, and nothing is said of learning where none was asked for.
+#[test]
+fn val_what_the_law_has_learned_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, weaker, out] =
+        ["model.toml", "weaker.toml", "controller.toml"].map(|name| folder.path().join(name).display().to_string());
+    let text = model(RISING, "", &[]);
+    std::fs::write(&path, &text).unwrap();
+    std::fs::write(
+        &weaker,
+        model(RISING.map(|weight| 0.98 * weight), "", &[]).replace("= 0.06\n", "= 0.0588\n"),
+    )
+    .unwrap();
+    hysteron(&["design", &path, "-o", &out, "--open"]);
+    let said = hysteron(&["track", &out, "--model", &weaker]);
+    assert!(!said.contains("LEARNED"), "{said}");
+    hysteron(&["design", &path, "-o", &out, "--open", "--adapt", "5"]);
+    let said = hysteron(&["track", &out, "--model", &weaker]);
+    assert!(
+        said.contains("LEARNED WHILE IT RAN") && said.contains("gain within +-5.00 %, zero within +-"),
+        "{said}"
+    );
+    let answer = hysteron(&["track", &out, "--model", &weaker, "--json"]);
+    let answer: serde_json::Value = serde_json::from_str(&answer).unwrap();
+    assert_eq!(answer["adaptation"]["gain_bound"], 0.05);
+    let rows = answer["rows"].as_array().unwrap();
+    let learned = |row: &serde_json::Value| row["adapted"]["gain_percent"].as_f64().unwrap();
+    let slow = rows.iter().find(|row| row["reference"] == "10").unwrap();
+    assert!((0.3..2.1).contains(&learned(slow)), "{slow}");
+    assert!(rows.iter().all(|row| learned(row).abs() <= 5.0), "{rows:?}");
+    let on_the_model: serde_json::Value =
+        serde_json::from_str(&hysteron(&["track", &out, "--model", &path, "--json"])).unwrap();
+    let slow = on_the_model["rows"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|row| row["reference"] == "10");
+    assert!(learned(slow.unwrap()).abs() < 0.2, "{slow:?}");
+    // On a simulated stage every run of the table is there, and the staircase.
+    let said = hysteron(&["track", &out, "--stage", "8k", "--alone", "--range", "3,8"]);
+    let table = said.split("LEARNED WHILE IT RAN").nth(1).unwrap();
+    for run in ["sine 10 Hz", "sine 1000 Hz", "triangle 100 Hz", "staircase"] {
+        assert!(table.contains(run), "{run}: {said}");
+    }
+}
+
 /// Three plays know little of the stage, and are off by as much on the chip as here: 16-bit codes and f32 are a tenth of a percent of
 /// that.
 #[test]

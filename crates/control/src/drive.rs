@@ -67,8 +67,9 @@ pub fn drive(controller: &Controller, samples_um: &[f64], model: Option<&Model>)
         None => (commands(&controller.without_feedback().law()?, &reference), None),
         Some(model) => {
             let (model, left_out) = determined(model)?;
-            let Played { command_v, position_um } =
-                play(&model, controller, controller.feedback.is_some(), &reference)?;
+            let Played {
+                command_v, position_um, ..
+            } = play(&model, controller, controller.feedback.is_some(), &reference)?;
             let error_um = rms(due_um.iter().zip(&position_um).skip(before));
             let (low, high) = hysteron_identify::family::range(due_um.iter().copied());
             let modelled = Modelled {

@@ -1,5 +1,6 @@
 //! A controller on a stage of the user's own, a model or a process: what its design expects, beside what comes out.
 
+use crate::adapted::{Adaptation, Adapted};
 use crate::design::Controller;
 use crate::design::prediction::{Predicted, predict};
 use crate::error::ControlError;
@@ -26,6 +27,9 @@ pub struct Row {
     pub found_percent: f64,
     /// Whether the loop swings no further than it is asked to.
     pub stable: bool,
+    /// What the law had learned of gain and zero at the end of the run; none where it does not learn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub adapted: Option<Adapted>,
 }
 
 /// A controller on something that is not a simulated stage of ours.
@@ -35,6 +39,9 @@ pub struct Report {
     pub range_um: [f64; 2],
     /// Effects of the model that a command alone does not determine: they are not in the runs.
     pub left_out: Vec<EffectName>,
+    /// Bounds of what is learned of gain and zero; none where nothing is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub adaptation: Option<Adaptation>,
     /// The runs.
     pub rows: Vec<Row>,
 }
@@ -51,6 +58,8 @@ pub fn half_the_stroke(controller: &Controller) -> [f64; 2] {
 pub(crate) struct Played {
     pub command_v: Vec<f64>,
     pub position_um: Vec<f64>,
+    /// What the law had learned at the end.
+    pub adapted: Option<Adapted>,
 }
 
 /// A reference of [`SHAPES`], and whether the loop is closed.
@@ -90,7 +99,11 @@ impl<'a> Plan<'a> {
     ) -> Result<Row, ControlError> {
         let period_s = self.controller.model.sample_period_s;
         let reference = shape.reference(self.range_um, period_s);
-        let Played { command_v, position_um } = play(closed, &reference)?;
+        let Played {
+            command_v,
+            position_um,
+            adapted,
+        } = play(closed, &reference)?;
         let due = |values: &[f64]| values.get(self.controller.samples_ahead..).unwrap_or_default().to_vec();
         let run = Tracked {
             reference_um: reference.samples_um.clone(),
@@ -98,6 +111,7 @@ impl<'a> Plan<'a> {
             true_um: due(&position_um),
             limited: vec![false; reference.samples_um.len()],
             command_v: due(&command_v),
+            adapted,
         };
         let figures = judge(&run.from(reference.judged_from), period_s);
         let found_percent = figures.map_or(f64::NAN, |figures| figures.true_percent);
@@ -114,6 +128,7 @@ impl<'a> Plan<'a> {
             }),
             found_percent,
             stable: found_percent < SWINGS_PERCENT,
+            adapted,
         })
     }
 }

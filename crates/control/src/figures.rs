@@ -1,5 +1,7 @@
 //! How far a run is off: eq. 19, and how much of it is lateness, gain and offset.
 
+use crate::adapted::Adapted;
+
 /// What a run leaves behind, one value a sample.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Tracked {
@@ -13,6 +15,8 @@ pub struct Tracked {
     pub command_v: Vec<f64>,
     /// Whether the command met a limit.
     pub limited: Vec<bool>,
+    /// What the law has learned of gain and zero at the end; none where it does not learn.
+    pub adapted: Option<Adapted>,
 }
 
 impl Tracked {
@@ -28,6 +32,7 @@ impl Tracked {
             true_um: part(&self.true_um, first),
             command_v: part(&self.command_v, first),
             limited: part(&self.limited, first),
+            adapted: self.adapted,
         }
     }
 
@@ -224,6 +229,7 @@ mod tests {
                 reference_um,
                 measured_um,
                 limited: vec![false; 1000],
+                adapted: None,
             }
         };
         let late = judge(&run(1.0, 1.0, 0.0), 20e-6).unwrap();
@@ -259,6 +265,7 @@ mod tests {
             true_um: vec![1.0; 10],
             command_v: vec![0.0; 10],
             limited: vec![false; 10],
+            adapted: None,
         };
         assert_eq!(judge(&still, 20e-6), None);
         assert_eq!(lateness_us(90.0, 500.0), None);

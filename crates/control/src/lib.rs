@@ -5,6 +5,7 @@
 //! the code that runs on the chip.
 #![forbid(unsafe_code)]
 
+pub mod adapted;
 pub mod campaign;
 pub mod commands;
 pub mod design;

@@ -1,8 +1,9 @@
 //! A controller on the user's own identified model: what its design expects, beside what comes out.
 
+use crate::adapted::Adapted;
 use crate::commands::{commands, usual_temperature_c};
-use crate::design::Controller;
 use crate::design::linear_stage::LinearStage;
+use crate::design::{CompleteLaw, Controller};
 use crate::error::ControlError;
 use crate::expected::{Plan, Played, Report, Row};
 use crate::reference::Reference;
@@ -38,6 +39,7 @@ pub fn on_model(model: &Model, controller: &Controller, range_um: [f64; 2]) -> R
     Ok(Report {
         range_um,
         left_out,
+        adaptation: controller.adaptation.clone(),
         rows: rows?,
     })
 }
@@ -102,8 +104,8 @@ impl Held {
 
 /// One run from rest at 0 V, from the first sample that is known on.
 ///
-/// A model answers whole commands. A closed loop is run on the answer to its last commands, with a linear stage for what it commands
-/// otherwise this time; where nothing changes any more the linear stage has no part in it.
+/// A model answers whole commands. A law that reads the position, since it has feedback or learns, is run on the answer to its last
+/// commands, with a linear stage for what it commands otherwise this time; where nothing changes any more that has no part in it.
 pub(crate) fn play(
     model: &Model,
     controller: &Controller,
@@ -114,40 +116,65 @@ pub(crate) fn play(
     let held = Held::of(model, controller);
     let answer = |command_v: &[f64]| model.simulate_input(&held.arrived(command_v), period_s, InitialState::REST);
     let open = controller.without_feedback().law::<f64>()?;
-    let mut command_v = commands(&open, reference);
-    let mut position_um = answer(&command_v)?;
-    if closed {
-        let law = controller.law::<f64>()?;
-        let temperature_c = usual_temperature_c(&law);
-        let (low_um, high_um) = hysteron_identify::family::range(reference.samples_um.iter().copied());
-        for _ in 0..REPEATS {
-            let mut state = law.rest(temperature_c);
-            let mut linear = LinearStage::of(&controller.model, &controller.model.linear, GAIN);
-            let mut beside_um = 0.0;
-            let mut seen_um = Vec::with_capacity(command_v.len());
-            let mut again_v = Vec::with_capacity(command_v.len());
-            for (k, (&before_v, &answered_um)) in command_v.iter().zip(&position_um).enumerate() {
-                let measured = answered_um + beside_um;
-                let now_v = law.step(
-                    &mut state,
-                    LoopInput {
-                        reference_ahead: reference.at(k),
-                        measured,
-                        temperature_c,
-                        ..LoopInput::default()
-                    },
-                );
-                beside_um = linear.step(now_v - before_v);
-                seen_um.push(measured);
-                again_v.push(now_v);
-            }
-            command_v = again_v;
-            position_um = answer(&command_v)?;
-            let changes = position_um.iter().zip(&seen_um).map(|(now, seen)| (now - seen).abs());
-            if changes.fold(0.0, f64::max) < STANDS * (high_um - low_um) {
-                break;
-            }
+    let mut played = Played {
+        command_v: commands(&open, reference),
+        position_um: Vec::new(),
+        adapted: None,
+    };
+    played.position_um = answer(&played.command_v)?;
+    if !closed && controller.adaptation.is_none() {
+        return Ok(played);
+    }
+    let law = if closed { controller.law::<f64>()? } else { open };
+    let (low_um, high_um) = hysteron_identify::family::range(reference.samples_um.iter().copied());
+    for _ in 0..REPEATS {
+        let (seen_um, again) = repeated(&law, controller, reference, &played);
+        played = again;
+        played.position_um = answer(&played.command_v)?;
+        let changes = played
+            .position_um
+            .iter()
+            .zip(&seen_um)
+            .map(|(now, seen)| (now - seen).abs());
+        if changes.fold(0.0, f64::max) < STANDS * (high_um - low_um) {
+            break;
         }
     }
-    Ok(Played { command_v, position_um })
+    Ok(played)
+}
+
+/// The law on the answer to its last commands: what it has read, and what it commands and has learned; the answer to that is still to come.
+fn repeated(
+    law: &CompleteLaw<f64>,
+    controller: &Controller,
+    reference: &Reference,
+    before: &Played,
+) -> (Vec<f64>, Played) {
+    let temperature_c = usual_temperature_c(law);
+    let mut state = law.rest(temperature_c);
+    let mut linear = LinearStage::of(&controller.model, &controller.model.linear, GAIN);
+    let mut beside_um = 0.0;
+    let mut seen_um = Vec::with_capacity(before.command_v.len());
+    let mut command_v = Vec::with_capacity(before.command_v.len());
+    for (k, (&before_v, &answered_um)) in before.command_v.iter().zip(&before.position_um).enumerate() {
+        let measured = answered_um + beside_um;
+        let now_v = law.step(
+            &mut state,
+            LoopInput {
+                reference_ahead: reference.at(k),
+                measured,
+                temperature_c,
+                ..LoopInput::default()
+            },
+        );
+        beside_um = linear.step(now_v - before_v);
+        seen_um.push(measured);
+        command_v.push(now_v);
+    }
+    let again = Played {
+        command_v,
+        position_um: Vec::new(),
+        adapted: Adapted::of(law, &state),
+    };
+    (seen_um, again)
 }

@@ -1,5 +1,6 @@
 //! A stage of the user's own as a process: volts go to its standard input, positions come back, a line each; see `process.md` in the book.
 
+use crate::adapted::Adapted;
 use crate::commands::usual_temperature_c;
 use crate::design::Controller;
 use crate::error::ControlError;
@@ -279,6 +280,7 @@ pub fn on_process(
     Ok(Report {
         range_um,
         left_out: Vec::new(),
+        adaptation: controller.adaptation.clone(),
         rows,
     })
 }
@@ -301,6 +303,7 @@ fn play(
     let mut played = Played {
         command_v: Vec::with_capacity(rows),
         position_um: Vec::with_capacity(rows),
+        adapted: None,
     };
     for k in 0..rows {
         let input = LoopInput {
@@ -315,5 +318,6 @@ fn play(
         measured = process.step(command_v)?;
     }
     process.finish()?;
+    played.adapted = Adapted::of(&law, &state);
     Ok(played)
 }

@@ -17,7 +17,7 @@ const LARGEST_GAIN_CHANGE: f64 = 0.2;
 /// to be drawn back to where it began, and none is.
 ///
 /// A dead zone takes noise off `m` and `m~`. The gain learns only where its bound times the rms of `x~` exceeds that zone. A block with a
-/// reading that is no number, or a sample that may not count, is thrown away whole.
+/// reading that is no number or stands in for a bad one, or a sample that may not count, is thrown away whole.
 ///
 /// # Units
 /// Micrometres; the gain is a share.
@@ -202,6 +202,11 @@ fn within<T: Real>(value: T, bound: T) -> T {
 }
 
 impl<T: Real> AdaptationState<T> {
+    /// The reading of this sample is none of the sensor's: the block that it belongs to teaches nothing.
+    pub(crate) fn spoil_block(&mut self) {
+        self.spoilt = true;
+    }
+
     /// Learned change of the gain: a share of the motion.
     pub fn gain(&self) -> T {
         self.gain

@@ -228,6 +228,13 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         allowed
     }
 
+    /// Before a step whose reading stands in for a bad one: gain and zero do not learn from it.
+    ///
+    /// A reading that is no number says the same. This is for one that feedback can go on with.
+    pub fn hold_reading_over(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>) {
+        state.adaptation.spoil_block();
+    }
+
     /// What a sample tells hum, gain and zero. Apart from the step, so that a law which does not learn jumps over little; another
     /// limiter than its own is that of the way from rest.
     #[inline(never)]

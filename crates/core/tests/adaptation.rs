@@ -117,6 +117,8 @@ struct Run<T> {
     k: usize,
     /// A reading that stands instead of the sensor's.
     reading_um: Option<f64>,
+    /// Every so many samples one is held over.
+    held_every: Option<usize>,
 }
 
 impl<T: Real> Run<T> {
@@ -129,6 +131,7 @@ impl<T: Real> Run<T> {
             command_v: 0.0,
             k: 0,
             reading_um: None,
+            held_every: None,
         }
     }
 
@@ -145,6 +148,9 @@ impl<T: Real> Run<T> {
                 measured: T::from_f64(self.reading_um.unwrap_or(reading_um)),
                 ..LoopInput::default()
             };
+            if self.held_every.is_some_and(|every| self.k.is_multiple_of(every)) {
+                self.law.hold_reading_over(&mut self.state);
+            }
             self.command_v = self.law.step(&mut self.state, input).to_f64();
             self.k += 1;
             if left < last {
@@ -248,6 +254,34 @@ fn val_frozen_when_in_doubt_limited_or_on_a_ramp() {
         run.law.step_through(&mut run.state, input, &ramp);
     }
     assert_eq!((run.gain(), run.zero_um()), (learned.gain(), learned.zero()));
+}
+
+/// A block has 10 samples. One of them held over in every block: nothing is learned, and the loop goes on as it would. One in 11: the block
+/// without any is learned from. In every other block: half of what is learned without, to first order in a time that is short.
+#[test]
+fn bva_readings_that_are_held_over_teach_nothing() {
+    let learned = |held_every: Option<usize>| {
+        let mut run = Run::<f64>::new(&numbers(false), Stage::new(0.98, 0.05));
+        run.held_every = held_every;
+        run.run(0.5, sine_um);
+        [run.gain(), run.zero_um()]
+    };
+    let [_, whole_um] = learned(None);
+    assert_eq!(learned(Some(10)), [0.0, 0.0]);
+    let [gain, zero_um] = learned(Some(11));
+    assert!(gain != 0.0 && zero_um != 0.0, "{gain} {zero_um}");
+    let [_, half_um] = learned(Some(20));
+    assert!((half_um / whole_um - 0.5).abs() < 0.15, "{half_um} of {whole_um}");
+    // The feedback has the reading all the same.
+    let end_v = |held_every: Option<usize>| {
+        let mut unlearned = numbers(true);
+        unlearned.adaptation = None;
+        let mut run = Run::<f64>::new(&unlearned, Stage::new(0.98, 0.05));
+        run.held_every = held_every;
+        run.run(0.1, sine_um);
+        run.command_v
+    };
+    assert_eq!(end_v(Some(10)), end_v(None));
 }
 
 /// A stage of another gain and zero than the bounds allow: they are reached and not passed.

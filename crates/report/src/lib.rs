@@ -42,6 +42,6 @@ pub use provenance::{facts, frozen, hashes};
 pub use report_page::{Findings, report_page};
 pub use table::{Cell, PaperFigure, Table, paper_table};
 pub use text::{
-    amounts, comparison_text, design_text, diagnosis_details, diagnosis_text, explanation, ladder_details, ladder_text,
-    law_table_text, learned_text, model_text, tracked_text,
+    adapted_text, amounts, bounds_text, comparison_text, design_text, diagnosis_details, diagnosis_text, explanation,
+    ladder_details, ladder_text, law_table_text, learned_text, model_text, tracked_text,
 };

@@ -5,6 +5,7 @@ use crate::error::TrackingError;
 use crate::experiment::{self, IDENTIFIED_HZ, RECORD_S, Reading, sines};
 use crate::run::PiGains;
 use crate::scans::{Scan, ScanFigures, measured_shares, scan};
+use hysteron_control::adapted::{Adaptation, Adapted};
 use hysteron_control::design::{CompleteLaw, Controller};
 use hysteron_control::expected::SWINGS_PERCENT;
 use hysteron_control::figures::{Steps, Tracked, judge, steps};
@@ -33,6 +34,8 @@ const SETTLING_PERIODS: u32 = 5;
 const JUDGED_PERIODS: u32 = 4;
 /// Length of the rise from rest to where a reference begins, half a cosine, seconds.
 const RISE_S: f64 = 0.02;
+/// Name of the staircase among references.
+pub const STAIRCASE: &str = "staircase";
 /// Length of each hold of the staircase, seconds.
 const HOLD_S: f64 = 10.0;
 /// Length of each of its moves, half a cosine, seconds.
@@ -61,6 +64,10 @@ pub struct ControllerFigures {
     pub loop_kind: &'static str,
     /// Rms of reference minus position over whole periods, percent of the reference's peak to peak, by reference.
     pub rms_percent: BTreeMap<String, f64>,
+    /// What the law had learned of gain and zero at the end of each of these runs, and of the staircase, [`STAIRCASE`]; empty where it does not
+    /// learn.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub adapted: BTreeMap<String, Adapted>,
     /// Lag of 30 degrees, hertz; none where there is none up to twice the first mode and 10 kHz.
     pub lag30_hz: Option<f64>,
     /// Gain of -3 dB, hertz.
@@ -101,6 +108,9 @@ pub struct TrackReport {
     pub position: &'static str,
     /// The controllers.
     pub controllers: Vec<ControllerFigures>,
+    /// Bounds of what the designed controller learns of gain and zero; none where it does not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub adaptation: Option<Adaptation>,
     /// Iterative learning of references that repeat, open loop; empty where none was asked for.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub learned: Vec<LearnedReference>,
@@ -111,6 +121,12 @@ pub struct TrackReport {
     pub period_s: f64,
     /// What of the other axis' motion reaches each, as measured before the scans, um/um.
     pub measured_shares: [f64; 2],
+}
+
+/// What a run along the staircase came to.
+struct Staircase {
+    creep_peak_percent: f64,
+    adapted: Option<Adapted>,
 }
 
 /// A controller ready to run.
@@ -188,6 +204,7 @@ pub fn compare(
     Ok(TrackReport {
         scans: scans(bench, &contenders, measured_shares)?,
         measured_shares,
+        adaptation: controller.adaptation.clone(),
         learned: Vec::new(),
         period_s: bench.period_s(),
         stage: name.to_owned(),
@@ -273,6 +290,7 @@ impl Bench<'_> {
         contender: &Contender<'_>,
     ) -> Result<ControllerFigures, TrackingError> {
         let mut rms_percent = BTreeMap::new();
+        let mut adapted = BTreeMap::new();
         let mut limited_on = Vec::new();
         let mut history = None;
         for (key, shape) in SHAPES {
@@ -285,6 +303,7 @@ impl Bench<'_> {
                 advice: "give a range with --range LOW,HIGH that ascends",
             })?;
             rms_percent.insert(key.to_owned(), figures.true_percent);
+            adapted.extend(run.adapted.map(|learned| (key.to_owned(), learned)));
             if key == DRAWN {
                 let two_periods = (2.0 / shape.frequency_hz() / self.period_s()).round() as usize;
                 history = Some(run.from(run.reference_um.len().saturating_sub(two_periods + 1)));
@@ -306,15 +325,19 @@ impl Bench<'_> {
             .values()
             .any(|percent| percent.is_nan() || *percent >= SWINGS_PERCENT);
         let has_inverse = !matches!(contender, Contender::Paper(controller) if controller.inverse.is_none());
+        let staircase = has_inverse.then(|| self.staircase(contender)).transpose()?;
+        let on_stairs = staircase.as_ref().and_then(|staircase| staircase.adapted);
+        adapted.extend(on_stairs.map(|learned| (STAIRCASE.to_owned(), learned)));
         Ok(ControllerFigures {
             name: name.to_owned(),
             loop_kind,
             rms_percent,
+            adapted,
             lag30_hz: found.lag_30_deg().map(|crossing| crossing.frequency_hz),
             minus3db_hz: found.minus_3_db().map(|crossing| crossing.frequency_hz),
             noise_nm,
             stable: self.rests(noise_nm) && !lost,
-            creep_peak_percent: has_inverse.then(|| self.creep_peak_percent(contender)).transpose()?,
+            creep_peak_percent: staircase.map(|staircase| staircase.creep_peak_percent),
             step_settling_ms: steps.settling_s.map(|settling_s| 1e3 * settling_s),
             step_overshoot_percent: 100.0 * steps.overshoot,
             limited_on,
@@ -394,7 +417,7 @@ impl Bench<'_> {
     }
 
     /// 10 s at the middle, the top, the bottom and the middle again.
-    fn creep_peak_percent(&self, contender: &Contender<'_>) -> Result<f64, TrackingError> {
+    fn staircase(&self, contender: &Contender<'_>) -> Result<Staircase, TrackingError> {
         let [low_um, high_um] = self.range_um;
         let middle_um = 0.5 * (low_um + high_um);
         let samples = |time_s: f64| (time_s / self.period_s()).round() as usize;
@@ -419,7 +442,10 @@ impl Bench<'_> {
             .flatten()
             .map(|k| (run.reference_um[k] - run.true_um[k]).abs())
             .fold(0.0, f64::max);
-        Ok(100.0 * largest / (high_um - low_um))
+        Ok(Staircase {
+            creep_peak_percent: 100.0 * largest / (high_um - low_um),
+            adapted: run.adapted,
+        })
     }
 }
 

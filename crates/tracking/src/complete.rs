@@ -2,6 +2,7 @@
 
 use crate::error::TrackingError;
 use hysteron_control::ControlError;
+use hysteron_control::adapted::Adapted;
 use hysteron_control::design::CompleteLaw;
 use hysteron_control::figures::Tracked;
 use hysteron_control::reference::Reference;
@@ -63,6 +64,7 @@ pub fn track_beside(
         true_um: Vec::with_capacity(length),
         command_v: Vec::with_capacity(length),
         limited: Vec::with_capacity(length),
+        adapted: None,
     };
     for k in 0..length {
         let sample = stage.sample();
@@ -73,5 +75,6 @@ pub fn track_beside(
         tracked.limited.push(state.limited());
         stage.step_two_axes(command_v, voltage2_v.get(k).copied().unwrap_or(0.0));
     }
+    tracked.adapted = Adapted::of(law, &state);
     Ok(tracked)
 }

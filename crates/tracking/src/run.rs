@@ -115,6 +115,7 @@ pub fn track_from<F: Hysteresis<f64>>(
         true_um: Vec::with_capacity(length),
         command_v: Vec::with_capacity(length),
         limited: Vec::with_capacity(length),
+        adapted: None,
     };
     for &reference_um in samples_um {
         let sample = stage.sample();

@@ -8,6 +8,7 @@ use hysteron_board::capture::{Start, Wish, capture};
 use hysteron_board::telemetry::{About, Capture};
 use hysteron_board::upload::Upload;
 use hysteron_board::{BoardError, Mode, Request, TABLE_POINTS};
+use hysteron_control::adapted::Adaptation;
 use hysteron_control::design::Controller;
 use hysteron_control::design::beyond;
 use hysteron_control::learning::{LEARNED, LearnedReference};
@@ -69,6 +70,9 @@ pub struct BoardReport {
     pub scans: Vec<ScanFigures>,
     /// Ticks whose samples did not come.
     pub lost: u64,
+    /// Bounds of what the law learns of gain and zero; what it has learned, telemetry does not carry.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub adaptation: Option<Adaptation>,
     /// What of the references leaves the records, as was granted.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub beyond: Vec<Beyond>,
@@ -120,6 +124,7 @@ pub fn track(
         learned: Vec::new(),
         scans: Vec::new(),
         lost: 0,
+        adaptation: controller.adaptation.clone(),
         beyond: beyond::references(controller, range_um, asked.beyond_records)?,
     };
     // Learning takes about as long as a loop.

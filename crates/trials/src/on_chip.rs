@@ -5,6 +5,7 @@ use crate::error::TrialError;
 use crate::learning::Plan;
 use crate::scans;
 use hysteron_board::{Machine, Shape};
+use hysteron_control::adapted::Adaptation;
 use hysteron_control::design::{Controller, beyond};
 use hysteron_control::learning::LearnedReference;
 use hysteron_control::reference::{self, SHAPES};
@@ -46,6 +47,9 @@ pub struct OnChip {
     pub learned: Vec<LearnedReference>,
     /// Scans of both axes.
     pub scans: Vec<ScanFigures>,
+    /// Bounds of what the law learns of gain and zero; what it has learned, telemetry does not carry.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub adaptation: Option<Adaptation>,
     /// What of the references leaves the records, as was granted.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub beyond: Vec<Beyond>,
@@ -93,6 +97,7 @@ pub fn track(
         late_ticks: 0,
         learned: Vec::new(),
         scans: Vec::new(),
+        adaptation: controller.adaptation.clone(),
         beyond,
     };
     for (number, (loop_kind, controller)) in loops.into_iter().enumerate() {

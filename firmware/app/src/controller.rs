@@ -138,6 +138,9 @@ impl<L: Law> Controller<L> {
             let expected_um = self.expected_um();
             let (used_um, sensor) = self.monitor.sensor(&mut self.seen, input.adc, measured_um, expected_um);
             measured_um = used_um;
+            if self.seen.holds_over() {
+                self.parameters.law.hold_reading_over(&mut self.state);
+            }
             if let Some(fault) = sensor.or(clock) {
                 self.trip(fault);
             }

@@ -87,6 +87,9 @@ pub trait Law: Copy + core::fmt::Debug + 'static {
     /// A tick along the trajectory, which the law takes in as many ticks before it is due as it was designed for.
     fn run(&self, state: &mut Self::State, trajectory_um: f32, now: Now) -> Step;
 
+    /// Before a tick whose reading stands in for a bad one: a law that learns does not learn from it.
+    fn hold_reading_over(&self, _: &mut Self::State) {}
+
     /// Whether it comes down along its reference where only the sensor is in doubt; for the others the command goes down on a ramp.
     fn comes_down_itself(&self) -> bool {
         false
@@ -361,6 +364,10 @@ impl Law for Complete {
             offset_um: None,
             left: self.law.ahead() + 1,
         }
+    }
+
+    fn hold_reading_over(&self, state: &mut Preparing) {
+        self.law.hold_reading_over(&mut state.chain);
     }
 
     /// A platform in motion has to be stopped before it is let go: its modes go on otherwise.

@@ -195,6 +195,11 @@ impl MonitorState {
         self.seen.then_some(self.expected_um)
     }
 
+    /// Whether the last reading was a bad one: in its place stands what the last good one leads to.
+    pub fn holds_over(&self) -> bool {
+        self.held > 0
+    }
+
     /// Nothing seen yet, the command at rest.
     pub fn at(command_v: f32) -> Self {
         Self {

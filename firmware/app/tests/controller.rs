@@ -31,6 +31,7 @@ struct Seen {
     starts: u32,
     restarts: u32,
     followed: u32,
+    held_over: u32,
 }
 
 impl Law for Lines {
@@ -57,6 +58,7 @@ impl Law for Lines {
             starts: 1,
             restarts: 0,
             followed: 0,
+            held_over: 0,
         }
     }
 
@@ -69,6 +71,10 @@ impl Law for Lines {
     fn follow(&self, state: &mut Seen, share: f32, command_v: f32, _: Now) {
         state.followed += 1;
         (state.share, state.command_v) = (share, command_v);
+    }
+
+    fn hold_reading_over(&self, state: &mut Seen) {
+        state.held_over += 1;
     }
 
     fn comes_down_itself(&self) -> bool {
@@ -336,6 +342,27 @@ fn val_bad_readings_do_not_reach_the_law() {
     assert_eq!(frame.fault(), None);
     // A tick ago, 0.004 um each, and 0.02.
     assert!((measured(&state(&rig)) - frame.reference_um - 0.016).abs() < 0.002);
+}
+
+/// The law is told of each reading that is held over, and of no other.
+#[test]
+fn bva_the_law_is_told_of_readings_that_are_held_over() {
+    let mut rig = Rig::running();
+    let told = |rig: &Rig| -> u32 {
+        let text = format!("{:?}", rig.controller);
+        let (_, after) = text.split_once("held_over: ").unwrap();
+        after
+            .chars()
+            .take_while(char::is_ascii_digit)
+            .collect::<String>()
+            .parse()
+            .unwrap()
+    };
+    assert_eq!(told(&rig), 0);
+    for (off_um, count) in [(2.0, 1), (0.0, 1), (0.02, 1), (2.0, 2), (-2.0, 3), (0.0, 3)] {
+        assert_eq!(rig.reading(Order::None, |um| um + off_um).fault(), None);
+        assert_eq!(told(&rig), count, "{off_um} um off");
+    }
 }
 
 /// Three in a row of the clock; what a law departs by, running and rising alike.

@@ -126,7 +126,7 @@ fn comes_to_rest(feedback: &Feedback<f64>, model: &ControlModel, linear: &Linear
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
     use hysteron_core::biquad::Biquad;
     use hysteron_core::pi_controller::PiController;
@@ -134,7 +134,7 @@ pub(super) mod tests {
     use hysteron_identify::control::{AroundPart, CreepPart, InversePart, ModeOfStage};
 
     /// 20 um at 200 V, 50 kHz, half a sample of hold.
-    pub(in crate::design) fn rigid() -> ControlModel {
+    pub(crate) fn rigid() -> ControlModel {
         ControlModel {
             sample_period_s: 20e-6,
             latency_s: 10e-6,

@@ -1,5 +1,6 @@
 //! Answers as text for a terminal.
 
+mod adapted;
 pub mod amounts;
 mod comparison;
 mod controller;
@@ -11,6 +12,7 @@ mod learned;
 mod model;
 mod tracked;
 
+pub use adapted::{adapted_text, bounds_text};
 pub use comparison::comparison_text;
 pub use controller::design_text;
 pub use diagnosis::{diagnosis_details, diagnosis_text};

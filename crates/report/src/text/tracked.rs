@@ -1,5 +1,6 @@
 //! A controller's runs on a stage of the user's own, as a table.
 
+use super::adapted::adapted_text;
 use hysteron_control::expected::{Report, Row};
 use hysteron_control::reference::SHAPES;
 use std::fmt::Write;
@@ -18,6 +19,9 @@ pub fn tracked_text(title: &str, report: &Report) -> String {
             text.push_str(&line(row));
         }
     }
+    let learned = report.rows.iter();
+    let learned = learned.filter_map(|row| Some((row.reference, row.loop_kind, row.adapted?)));
+    text.push_str(&adapted_text(report.adaptation.as_ref(), learned));
     for effect in &report.left_out {
         // Writing to a String does not fail.
         let _ = writeln!(
@@ -28,11 +32,19 @@ pub fn tracked_text(title: &str, report: &Report) -> String {
     text
 }
 
-fn line(row: &Row) -> String {
-    let name = match row.reference.parse::<f64>() {
+/// A reference, as tables and files name it, in words.
+pub(super) fn reference_words(reference: &str) -> String {
+    match reference.parse::<f64>() {
         Ok(hz) => format!("sine {hz} Hz"),
-        Err(_) => format!("{} Hz", row.reference.replace('-', " ")),
-    };
+        Err(_) if reference.ends_with(|last: char| last.is_ascii_digit()) => {
+            format!("{} Hz", reference.replace('-', " "))
+        }
+        Err(_) => reference.to_owned(),
+    }
+}
+
+fn line(row: &Row) -> String {
+    let name = reference_words(row.reference);
     let expected = row
         .expected_percent
         .map_or_else(|| "-".to_owned(), |percent| format!("{percent:.3}"));

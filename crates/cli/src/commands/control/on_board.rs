@@ -1,7 +1,7 @@
 //! `hysteron track --board`: the references of the table by a real board, judged by its own sensor.
 
 use crate::commands::control::learning;
-use crate::commands::control::track::{TrackArgs, beyond_text, cells, first_mode, heads, hertz, scan_rows};
+use crate::commands::control::track::{TrackArgs, beyond_text, cells, first_mode, heads, hertz, scan_rows, unsaid};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
@@ -78,6 +78,7 @@ fn text(report: &BoardReport) -> String {
         );
         text.push_str(&scan_rows(&report.scans));
     }
+    text.push_str(&unsaid(report.adaptation.as_ref()));
     text.push_str(&learning::text(&report.learned, " on the board"));
     let _ = writeln!(text, "\n{} ticks lost", report.lost);
     text.push_str(&beyond_text(&report.beyond));

@@ -1,11 +1,12 @@
 //! The page of `hysteron track`.
 
-use super::track::{PUBLISHED_500_HZ, TrackArgs};
+use super::track::{PUBLISHED_500_HZ, TrackArgs, references};
+use hysteron_control::adapted::Adaptation;
 use hysteron_control::design::Controller;
 use hysteron_control::learning::{Iteration, LearnedReference};
 use hysteron_control::reference::SHAPES;
 use hysteron_report::figures::{Line, Lines, lines};
-use hysteron_report::{Block, Cell, Figure, Ink, Page, Picture, Section, Size, Table, significant};
+use hysteron_report::{Block, Cell, Figure, Ink, Page, Picture, Section, Size, Table, bounds_text, significant};
 use hysteron_tracking::bench::{ControllerFigures, TrackReport};
 use hysteron_tracking::scans::{LINES_HZ, Scan, ScanFigures};
 use hysteron_trials::on_chip::OnChip;
@@ -62,6 +63,11 @@ pub(super) fn page(report: &TrackReport, board: Option<&OnChip>, controller: &Co
             .with(Block::Table(table(report)))
             .with(Block::Gallery(pictures(report))),
     );
+    if let Some(bounds) = &report.adaptation {
+        page = page.section(
+            Section::new("Gain and zero learned while it ran").with(Block::Table(adapted_table(report, bounds))),
+        );
+    }
     if let Some(board) = board {
         page = page.section(
             Section::new("The same as firmware")
@@ -154,6 +160,26 @@ fn table(report: &TrackReport) -> Table {
             cells.push(Cell::number(published.map(|(_, percent)| *percent)));
             table.row(cells)
         })
+}
+
+/// Gain and zero at the end of each run.
+fn adapted_table(report: &TrackReport, bounds: &Adaptation) -> Table {
+    let caption = format!(
+        "What the designed controller had learned at the end of each run, which begins at rest with nothing learned: {}",
+        bounds_text(bounds)
+    );
+    let mut table = Table::new(caption, &["Reference", "Loop", "Gain, %", "Zero, µm"]);
+    for controller in &report.controllers {
+        for (key, learned) in references().filter_map(|key| Some((key, controller.adapted.get(key)?))) {
+            table = table.row(vec![
+                Cell::text(key),
+                Cell::text(controller.loop_kind),
+                Cell::number(Some(learned.gain_percent)),
+                Cell::number(Some(learned.zero_um)),
+            ]);
+        }
+    }
+    table
 }
 
 fn board_table(board: &OnChip) -> Table {

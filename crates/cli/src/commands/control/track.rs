@@ -6,11 +6,13 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
+use hysteron_control::adapted::Adaptation;
 use hysteron_control::design::Controller;
 use hysteron_control::design::beyond;
 use hysteron_control::reference::SHAPES;
 use hysteron_identify::covered::Beyond;
-use hysteron_tracking::bench::{Bench, ControllerFigures, TrackReport, compare};
+use hysteron_report::{adapted_text, bounds_text};
+use hysteron_tracking::bench::{Bench, ControllerFigures, STAIRCASE, TrackReport, compare};
 use hysteron_tracking::learning::learn_references;
 use hysteron_tracking::scans::{LINES_HZ, ScanFigures};
 use hysteron_trials::on_chip::{self, OnChip};
@@ -240,6 +242,16 @@ fn on_chip(
     Ok(report?)
 }
 
+/// What a controller learns on the chip or a board, and does not say.
+pub(super) fn unsaid(adaptation: Option<&Adaptation>) -> String {
+    adaptation.map_or_else(String::new, |bounds| {
+        format!(
+            "\nLEARNED WHILE IT RAN: not known, since telemetry does not carry gain and zero; {}\n",
+            bounds_text(bounds)
+        )
+    })
+}
+
 fn board_text(board: &OnChip) -> String {
     let mut text = format!(
         "\nON THE CHIP: the controller as firmware in {}, an image for each loop; the same references, true position, %; creep:\n\
@@ -264,6 +276,7 @@ fn board_text(board: &OnChip) -> String {
         "{} ticks by the sample clock, {} of them late or lost; the others worked out ahead, every frame compared with the host's",
         board.clocked_ticks, board.late_ticks
     );
+    text.push_str(&unsaid(board.adaptation.as_ref()));
     text.push_str(&learning::text(&board.learned, " on the chip"));
     text.push_str("\nSCANS of both axes by one image: figures as of the scans above\n\n");
     text + &scan_rows(&board.scans)
@@ -291,6 +304,11 @@ pub(super) fn hertz(value: Option<f64>) -> String {
 pub(super) fn cells(rms_percent: &BTreeMap<String, f64>) -> String {
     let cell = |(key, _): &(&str, _)| format!(" {:>8.3}", rms_percent.get(*key).copied().unwrap_or(f64::NAN));
     SHAPES.iter().map(cell).collect()
+}
+
+/// Names of the references of which it is known what was learned on them.
+pub(super) fn references() -> impl Iterator<Item = &'static str> {
+    SHAPES.iter().map(|(key, _)| *key).chain([STAIRCASE])
 }
 
 fn text(report: &TrackReport) -> String {
@@ -321,6 +339,11 @@ fn text(report: &TrackReport) -> String {
     for controller in &report.controllers {
         text.push_str(&line(controller, widest));
     }
+    let ran = report.controllers.iter().flat_map(|controller| {
+        let runs = references().filter_map(|key| Some((key, *controller.adapted.get(key)?)));
+        runs.map(|(key, learned)| (key, controller.loop_kind, learned))
+    });
+    text.push_str(&adapted_text(report.adaptation.as_ref(), ran));
     text + &learning::text(&report.learned, "") + &scans_text(report)
 }
 
