@@ -325,7 +325,8 @@ fn refuse_to_leave_the_records() {
     let folder = tempfile::tempdir().unwrap();
     let [path, out, table] =
         ["model.toml", "controller.toml", "table.toml"].map(|name| folder.path().join(name).display().to_string());
-    let covered = "[covered]\nvoltage_v = [0.0, 100.0]\nposition_um = [0.0, 12.0]\nsample_rate_hz = 50000.0\n";
+    let covered =
+        "[covered]\nvoltage_v = [0.0, 100.0]\nposition_um = [0.0, 12.0]\nswing_hz = 100.0\nsample_rate_hz = 50000.0\n";
     std::fs::write(&path, model(RISING, "", &[]) + covered).unwrap();
     refused(
         &["design", &path, "-o", &out, "--volts", "0,200"],
@@ -369,7 +370,11 @@ fn refuse_to_leave_the_records() {
     let text = std::fs::read_to_string(&table).unwrap();
     let found = Table::parse(&text).unwrap();
     assert_eq!(found.output_max_v, 100.0);
-    assert_eq!(found.covered.unwrap().voltage_v, Some([0.0, 100.0]));
+    let in_the_table = found.covered.unwrap();
+    assert_eq!(
+        (in_the_table.voltage_v, in_the_table.swing_hz),
+        (Some([0.0, 100.0]), Some(100.0))
+    );
     // Granted.
     let said = hysteron(&["design", &path, "-o", &out, "--volts", "0,200", "--beyond-records"]);
     assert!(said.contains("BEYOND THE RECORDS: voltage 200 V"), "{said}");
@@ -404,6 +409,48 @@ fn refuse_to_leave_the_records() {
     }
     let said = hysteron(&["track", &out, "--model", &path]);
     assert!(said.contains("expected") && said.contains("found"), "{said}");
+}
+
+/// Records that swing to 100 Hz: above it no figure is claimed, wherever the controller runs, and no stage that can be hurt is played.
+#[test]
+fn refuse_to_expect_anything_above_the_frequencies_of_the_records() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, out] = ["model.toml", "controller.toml"].map(|name| folder.path().join(name).display().to_string());
+    let covered = "[covered]\nposition_um = [0.0, 12.0]\nswing_hz = 100.0\n";
+    std::fs::write(&path, model(RISING, "", &[]) + covered).unwrap();
+    let design = ["design", &path, "-o", &out, "--open"];
+    const BEYOND: &str = "beyond the records: reference frequency 500 Hz; the records cover 0 to 100 Hz: nothing is known there; record a \
+                          sine over half the range at that frequency and fit again";
+    let said = hysteron(&design);
+    assert!(said.contains("100 Hz  open") && said.contains(BEYOND), "{said}");
+    assert!(said.contains("large references to 100 Hz"), "{said}");
+    let answer: serde_json::Value = serde_json::from_str(&hysteron(&[&design[..], &["--json"]].concat())).unwrap();
+    assert!(answer["predicted"][1]["open_percent"].as_f64().is_some(), "{answer}");
+    let beyond = &answer["predicted"][2];
+    assert!(
+        beyond["open_percent"].is_null() && beyond["beyond"]["value"] == 500.0,
+        "{answer}"
+    );
+    let answer: serde_json::Value =
+        serde_json::from_str(&hysteron(&["track", &out, "--model", &path, "--json"])).unwrap();
+    for row in answer["rows"].as_array().unwrap() {
+        let (expected, beyond) = (&row["expected_percent"], &row["beyond"]);
+        match row["reference"].as_str().unwrap() {
+            "10" | "100" => assert!(expected.is_number() && beyond.is_null(), "{row}"),
+            "500" | "503" | "1000" => assert!(expected.is_null() && !beyond.is_null(), "{row}"),
+            _ => assert!(expected.is_null() && beyond.is_null(), "{row}"),
+        }
+    }
+    let said = hysteron(&["track", &out, "--stage", "8k", "--alone", "--range", "3,8"]);
+    assert!(said.contains(BEYOND), "{said}");
+    for place in [["--board", "localhost:1"], ["--process", "no-such-program"]] {
+        let track = ["track", &out, place[0], place[1], "--range", "3,8"];
+        refused(
+            &track,
+            &["reference frequency 500 Hz", "--beyond-records plays such references"],
+        );
+        refused(&[&track[..], &["--beyond-records"]].concat(), &[place[1]]);
+    }
 }
 
 /// On a stage that moves 2 % less than the model says, the gain has risen towards those 2 % at the end of 10 Hz, which lasts half a time

@@ -2,11 +2,13 @@
 
 use crate::adapted::{Adaptation, Adapted};
 use crate::design::Controller;
+use crate::design::beyond::frequencies;
 use crate::design::prediction::{Predicted, predict};
 use crate::error::ControlError;
 use crate::figures::{Tracked, judge};
 use crate::reference::{Reference, SHAPES, Shape};
 use hysteron_identify::EffectName;
+use hysteron_identify::covered::Beyond;
 use serde::Serialize;
 
 /// Rms of the error, percent of peak to peak, from which on a loop swings by itself: one that does not move at all has 35 % on a sine, one
@@ -21,8 +23,12 @@ pub struct Row {
     /// `open` or `closed`.
     #[serde(rename = "loop")]
     pub loop_kind: &'static str,
-    /// Rms of the error that the design expects of a sine over the whole range, percent of peak to peak; none for other shapes.
+    /// Rms of the error that the design expects of a sine over the whole range, percent of peak to peak; none for other shapes, nor beyond the
+    /// records.
     pub expected_percent: Option<f64>,
+    /// How far beyond the records its frequency lies: nothing is known there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beyond: Option<Beyond>,
     /// Rms of reference minus position over whole periods, percent of peak to peak.
     pub found_percent: f64,
     /// Whether the loop swings no further than it is asked to.
@@ -77,7 +83,7 @@ impl<'a> Plan<'a> {
         Ok(Self {
             controller,
             range_um,
-            expected: predict(controller, None)?,
+            expected: predict(controller, range_um[1] - range_um[0], None)?,
         })
     }
 
@@ -116,16 +122,17 @@ impl<'a> Plan<'a> {
         let figures = judge(&run.from(reference.judged_from), period_s);
         let found_percent = figures.map_or(f64::NAN, |figures| figures.true_percent);
         let predicted = self.expected.iter().find(|at| key.parse() == Ok(at.frequency_hz));
+        let reckoned = predicted.and_then(|at| at.error);
         Ok(Row {
             reference: key,
             loop_kind: if closed { "closed" } else { "open" },
-            expected_percent: predicted.and_then(|at| {
-                if closed {
-                    at.closed_percent
-                } else {
-                    Some(at.open_percent)
-                }
+            expected_percent: reckoned.and_then(|error| match closed {
+                true => error.closed_percent,
+                false => Some(error.open_percent),
             }),
+            beyond: frequencies(self.controller, self.range_um)
+                .into_iter()
+                .find_map(|(left, beyond)| (left == key).then_some(beyond)),
             found_percent,
             stable: found_percent < SWINGS_PERCENT,
             adapted,

@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 
 /// A drive is small where 70 % of it stays within this share of the range: its loops are slender, and its response is that of the
 /// structure.
-const SMALL: f64 = 0.2;
+pub(crate) const SMALL: f64 = 0.2;
 /// A stretch of it that is looked at stays within this share, peak to peak.
 const SMALL_STRETCH: f64 = 1.0 / 3.0;
 /// Length of a stretch, seconds: lines 10 Hz apart.

@@ -20,6 +20,9 @@ pub struct Covered {
     /// Fastest change of the command in the records.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slew_v_per_s: Option<f64>,
+    /// Highest frequency at which positions swing over a third of their range.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub swing_hz: Option<f64>,
     /// Temperatures in the records.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature_c: Option<[f64; 2]>,
@@ -50,6 +53,7 @@ impl Covered {
             pair("voltage", self.voltage_v, "V"),
             pair("position", self.position_um, "um"),
             one("slew", self.slew_v_per_s, "V/s"),
+            one("large references", self.swing_hz, "Hz"),
             pair("temperature", self.temperature_c, "degC"),
             one("sample rate", self.sample_rate_hz, "Hz"),
             self.told_to_hz
@@ -80,6 +84,7 @@ impl Covered {
         }
         for (field, value) in [
             ("covered.slew_v_per_s", self.slew_v_per_s),
+            ("covered.swing_hz", self.swing_hz),
             ("covered.sample_rate_hz", self.sample_rate_hz),
             ("covered.told_to_hz", self.told_to_hz),
         ] {

@@ -110,6 +110,8 @@ pub fn track(
     progress: &dyn Fn(&str, f64),
 ) -> Result<BoardReport, TrialError> {
     let range_um = asked.range_um;
+    let mut beyond = beyond::references(controller, range_um, asked.beyond_records)?;
+    beyond.extend(beyond::granted_frequencies(controller, range_um, asked.beyond_records)?);
     let loops: &[(&str, bool)] = match controller.feedback {
         Some(_) => &[("open", false), ("closed", true)],
         None => &[("open", false)],
@@ -125,7 +127,7 @@ pub fn track(
         scans: Vec::new(),
         lost: 0,
         adaptation: controller.adaptation.clone(),
-        beyond: beyond::references(controller, range_um, asked.beyond_records)?,
+        beyond,
     };
     // Learning takes about as long as a loop.
     let parts = (loops.len() + usize::from(asked.iterations.is_some())) as f64;

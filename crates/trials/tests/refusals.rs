@@ -1,4 +1,4 @@
-//! References beyond the records are refused before a board is asked for anything and before an image is built.
+//! References beyond the records, in position or frequency, are refused before a board is asked for anything and before an image is built.
 #![expect(clippy::unwrap_used, reason = "what cannot be made fails the test")]
 
 use hysteron_board::{BoardError, Machine};
@@ -74,9 +74,21 @@ fn refuse_references_beyond_the_records_on_a_board() {
     for part in ["the records cover", "--range LOW,HIGH", "--beyond-records"] {
         assert!(said.contains(part), "{part}: {said}");
     }
+    // The records swing to 58 Hz, and 10 Hz is within that.
+    let said = run(0.9 * top_um, false).unwrap_err().to_string();
+    for part in [
+        "reference frequency 100 Hz; the records cover 0 to ",
+        "nothing is known there",
+        "record a sine over half the range at that frequency",
+        "--beyond-records",
+    ] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
     // Within them, or with leave, the board is asked.
-    for (high_um, beyond_records) in [(0.9 * top_um, false), (1.2 * top_um, true)] {
-        let error = run(high_um, beyond_records).unwrap_err();
+    let mut faster = controller.clone();
+    faster.model.covered.swing_hz = Some(1000.0);
+    for (controller, high_um, beyond_records) in [(&faster, 0.9 * top_um, false), (&controller, 1.2 * top_um, true)] {
+        let error = on_board::track(controller, &asked(high_um, beyond_records), &|_, _| ()).unwrap_err();
         assert!(
             matches!(error, TrialError::Board(BoardError::Source { .. })),
             "{error:?}"

@@ -358,7 +358,16 @@ fn val_a_stage_in_a_process_is_recorded_and_tracked() {
     );
     folder.refuses(&campaign, &["already", "records"]);
     folder.said(&["design", "records", "--open", "-o", "controller.toml"]);
-    let answer = folder.said(&["track", "controller.toml", "--json", "--process", "python3 stage.py"]);
+    let track = ["track", "controller.toml", "--json", "--process", "python3 stage.py"];
+    // The campaign's fastest large sine has 907 Hz.
+    folder.refuses(
+        &track,
+        &[
+            "reference frequency 1000 Hz; the records cover 0 to 9",
+            "--beyond-records",
+        ],
+    );
+    let answer = folder.said(&[&track[..], &["--beyond-records"]].concat());
     let answer: serde_json::Value = serde_json::from_str(&answer).unwrap();
     let slow = &answer["rows"][0];
     assert!(slow["found_percent"].as_f64().unwrap() < 0.5, "{answer}");

@@ -2,12 +2,14 @@
 
 use super::Controller;
 use crate::error::ControlError;
+use crate::reference::SHAPES;
 use hysteron_identify::Covered;
-use hysteron_identify::covered::{Beyond, Envelope, Field};
+use hysteron_identify::covered::{Beyond, Envelope};
 
 /// Values that are asked for, and the option that asks.
 pub struct Asked<'a> {
-    field: Field,
+    /// What of the records it is held to.
+    envelope: fn(&Covered) -> Option<Envelope>,
     values: Vec<f64>,
     option: &'a str,
 }
@@ -15,32 +17,24 @@ pub struct Asked<'a> {
 impl<'a> Asked<'a> {
     /// Limits of the command, volts.
     pub fn voltage(values: &[f64], option: &'a str) -> Self {
-        Self::new(Field::Voltage, values, option)
+        Self::new(Covered::command_v, values, option)
     }
 
     /// References, micrometres.
     pub fn position(values: &[f64], option: &'a str) -> Self {
-        Self::new(Field::Position, values, option)
+        Self::new(Covered::reference_um, values, option)
     }
 
     /// The rate, hertz.
     pub fn rate(value: f64, option: &'a str) -> Self {
-        Self::new(Field::SampleRate, &[value], option)
+        Self::new(Covered::rate_hz, &[value], option)
     }
 
-    fn new(field: Field, values: &[f64], option: &'a str) -> Self {
+    fn new(envelope: fn(&Covered) -> Option<Envelope>, values: &[f64], option: &'a str) -> Self {
         Self {
-            field,
+            envelope,
             values: values.to_vec(),
             option,
-        }
-    }
-
-    fn envelope(&self, covered: &Covered) -> Option<Envelope> {
-        match self.field {
-            Field::Voltage => covered.command_v(),
-            Field::Position => covered.reference_um(),
-            Field::SampleRate => covered.rate_hz(),
         }
     }
 }
@@ -51,7 +45,7 @@ impl<'a> Asked<'a> {
 /// [`ControlError::Wish`] for what leaves the records without being granted.
 pub fn granted(covered: &mut Covered, asked: &[Asked<'_>], beyond_records: bool) -> Result<(), ControlError> {
     for asked in asked {
-        let envelope = asked.envelope(covered);
+        let envelope = (asked.envelope)(covered);
         let Some(beyond) = envelope.and_then(|envelope| envelope.left_by(&asked.values)) else {
             continue;
         };
@@ -85,4 +79,44 @@ pub fn references(
     let asked = [Asked::position(&range_um, "--range LOW,HIGH")];
     granted(&mut covered, &asked, beyond_records)?;
     Ok(covered.beyond)
+}
+
+/// The references of [`SHAPES`] whose frequency leaves the records of a controller, by name: nothing is known of them.
+pub fn frequencies(controller: &Controller, [low_um, high_um]: [f64; 2]) -> Vec<(&'static str, Beyond)> {
+    let Some(envelope) = controller.model.covered.frequency_hz(high_um - low_um) else {
+        return Vec::new();
+    };
+    let left = SHAPES.iter().filter_map(|(name, shape)| {
+        let beyond = envelope.left_by(&[shape.frequency_hz()])?;
+        Some((*name, beyond))
+    });
+    left.collect()
+}
+
+/// What is beyond the records, in words, with what would widen them.
+pub fn unknown(beyond: &Beyond) -> String {
+    format!("{beyond}: nothing is known there; {}", beyond.field.widen())
+}
+
+/// Refuses references of [`SHAPES`] whose frequency leaves the records of a controller, where a stage is there that can be hurt; where
+/// that is granted, what leaves them.
+///
+/// # Errors
+/// [`ControlError::Wish`] for references that leave the records without being granted.
+pub fn granted_frequencies(
+    controller: &Controller,
+    range_um: [f64; 2],
+    beyond_records: bool,
+) -> Result<Vec<Beyond>, ControlError> {
+    let left: Vec<Beyond> = frequencies(controller, range_um)
+        .into_iter()
+        .map(|(_, beyond)| beyond)
+        .collect();
+    match left.first() {
+        Some(first) if !beyond_records => Err(ControlError::Wish(format!(
+            "{}; --beyond-records plays such references all the same, and the answer says so",
+            unknown(first)
+        ))),
+        _ => Ok(left),
+    }
 }

@@ -1,24 +1,37 @@
 //! What a controller will reach and what limits it, before it runs.
 
-use super::Controller;
+use super::{Controller, ReferenceKind};
 use crate::error::ControlError;
+use hysteron_identify::control::HeldOut;
 use hysteron_identify::control::model::{CREEP_FAST, PLAYS};
+use hysteron_identify::covered::Beyond;
 use serde::Serialize;
 
 /// The frequencies that errors are predicted at, hertz.
 pub const PREDICTED_HZ: [f64; 4] = [10.0, 100.0, 500.0, 1000.0];
 
-/// The error expected at one frequency, sine of full range, percent of peak to peak.
+/// The error of a sine over the whole range at one frequency, percent of peak to peak.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Predicted {
-    /// Frequency, hertz.
-    pub frequency_hz: f64,
+pub struct Reckoned {
     /// In open loop.
     pub open_percent: f64,
     /// With feedback; none without.
     pub closed_percent: Option<f64>,
     /// What most of it comes from.
     pub limited_by: &'static str,
+}
+
+/// What is expected at one frequency.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Predicted {
+    /// Frequency, hertz.
+    pub frequency_hz: f64,
+    /// The error; none beyond the records.
+    #[serde(flatten)]
+    pub error: Option<Reckoned>,
+    /// How far beyond the records it lies; none within.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beyond: Option<Beyond>,
 }
 
 /// Multiply-adds (or compares, which cost as much) of one block a tick.
@@ -30,40 +43,119 @@ pub struct Cost {
     pub operations: usize,
 }
 
-/// Predicts the error of a controller.
+/// Peak to peak of a reference over the whole range of a controller's inverse, micrometres.
+pub fn whole_stroke_um(controller: &Controller) -> f64 {
+    controller.model.inverse.input_max_um - controller.model.inverse.input_min_um
+}
+
+/// Predicts the error of a controller along sines of so many micrometres peak to peak, as far as its records go: above the frequencies at
+/// which they show the stage, nothing is known.
 ///
-/// `model_percent` is the error of the model itself on records it was not fitted to, where it is known. The three parts (model,
-/// table that inverts it, preview filter) are taken as independent; feedback lets through `|S|` of them.
+/// `model_percent` is the error of the model itself on records it was not fitted to, where it is known.
 ///
 /// # Errors
 /// Modes that the core refuses.
-pub fn predict(controller: &Controller, model_percent: Option<f64>) -> Result<Vec<Predicted>, ControlError> {
-    let model = &controller.model;
+pub fn predict(
+    controller: &Controller,
+    stroke_um: f64,
+    model_percent: Option<f64>,
+) -> Result<Vec<Predicted>, ControlError> {
+    let envelope = controller.model.covered.frequency_hz(stroke_um);
     PREDICTED_HZ
         .into_iter()
         .map(|frequency_hz| {
-            // Of a peak to peak an error of share s of the amplitude is s / (2 sqrt 2) rms.
-            let filter = 100.0 * controller.preview_error_at(frequency_hz)? / 8_f64.sqrt();
-            let parts = [
-                ("the model's own error on records", model_percent.unwrap_or(0.0)),
-                ("the table that inverts the model", model.misfit_percent),
-                ("the preview filter", filter),
-            ];
-            let open_percent = parts.iter().map(|(_, part)| part * part).sum::<f64>().sqrt();
-            let omega = std::f64::consts::TAU * frequency_hz;
-            let closed_percent = controller
-                .feedback
-                .as_ref()
-                .map(|design| open_percent * super::feedback::sensitivity(model, Some(design), omega).norm());
-            let largest = parts.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+            let beyond = envelope.and_then(|envelope| envelope.left_by(&[frequency_hz]));
+            let error = match beyond {
+                Some(_) => None,
+                None => Some(expect(controller, frequency_hz, model_percent)?),
+            };
             Ok(Predicted {
                 frequency_hz,
-                open_percent,
-                closed_percent,
-                limited_by: largest.map_or("", |(name, _)| name),
+                error,
+                beyond,
             })
         })
         .collect()
+}
+
+/// What the last pass of a campaign came to at a frequency, where there is one; else what the numbers say.
+fn expect(controller: &Controller, frequency_hz: f64, model_percent: Option<f64>) -> Result<Reckoned, ControlError> {
+    let model = &controller.model;
+    let whole = |_: f64| 1.0;
+    let Some(shown_percent) = shown(&model.held_out, frequency_hz, &whole) else {
+        return reckon(controller, frequency_hz, model_percent);
+    };
+    // Its references were known ahead; one that is not, meets another filter.
+    let filter_percent = match controller.reference {
+        ReferenceKind::Previewed => 0.0,
+        ReferenceKind::Live => filter_percent(controller, frequency_hz)?,
+    };
+    let closed_percent = controller.feedback.as_ref().and_then(|design| {
+        let left = |hz: f64| super::feedback::sensitivity(model, Some(design), std::f64::consts::TAU * hz).norm();
+        let shown_percent = shown(&model.held_out, frequency_hz, &|hz: f64| {
+            if hz > 0.0 { left(hz) } else { 0.0 }
+        })?;
+        Some(shown_percent.hypot(left(frequency_hz) * filter_percent))
+    });
+    Ok(Reckoned {
+        open_percent: shown_percent.hypot(filter_percent),
+        closed_percent,
+        limited_by: if filter_percent > shown_percent {
+            FILTER
+        } else {
+            "the last pass, before it was fitted"
+        },
+    })
+}
+
+/// Between two sines a straight line of logarithms, beyond the first and the last theirs.
+fn shown(held_out: &[HeldOut], frequency_hz: f64, left: &dyn Fn(f64) -> f64) -> Option<f64> {
+    let above = held_out.partition_point(|sine| sine.frequency_hz < frequency_hz);
+    let percent = |sine: &HeldOut| sine.percent(frequency_hz, left).max(f64::MIN_POSITIVE);
+    let next = held_out.get(above);
+    let Some(before) = above.checked_sub(1).and_then(|before| held_out.get(before)) else {
+        return next.map(percent);
+    };
+    let Some(next) = next else {
+        return Some(percent(before));
+    };
+    let share = (frequency_hz / before.frequency_hz).ln() / (next.frequency_hz / before.frequency_hz).ln();
+    Some((percent(before).ln() * (1.0 - share) + percent(next).ln() * share).exp())
+}
+
+/// Of a peak to peak an error of share s of the amplitude is s / (2 sqrt 2) rms.
+fn filter_percent(controller: &Controller, frequency_hz: f64) -> Result<f64, ControlError> {
+    Ok(100.0 * controller.preview_error_at(frequency_hz)? / 8_f64.sqrt())
+}
+
+const FILTER: &str = "the preview filter";
+
+/// What the numbers of a controller say of a frequency, whether its records go so far or not.
+///
+/// The three parts (model, table that inverts it, preview filter) are taken as independent; feedback lets through `|S|` of them.
+pub(crate) fn reckon(
+    controller: &Controller,
+    frequency_hz: f64,
+    model_percent: Option<f64>,
+) -> Result<Reckoned, ControlError> {
+    let model = &controller.model;
+    let parts = [
+        ("the model's own error on records", model_percent.unwrap_or(0.0)),
+        ("the table that inverts the model", model.misfit_percent),
+        (FILTER, filter_percent(controller, frequency_hz)?),
+    ];
+    let open_percent = parts.iter().map(|(_, part)| part * part).sum::<f64>().sqrt();
+    let omega = std::f64::consts::TAU * frequency_hz;
+    let closed_percent = controller
+        .feedback
+        .as_ref()
+        .map(|design| open_percent * super::feedback::sensitivity(model, Some(design), omega).norm());
+    let largest = parts.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+    Ok(Reckoned {
+        open_percent,
+        closed_percent,
+        limited_by: largest.map_or("", |(name, _)| name),
+    })
 }
 
 /// What each block of a controller costs a tick; see the cost notes of the core's blocks.
@@ -92,4 +184,68 @@ pub fn cost(controller: &Controller) -> Vec<Cost> {
         .into_iter()
         .map(|(block, operations)| Cost { block, operations })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::tests::controller;
+    use hysteron_identify::covered::Field;
+
+    /// Records of 5 Hz tell nothing of 10 Hz; records that swing to 100 Hz tell what they did before, and nothing above.
+    #[test]
+    fn bva_nothing_is_expected_beyond_the_records() {
+        let mut of = controller(None);
+        let stroke_um = whole_stroke_um(&of);
+        let told = |of: &Controller| -> Vec<bool> {
+            let predicted = predict(of, stroke_um, None).unwrap();
+            assert!(predicted.iter().all(|at| at.error.is_some() != at.beyond.is_some()));
+            predicted.iter().map(|at| at.error.is_some()).collect()
+        };
+        let swing_hz = of.model.covered.swing_hz.unwrap();
+        assert!((swing_hz / 5.0 - 1.0).abs() < 1e-3, "{swing_hz}");
+        assert_eq!(told(&of), [false; 4]);
+        of.model.covered.swing_hz = Some(100.0);
+        assert_eq!(told(&of), [true, true, false, false]);
+        let beyond = predict(&of, stroke_um, None).unwrap()[2].beyond.unwrap();
+        assert_eq!(
+            (beyond.field, beyond.value, beyond.covered),
+            (Field::Frequency, 500.0, [0.0, 100.0])
+        );
+        of.model.covered.swing_hz = None;
+        assert_eq!(told(&of), [true; 4]);
+        let reckoned = reckon(&of, 100.0, None).unwrap();
+        assert_eq!(predict(&of, stroke_um, None).unwrap()[1].error, Some(reckoned));
+    }
+
+    /// What a pass showed at 10 and at 1000 Hz is expected there, between them the middle of the logarithms, and above 1000 Hz the same.
+    #[test]
+    fn val_what_the_last_pass_showed_is_expected() {
+        let mut of = controller(None);
+        of.model.covered.swing_hz = None;
+        let sine = |frequency_hz: f64, percent: f64| HeldOut {
+            frequency_hz,
+            errors: vec![[0.0, 0.6 * percent], [3.0 * frequency_hz, 0.8 * percent]],
+        };
+        of.model.held_out = vec![sine(10.0, 0.02), sine(1000.0, 0.2)];
+        let open = |hz: f64| expect(&of, hz, Some(9.0)).unwrap().open_percent;
+        for (hz, percent) in [
+            (5.0, 0.02),
+            (10.0, 0.02),
+            (100.0, 0.02 * 10.0_f64.sqrt()),
+            (1000.0, 0.2),
+            (2000.0, 0.2),
+        ] {
+            assert!((open(hz) / percent - 1.0).abs() < 1e-9, "{hz} Hz: {}", open(hz));
+        }
+        // A loop that lets nothing of the mean through, and all of the rest, leaves the rest.
+        let rest = shown(&of.model.held_out, 10.0, &|hz: f64| f64::from(hz > 0.0));
+        assert!((rest.unwrap() / 0.016 - 1.0).abs() < 1e-9);
+        // A reference that is not known ahead meets another filter.
+        of.reference = ReferenceKind::Live;
+        let expected = expect(&of, 100.0, None).unwrap().open_percent;
+        let filter = filter_percent(&of, 100.0).unwrap();
+        assert!((expected - filter.hypot(0.02 * 10.0_f64.sqrt())).abs() < 1e-9);
+        assert_eq!(shown(&[], 10.0, &|_| 1.0), None);
+    }
 }

@@ -127,6 +127,7 @@ impl Ends {
             voltage_v: kept.voltage_v,
             position_um: kept.position_um,
             slew_v_per_s: kept.slew_v_per_s,
+            swing_hz: kept.swing_hz,
             temperature_c: kept.temperature_c,
             sample_rate_hz: kept.sample_rate_hz,
             told_to_hz: kept.told_to_hz(),

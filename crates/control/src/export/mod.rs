@@ -5,7 +5,7 @@ mod ends;
 pub use ends::{Ends, top};
 
 use crate::design::Controller;
-use crate::design::prediction::predict;
+use crate::design::prediction::{PREDICTED_HZ, reckon};
 use crate::error::ControlError;
 use hysteron_core::law_numbers::LawNumbers;
 use hysteron_core::model::{AtRest as _, Hysteresis as _};
@@ -140,8 +140,10 @@ const NEED_OF_RMS: f64 = 4.0;
 
 /// What the feedback needs by the design's own prediction of what the feedforward leaves, micrometres.
 fn needed_um(controller: &Controller, range_um: f64) -> Result<f64, ControlError> {
-    let predicted = predict(controller, None)?;
-    let worst_percent = predicted.iter().map(|at| at.open_percent).fold(0.0, f64::max);
+    let mut worst_percent = 0.0_f64;
+    for hz in PREDICTED_HZ {
+        worst_percent = worst_percent.max(reckon(controller, hz, None)?.open_percent);
+    }
     Ok(range_um * (NEED_OF_RMS * worst_percent / 100.0).max(LEAST_TRUST))
 }
 

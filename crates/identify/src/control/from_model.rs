@@ -81,6 +81,7 @@ pub fn chain_of(
         small_signal_um_per_v: 0.0,
         misfit_percent: 0.0,
         model_error_um: None,
+        held_out: Vec::new(),
         linear: LinearPart {
             lag_s: 0.0,
             modes: Vec::new(),

@@ -6,6 +6,7 @@
 
 mod creep_fit;
 pub mod from_model;
+mod held_out;
 mod inverse;
 pub mod linear_part;
 pub mod model;
@@ -13,6 +14,7 @@ mod refine;
 
 pub(crate) use from_model::Linear;
 pub use from_model::{Part, RecordedHold, Undone, chain_of};
+pub use held_out::HeldOut;
 pub use linear_part::{FrequencyResponse, LinearPart, ModeOfStage, SmallSignal, fit_small_signal, frequency_response};
 pub use model::{AroundPart, ControlModel, CreepPart, HumPart, InversePart};
 pub use refine::refine;
@@ -93,6 +95,7 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
         small_signal_um_per_v: small_signal.gain_um_per_v,
         misfit_percent: 100.0 * left_v / swing_v,
         model_error_um: None,
+        held_out: held_out::held_out(dataset),
         linear,
         creep,
         inverse,

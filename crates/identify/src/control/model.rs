@@ -1,5 +1,6 @@
 //! The identified chain as a controller needs it.
 
+use super::held_out::HeldOut;
 use super::linear_part::LinearPart;
 use crate::covered::Covered;
 use hysteron_core::corner_polynomial::CornerPolynomial;
@@ -63,6 +64,9 @@ pub struct ControlModel {
     /// none where that was not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model_error_um: Option<f64>,
+    /// What sines of the last pass came to while no fit had seen their records, by ascending frequency; empty of other records.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub held_out: Vec<HeldOut>,
     /// Lag and modes.
     pub linear: LinearPart,
     /// Creep.

@@ -1,6 +1,7 @@
 //! What leaves the records: which field, which value, what is covered, how to widen it.
 
 use super::Covered;
+use crate::cover::SMALL;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -14,6 +15,8 @@ pub enum Field {
     Position,
     /// The controller's rate, hertz.
     SampleRate,
+    /// The frequency of a reference, hertz.
+    Frequency,
 }
 
 impl Field {
@@ -23,6 +26,7 @@ impl Field {
             Self::Voltage => "voltage",
             Self::Position => "position",
             Self::SampleRate => "sample rate",
+            Self::Frequency => "reference frequency",
         }
     }
 
@@ -31,7 +35,7 @@ impl Field {
         match self {
             Self::Voltage => "V",
             Self::Position => "um",
-            Self::SampleRate => "Hz",
+            Self::SampleRate | Self::Frequency => "Hz",
         }
     }
 
@@ -43,6 +47,7 @@ impl Field {
             }
             Self::Position => "record over that range and fit again",
             Self::SampleRate => "record at that rate and fit again",
+            Self::Frequency => "record a sine over half the range at that frequency and fit again",
         }
     }
 }
@@ -122,11 +127,68 @@ impl Covered {
         })
     }
 
+    /// Frequencies of references of so many micrometres peak to peak that are covered: those at which the stage has swung as far, and for
+    /// a stroke below a fifth of the range those that small signals tell as well.
+    pub fn frequency_hz(&self, stroke_um: f64) -> Option<Envelope> {
+        let swing_hz = self.swing_hz?;
+        let is_small = self
+            .position_um
+            .is_some_and(|[low, high]| stroke_um <= SMALL * (high - low));
+        let small_hz = self
+            .small_signal
+            .as_ref()
+            .filter(|_| is_small)
+            .map(|band| band.up_to_hz);
+        Some(Envelope {
+            field: Field::Frequency,
+            covered: [0.0, small_hz.unwrap_or(0.0).max(swing_hz)],
+        })
+    }
+
     /// Rates that are covered: slower ones than a record's are known as well.
     pub fn rate_hz(&self) -> Option<Envelope> {
         self.sample_rate_hz.map(|highest| Envelope {
             field: Field::SampleRate,
             covered: [0.0, highest],
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::covered::SmallSignalBand;
+
+    /// Records that swing to 100 Hz, with small signals to 2 kHz: a fifth of the range is small. One percent is rounding.
+    #[test]
+    fn bva_frequencies_that_are_covered() {
+        let covered = Covered {
+            position_um: Some([1.0, 11.0]),
+            swing_hz: Some(100.0),
+            small_signal: Some(SmallSignalBand {
+                up_to_hz: 2000.0,
+                record: "frf.csv".to_owned(),
+            }),
+            ..Covered::default()
+        };
+        let left = |stroke_um: f64, hz: f64| covered.frequency_hz(stroke_um).unwrap().left_by(&[hz]).is_some();
+        for (stroke_um, hz, beyond) in [
+            (5.0, 100.9, false),
+            (5.0, 101.1, true),
+            (2.1, 500.0, true),
+            (1.9, 500.0, false),
+            (1.9, 2019.0, false),
+            (1.9, 2021.0, true),
+        ] {
+            assert_eq!(left(stroke_um, hz), beyond, "{stroke_um} um at {hz} Hz");
+        }
+        let said = covered
+            .frequency_hz(5.0)
+            .unwrap()
+            .left_by(&[500.0])
+            .unwrap()
+            .to_string();
+        assert_eq!(said, "reference frequency 500 Hz; the records cover 0 to 100 Hz");
+        assert_eq!(Covered::default().frequency_hz(5.0), None);
     }
 }

@@ -2,10 +2,12 @@
 
 mod beyond;
 mod small_signal;
+mod swing;
 
 pub use beyond::{Beyond, Envelope, Field};
 pub use small_signal::SmallSignalBand;
 pub(crate) use small_signal::{Line, highest_run};
+pub(crate) use swing::swing_hz;
 
 use crate::family::range;
 use hysteron_data::{Dataset, Record, Role};
@@ -36,6 +38,9 @@ pub struct Covered {
     /// Fastest change of the command from row to row.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slew_v_per_s: Option<f64>,
+    /// Highest frequency at which positions swing over a third of their range; 0 where they never do, there and back.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub swing_hz: Option<f64>,
     /// Temperatures, where they were recorded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature_c: Option<[f64; 2]>,
@@ -67,6 +72,8 @@ impl Covered {
             steps.map(|step| (step[1] - step[0]).abs() / record.period_s)
         });
         let known = &dataset.known;
+        let position_um = of(|record| Some(&record.position_um));
+        let positions = records.iter().map(|record| (record.period_s, &record.position_um[..]));
         Self {
             voltage_v: of(|record| Some(&record.voltage_v)),
             amplifier_v: known
@@ -75,8 +82,9 @@ impl Covered {
                 .map(|(low, high)| [low, high]),
             dac_v: known.dac_v,
             adc_um: known.adc_um,
-            position_um: of(|record| Some(&record.position_um)),
+            position_um,
             slew_v_per_s: slews.max_by(f64::total_cmp),
+            swing_hz: position_um.map(|range_um| swing_hz(positions, range_um)),
             temperature_c: of(|record| record.temperature_c.as_deref()),
             sample_rate_hz: records.iter().map(|record| record.rate_hz()).max_by(f64::total_cmp),
             ..Self::default()

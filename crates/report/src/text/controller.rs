@@ -1,7 +1,8 @@
 //! What a designed controller is, in words: what was identified, undone and expected, and what it costs.
 
 use hysteron_control::ControlError;
-use hysteron_control::design::prediction::{cost, predict};
+use hysteron_control::design::beyond::unknown;
+use hysteron_control::design::prediction::{cost, predict, whole_stroke_um};
 use hysteron_control::design::source::Designed;
 use hysteron_control::design::{Controller, OpenLoop};
 use hysteron_identify::Covered;
@@ -188,11 +189,12 @@ fn covered(text: &mut String, covered: &Covered) {
     // Writing to a String does not fail.
     let _ = writeln!(
         text,
-        "COVERED by the records: {}, {}; slew to {}, rate {}, small signals to {}",
+        "COVERED by the records: {}, {}; slew to {}, rate {}, large references to {}, small signals to {}",
         pair(covered.voltage_v, "V"),
         pair(covered.position_um, "um"),
         one(covered.slew_v_per_s, "V/s"),
         one(covered.sample_rate_hz, "Hz"),
+        one(covered.swing_hz, "Hz"),
         one(covered.small_signal.as_ref().map(|band| band.up_to_hz), "Hz")
     );
     for beyond in &covered.beyond {
@@ -215,15 +217,22 @@ fn effects(text: &mut String, source: &Designed) {
 /// What the controller will reach, what limits it, and what it costs.
 fn expected(text: &mut String, source: &Designed, controller: &Controller) -> Result<(), ControlError> {
     text.push_str("EXPECTED, sine over the whole range, % of peak to peak\n");
-    for p in predict(controller, source.model_percent)? {
-        let closed = p
-            .closed_percent
-            .map_or_else(|| "-".to_owned(), |percent| format!("{percent:.3}"));
-        let _ = writeln!(
-            text,
-            "  {:>5} Hz  open {:.3}, closed {closed}; most of it from {}",
-            p.frequency_hz, p.open_percent, p.limited_by
-        );
+    for at in predict(controller, whole_stroke_um(controller), source.model_percent)? {
+        // Writing to a String does not fail.
+        let _ = write!(text, "  {:>5} Hz  ", at.frequency_hz);
+        let _ = match (at.error, at.beyond) {
+            (Some(error), _) => writeln!(
+                text,
+                "open {:.3}, closed {}; most of it from {}",
+                error.open_percent,
+                error
+                    .closed_percent
+                    .map_or_else(|| "-".to_owned(), |percent| format!("{percent:.3}")),
+                error.limited_by
+            ),
+            (None, Some(beyond)) => writeln!(text, "beyond the records: {}", unknown(&beyond)),
+            (None, None) => writeln!(text, "-"),
+        };
     }
     if let (None, Some(rms_um)) = (&controller.feedback, controller.model.model_error_um) {
         let _ = writeln!(
@@ -231,7 +240,7 @@ fn expected(text: &mut String, source: &Designed, controller: &Controller) -> Re
             "  the model misses its records by up to {rms_um:.4} um rms, which a board allows for before it takes the stage for another"
         );
     }
-    if source.model_percent.is_none() {
+    if source.model_percent.is_none() && controller.model.held_out.is_empty() {
         text.push_str(
             "  the model's own error is not in the file and not counted; hysteron compare or add measures it\n",
         );

@@ -5,10 +5,12 @@ mod rows;
 
 use crate::chip::{Chip, Reached};
 use crate::error::TrialError;
+use hysteron_control::design::beyond::frequencies;
 use hysteron_control::design::{Controller, ReferenceKind};
 use hysteron_data::{Dataset, Record};
 use hysteron_diagnose::{Learned, learn_with};
 use hysteron_identify::control::{ControlModel, RecordedHold, chain_of, refine};
+use hysteron_identify::covered::Beyond;
 use hysteron_identify::{EffectName, FitOptions, Model, fit, present_step};
 use hysteron_plant::StageConfig;
 use hysteron_tracking::rehearsal::Rehearsal;
@@ -58,6 +60,9 @@ pub struct Rehearsed {
     pub clocked_ticks: u32,
     /// Of these the late and lost ones.
     pub late_ticks: u32,
+    /// What of the references leaves the records of the last model: nothing is known there.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub beyond: Vec<Beyond>,
     /// What was hidden, in numbers.
     pub truth: String,
 }
@@ -187,6 +192,7 @@ fn rehearsed(
         host_percent: None,
         clocked_ticks: 0,
         late_ticks: 0,
+        beyond: Vec::new(),
         truth: rehearsal.truth.clone(),
     };
     let rungs = learned.rungs.iter().enumerate();
@@ -231,6 +237,10 @@ fn rehearsed(
         )?;
     }
     progress(1.0 - 1.0 / steps);
+    let tracked = rehearsed.rungs.last().and_then(|rung| rung.tracking_percent.as_ref());
+    let left = frequencies(&closed, rehearsal.range_um()).into_iter();
+    let left = left.filter(|(name, _)| tracked.is_some_and(|tracked| tracked.contains_key(*name)));
+    rehearsed.beyond = left.map(|(_, beyond)| beyond).collect();
     if rehearsed.emulator.is_some() {
         rehearsed.host_percent = Some(rehearsal.errors(&rehearsal.stage, &open)?);
     }

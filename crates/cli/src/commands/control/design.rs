@@ -7,7 +7,7 @@ use crate::output;
 use clap::{Args, ValueEnum};
 use hysteron_control::design::ReferenceKind;
 use hysteron_control::design::feedback::LARGEST_SENSITIVITY;
-use hysteron_control::design::prediction::{cost, predict};
+use hysteron_control::design::prediction::{cost, predict, whole_stroke_um};
 use hysteron_control::design::source::{Designed, Source, Wishes, design};
 use hysteron_identify::Model;
 use hysteron_plant::preset;
@@ -172,7 +172,7 @@ fn json(args: &DesignArgs, source: &Designed) -> Result<serde_json::Value, CliEr
         "inverse_misfit_percent": controller.model.misfit_percent,
         "samples_ahead": controller.samples_ahead,
         "bandwidth_hz": quality.bandwidth_hz,
-        "predicted": predict(controller, source.model_percent)?,
+        "predicted": predict(controller, whole_stroke_um(controller), source.model_percent)?,
         "feedback": controller.feedback,
         "open_loop": controller.open_loop,
         "covered": controller.model.covered,

@@ -31,7 +31,7 @@ pub(super) fn track(
 struct Answer<'a> {
     #[serde(flatten)]
     report: &'a Report,
-    /// What of the references leaves the records, as was granted.
+    /// What of the references leaves the records.
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     beyond: &'a [Beyond],
 }

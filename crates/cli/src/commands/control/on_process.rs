@@ -1,11 +1,11 @@
 //! `hysteron track --process`: a controller on a stage of the user's own that runs as a process.
 
 use crate::commands::control::on_model::answer;
-use crate::commands::control::track::{TrackArgs, within_records};
+use crate::commands::control::track::TrackArgs;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::progress;
-use hysteron_control::design::Controller;
+use hysteron_control::design::{Controller, beyond};
 use hysteron_control::expected::half_the_stroke;
 use hysteron_control::process::{ProcessStage, on_process};
 use std::time::Duration;
@@ -21,12 +21,14 @@ pub(super) fn track(
     controller: &Controller,
 ) -> Result<Done, CliError> {
     let range_um = given_um.unwrap_or_else(|| half_the_stroke(controller));
-    let beyond = within_records(args, range_um, controller)?;
+    let mut left = beyond::references(controller, range_um, args.beyond_records)?;
+    // Behind a process there may be a stage.
+    left.extend(beyond::granted_frequencies(controller, range_um, args.beyond_records)?);
     let stage = stage(command, args.timeout)?;
     let bar = progress::bar("on the process");
     let report = on_process(&stage, controller, range_um, &|share| progress::advance(&bar, share))?;
     bar.finish_and_clear();
-    answer(args, &format!("PROCESS {command}"), (&report, &beyond))
+    answer(args, &format!("PROCESS {command}"), (&report, &left))
 }
 
 /// A stage in a process as options name it.

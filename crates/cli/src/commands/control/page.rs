@@ -2,7 +2,7 @@
 
 use super::track::{PUBLISHED_500_HZ, TrackArgs, references};
 use hysteron_control::adapted::Adaptation;
-use hysteron_control::design::Controller;
+use hysteron_control::design::{Controller, beyond};
 use hysteron_control::learning::{Iteration, LearnedReference};
 use hysteron_control::reference::SHAPES;
 use hysteron_report::figures::{Line, Lines, lines};
@@ -47,6 +47,9 @@ pub(super) fn page(report: &TrackReport, board: Option<&OnChip>, controller: &Co
     .fact("Seed", args.seed.to_string());
     for sentence in lead(report) {
         page = page.lead(sentence);
+    }
+    for (_, left) in beyond::frequencies(controller, [0.0, report.stroke_um]) {
+        page = page.lead(format!("Beyond the records: {}.", beyond::unknown(&left)));
     }
     let mut command = format!("hysteron track {} --stage {}", args.controller.display(), report.stage);
     if args.alone {

@@ -67,7 +67,7 @@ pub(crate) struct TrackArgs {
     /// Lowest and highest reference, micrometres; without it half the stroke about two fifths of it
     #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 1)]
     pub range: Option<Vec<f64>>,
-    /// References beyond the positions that the records cover; the answer says so
+    /// References beyond the positions that the records cover and, where a real stage may be, their frequencies; the answer says so
     #[arg(long)]
     pub beyond_records: bool,
     /// Write a page with pictures
@@ -115,7 +115,7 @@ struct Answer<'a> {
     report: &'a TrackReport,
     #[serde(skip_serializing_if = "Option::is_none")]
     board: &'a Option<OnChip>,
-    /// What of the references leaves the records, as was granted.
+    /// What of the references leaves the records.
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     beyond: &'a [Beyond],
 }
@@ -198,20 +198,26 @@ fn ended(report: &TrackReport) -> Done {
     }
 }
 
-/// Refuses references that the records do not cover; what leaves them where that is granted.
+/// Refuses references that the records do not cover; what leaves them where that is granted, and every frequency above them.
 pub(super) fn within_records(
     args: &TrackArgs,
     range_um: [f64; 2],
     controller: &Controller,
 ) -> Result<Vec<Beyond>, CliError> {
-    Ok(beyond::references(controller, range_um, args.beyond_records)?)
+    let mut left = beyond::references(controller, range_um, args.beyond_records)?;
+    // Said, and run all the same: there is no stage to be hurt.
+    left.extend(
+        beyond::frequencies(controller, range_um)
+            .into_iter()
+            .map(|(_, beyond)| beyond),
+    );
+    Ok(left)
 }
 
 /// What leaves the records, a line each.
-pub(super) fn beyond_text(beyond: &[Beyond]) -> String {
-    beyond
-        .iter()
-        .map(|beyond| format!("beyond the records: {beyond}\n"))
+pub(crate) fn beyond_text(left: &[Beyond]) -> String {
+    left.iter()
+        .map(|left| format!("beyond the records: {}\n", beyond::unknown(left)))
         .collect()
 }
 

@@ -1,5 +1,6 @@
 //! What a rehearsal says, as a table.
 
+use crate::commands::control::track::beyond_text;
 use crate::output;
 use hysteron_trials::rehearsal::Rehearsed;
 use std::collections::BTreeMap;
@@ -65,6 +66,10 @@ pub(super) fn text(rehearsed: &Rehearsed) -> String {
              them late or lost; the others worked out ahead, every frame compared with the host's, bit by bit",
             rehearsed.clocked_ticks, rehearsed.late_ticks
         );
+    }
+    if !rehearsed.beyond.is_empty() {
+        text.push('\n');
+        text.push_str(&beyond_text(&rehearsed.beyond));
     }
     let _ = writeln!(
         text,
