@@ -4,6 +4,7 @@ use super::beyond::{Asked, granted};
 use super::feedback::{Effort, LARGEST_SENSITIVITY};
 use super::{Controller, ReferenceKind};
 use crate::error::ControlError;
+use crate::plan::drift::{self, Drift};
 use hysteron_data::{Dataset, Record};
 use hysteron_identify::Model;
 use hysteron_identify::control::{ControlModel, RecordedHold, Undone, chain_of, identify, refine};
@@ -85,6 +86,8 @@ pub struct Designed {
     pub undone: Vec<Undone>,
     /// The model's error on records, percent of peak to peak.
     pub model_percent: Option<f64>,
+    /// What changed while a campaign was recorded, where its first command came again; empty from a model.
+    pub drifts: Vec<Drift>,
 }
 
 /// Where a first mode may be at the lowest, hertz: a loop against it would help with nothing.
@@ -136,6 +139,10 @@ pub fn design(source: &Source<'_>, wishes: &Wishes) -> Result<Designed, ControlE
         Some(percent) => controller.adapting(percent / 100.0),
         None => controller,
     };
+    let drifts = match source {
+        Source::Records(dataset) => drift::among(dataset),
+        Source::Model { .. } => Vec::new(),
+    };
     let last = match source {
         Source::Model { model, .. } => model.history.last(),
         Source::Records(_) => None,
@@ -144,6 +151,7 @@ pub fn design(source: &Source<'_>, wishes: &Wishes) -> Result<Designed, ControlE
         controller,
         undone,
         model_percent: last.and_then(|step| step.validate_percent.or(step.identify_percent)),
+        drifts,
     })
 }
 

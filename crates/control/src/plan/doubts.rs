@@ -76,6 +76,16 @@ pub enum Doubt {
     },
 }
 
+impl Doubt {
+    /// Whether a rest was surely too short: the position tells. Another zero may be the sensor's.
+    pub fn is_a_short_rest(&self) -> bool {
+        match self {
+            Self::NotAtRest { .. } => true,
+            Self::AnotherZero { .. } => false,
+        }
+    }
+}
+
 impl Display for Doubt {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
@@ -87,7 +97,8 @@ impl Display for Doubt {
             } => write!(
                 f,
                 "{name} does not begin at rest: the position moves by {speed_um_per_s:.4} um/s, {percent:.2} % of its peak to peak over the \
-                 record; rest {planned_s} s or more at the rest voltage before it, as the plan has it, and record it again"
+                 record; rest {planned_s} s or more at the rest voltage before it, as the plan has it, and record it again; --short-rests takes \
+                 it all the same"
             ),
             Self::AnotherZero { name, off_um, percent } => write!(
                 f,

@@ -2,6 +2,9 @@
 
 use super::matching::Returned;
 use super::{Plan, Purpose, ZERO_MATTERS};
+use core::fmt::{self, Display, Formatter};
+use hysteron_data::{Dataset, Record, Role};
+use hysteron_identify::control::FRF;
 use hysteron_identify::family::peak_to_peak;
 
 /// Parts of a rest whose means are compared.
@@ -65,6 +68,62 @@ impl Drift {
     pub fn of_zero(&self) -> bool {
         self.zero_um.counts(ZERO_MATTERS * self.stroke_um)
     }
+
+    /// What has changed beyond what noise explains, a sentence each, with what to do.
+    pub fn warnings(&self) -> Vec<String> {
+        let gain = self.of_gain().then(|| {
+            format!(
+                "the gain has changed by {:.3} % between the first record and {}, beyond what noise explains: records of one campaign must \
+                 be of one stage; let it warm up, look at the range of the sensor, and record again",
+                self.gain_percent.value, self.name
+            )
+        });
+        let zero = self.of_zero().then(|| {
+            format!(
+                "the position at rest has changed by {:.4} um between the first record and {}, beyond what noise explains: the sensor's zero \
+                 drifts, or the stage did not rest long enough",
+                self.zero_um.value, self.name
+            )
+        });
+        gain.into_iter().chain(zero).collect()
+    }
+}
+
+impl Display for Drift {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "drift to {}: gain {:+.3} +- {:.3} %, zero {:+.4} +- {:.4} um; difference {:.2} % of peak to peak, rms, of which noise is {:.2} %",
+            self.name,
+            self.gain_percent.value,
+            self.gain_percent.error,
+            self.zero_um.value,
+            self.zero_um.error,
+            self.difference_percent,
+            self.noise_percent
+        )
+    }
+}
+
+/// The drift between the first small multisine among a campaign's records and each later one of its command, whose rests are not there.
+pub fn among(dataset: &Dataset) -> Vec<Drift> {
+    let of_small_signals = |role: Role| {
+        let records = dataset.records.iter();
+        records.filter(move |record| record.role == role && record.file.starts_with(FRF))
+    };
+    let Some(first) = of_small_signals(Role::Identify).next() else {
+        return Vec::new();
+    };
+    let strokes = dataset.records.iter().map(|record| peak_to_peak(&record.position_um));
+    let stroke_um = strokes.fold(0.0, f64::max);
+    let of = |record: &Record| (record.position_um.clone(), Vec::new());
+    let again = of_small_signals(Role::Validate).filter(|record| record.voltage_v == first.voltage_v);
+    again
+        .filter_map(|later| {
+            let name = later.file.trim_end_matches(".csv").to_owned();
+            between(name, of(first), of(later), stroke_um)
+        })
+        .collect()
 }
 
 /// The drift between the first record and each later one of its command.
@@ -91,7 +150,7 @@ pub fn drifts(plan: &Plan, returned: &Returned) -> Vec<Drift> {
         .collect()
 }
 
-/// Position of the part that counts, whole periods of it, and position at rest.
+/// Position of the part that counts, whole periods of it, and position at rest, empty where it was not kept.
 type Positions = (Vec<f64>, Vec<f64>);
 
 fn between(name: String, first: Positions, later: Positions, stroke_um: f64) -> Option<Drift> {
@@ -134,7 +193,13 @@ fn between(name: String, first: Positions, later: Positions, stroke_um: f64) -> 
     let rest = first.1.len().min(later.1.len()) / PARTS_OF_REST;
     let parts = first.1.chunks_exact(rest.max(1)).zip(later.1.chunks_exact(rest.max(1)));
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
-    let zeros: Vec<f64> = parts.take(PARTS_OF_REST).map(|(a, b)| mean(b) - mean(a)).collect();
+    let mut zeros: Vec<f64> = parts.take(PARTS_OF_REST).map(|(a, b)| mean(b) - mean(a)).collect();
+    if zeros.is_empty() {
+        // From where the records are, without what the change of the gain does there.
+        let gain = 1.0 + Change::of(&gains).value / 100.0;
+        let periods = first.0.chunks_exact(n).zip(later.0.chunks_exact(n)).take(periods);
+        zeros.extend(periods.map(|(a, b)| mean(b) - gain * mean(a)));
+    }
     let squares: f64 = first.0.iter().zip(&later.0).map(|(a, b)| (b - a).powi(2)).sum();
     let whole: Vec<f64> = first.0.iter().chain(&first.1).copied().collect();
     let percent = |square: f64| 100.0 * square.sqrt() / peak_to_peak(&whole).max(f64::MIN_POSITIVE);
@@ -187,6 +252,49 @@ mod tests {
         assert!(found.of_gain() && found.of_zero());
         // 0.1 um and 2 % of 6 um, of 6.1 um.
         assert!((found.difference_percent - 3.61).abs() < 0.02, "{found:?}");
+    }
+
+    /// Without rests the zero is that of the records themselves, and a change of the gain is none of it.
+    #[test]
+    fn val_a_zero_is_told_without_rests() {
+        let without = |gain: f64, zero_um: f64| {
+            let (first, _) = record(1.0, 0.0, 1e-3, 5);
+            let (later, _) = record(gain, zero_um, 1e-3, 1005);
+            between("again".to_owned(), (first, Vec::new()), (later, Vec::new()), 15.0).unwrap()
+        };
+        let found = without(1.02, 0.0);
+        assert!(
+            found.of_gain() && !found.of_zero() && found.warnings().len() == 1,
+            "{found:?}"
+        );
+        let found = without(1.0, 0.1);
+        assert!(!found.of_gain() && found.of_zero(), "{found:?}");
+        assert!((found.zero_um.value - 0.1).abs() < 0.01, "{found:?}");
+        assert!(found.warnings()[0].contains("0.1") && found.to_string().contains("drift to again: gain"));
+        assert_eq!(without(1.0, 0.0).warnings(), Vec::<String>::new());
+    }
+
+    /// The command of the first small multisine again, and no other record.
+    #[test]
+    fn val_a_campaigns_records_have_their_drift() {
+        let taken = |file: &str, role: Role, gain: f64, seed: u64, command: f64| {
+            let (position_um, _) = record(gain, 0.0, 1e-4, seed);
+            Record::new(file, role, 20e-6, vec![command; position_um.len()], position_um)
+        };
+        let first = taken("frf-small.csv", Role::Identify, 1.0, 1, 2.0);
+        let again = taken("frf-small-again.csv", Role::Validate, 1.02, 2, 2.0);
+        let other = taken("frf-other.csv", Role::Validate, 1.02, 3, 3.0);
+        let large = taken("large.csv", Role::Validate, 1.02, 4, 2.0);
+        let found = |records: Vec<Record>| {
+            among(&Dataset {
+                records,
+                ..Dataset::default()
+            })
+        };
+        let drifts = found(vec![first.clone(), other.clone(), large, again.clone()]);
+        assert_eq!(drifts.len(), 1, "{drifts:?}");
+        assert!(drifts[0].name == "frf-small-again" && drifts[0].of_gain(), "{drifts:?}");
+        assert!(found(vec![first, other]).is_empty() && found(vec![again]).is_empty());
     }
 
     /// No change of a noisy sensor is taken for one: 300 pairs, and noise from below a step of the sensor to a fifth of the signal.

@@ -11,6 +11,7 @@ mod files;
 mod likeness;
 pub mod matching;
 mod sequence;
+pub mod skew;
 pub mod told;
 
 pub use files::{csv, sequence_csv};

@@ -5,6 +5,7 @@ use hysteron_control::design::beyond::unknown;
 use hysteron_control::design::prediction::{cost, predict, whole_stroke_um};
 use hysteron_control::design::source::Designed;
 use hysteron_control::design::{Controller, OpenLoop};
+use hysteron_control::plan::drift::Drift;
 use hysteron_identify::Covered;
 use hysteron_identify::control::ControlModel;
 use hysteron_identify::covered::ToldBy;
@@ -24,7 +25,19 @@ pub fn design_text(source: &Designed, margin: f64) -> Result<String, ControlErro
     learned(&mut text, controller);
     expected(&mut text, source, controller)?;
     covered(&mut text, &controller.model.covered);
+    drifted(&mut text, &source.drifts);
     Ok(text)
+}
+
+/// What changed while the records were taken.
+fn drifted(text: &mut String, drifts: &[Drift]) {
+    for drift in drifts {
+        // Writing to a String does not fail.
+        let _ = writeln!(text, "WHILE IT WAS RECORDED  {drift}");
+        for warning in drift.warnings() {
+            let _ = writeln!(text, "  WARNING: {warning}");
+        }
+    }
 }
 
 /// What is learned while the law runs.
@@ -217,17 +230,20 @@ fn effects(text: &mut String, source: &Designed) {
 /// What the controller will reach, what limits it, and what it costs.
 fn expected(text: &mut String, source: &Designed, controller: &Controller) -> Result<(), ControlError> {
     text.push_str("EXPECTED, sine over the whole range, % of peak to peak\n");
+    // What is not known is not taken for nothing.
+    let known = source.model_percent.is_some() || !controller.model.held_out.is_empty();
+    let least = if known { "" } else { "at least " };
     for at in predict(controller, whole_stroke_um(controller), source.model_percent)? {
         // Writing to a String does not fail.
         let _ = write!(text, "  {:>5} Hz  ", at.frequency_hz);
         let _ = match (at.error, at.beyond) {
             (Some(error), _) => writeln!(
                 text,
-                "open {:.3}, closed {}; most of it from {}",
+                "open {least}{:.3}, closed {}; most of it from {}",
                 error.open_percent,
                 error
                     .closed_percent
-                    .map_or_else(|| "-".to_owned(), |percent| format!("{percent:.3}")),
+                    .map_or_else(|| "-".to_owned(), |percent| format!("{least}{percent:.3}")),
                 error.limited_by
             ),
             (None, Some(beyond)) => writeln!(text, "beyond the records: {}", unknown(&beyond)),
@@ -240,7 +256,7 @@ fn expected(text: &mut String, source: &Designed, controller: &Controller) -> Re
             "  the model misses its records by up to {rms_um:.4} um rms, which a board allows for before it takes the stage for another"
         );
     }
-    if source.model_percent.is_none() && controller.model.held_out.is_empty() {
+    if !known {
         text.push_str(
             "  the model's own error is not in the file and not counted; hysteron compare or add measures it\n",
         );

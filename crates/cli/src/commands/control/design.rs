@@ -164,6 +164,18 @@ fn json(args: &DesignArgs, source: &Designed) -> Result<serde_json::Value, CliEr
         .iter()
         .map(|u| serde_json::json!({"effect": u.part.to_string(), "by": u.by, "note": u.note}))
         .collect();
+    let drifts: Vec<_> = source
+        .drifts
+        .iter()
+        .map(|drift| {
+            serde_json::json!({
+                "record": drift.name,
+                "gain_percent": drift.gain_percent.value,
+                "zero_um": drift.zero_um.value,
+                "warnings": drift.warnings(),
+            })
+        })
+        .collect();
     Ok(serde_json::json!({
         "file": args.output,
         "effects": undone,
@@ -176,6 +188,7 @@ fn json(args: &DesignArgs, source: &Designed) -> Result<serde_json::Value, CliEr
         "feedback": controller.feedback,
         "open_loop": controller.open_loop,
         "covered": controller.model.covered,
+        "drifts": drifts,
         "cost": cost(controller),
     }))
 }

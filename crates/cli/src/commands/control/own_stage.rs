@@ -8,9 +8,10 @@ use crate::output;
 use hysteron_acquisition::{Finding, Kind};
 use hysteron_control::ControlError;
 use hysteron_control::campaign::{Protocol, TRAINING_PASSES};
-use hysteron_control::plan::doubts::{Doubts, doubts};
+use hysteron_control::plan::doubts::{Doubt, Doubts, doubts};
 use hysteron_control::plan::drift::{Drift, drifts};
 use hysteron_control::plan::matching::{Returned, matched};
+use hysteron_control::plan::skew::Skew;
 use hysteron_control::plan::{self, Plan};
 use hysteron_data::{Dataset, Record, write_dataset};
 use hysteron_identify::control::{ControlModel, identify};
@@ -106,9 +107,20 @@ pub(super) fn came_back(args: &CampaignArgs, recorded: &Path) -> Result<Done, Cl
     }
     let doubts = doubts(&plan, &returned);
     let drifts = drifts(&plan, &returned);
+    let unrested: Vec<&Doubt> = doubts.doubts.iter().filter(|doubt| doubt.is_a_short_rest()).collect();
+    if !unrested.is_empty() && !args.short_rests {
+        return Err(unusable(&unrested));
+    }
     warn(&doubts, &drifts);
     if !doubts.signs.is_empty() {
         return Err(unusable(&doubts.signs.iter().map(turned).collect::<Vec<_>>()));
+    }
+    if !unrested.is_empty() {
+        let begun = format!(
+            "; {} began before the stage was at rest, granted by --short-rests",
+            unrested.len()
+        );
+        dataset.description.push_str(&begun);
     }
     let zero_um = doubts.zero_um.unwrap_or(0.0);
     returned.count_from(zero_um);
@@ -118,6 +130,9 @@ pub(super) fn came_back(args: &CampaignArgs, recorded: &Path) -> Result<Done, Cl
         .adc_um
         .map(|ends_um| ends_um.map(|end_um| end_um - zero_um));
     let (model, next) = passes(&mut dataset, &plan, &returned)?;
+    if let Some(skew) = Skew::of(&model) {
+        output::warn(skew);
+    }
     write_dataset(&dataset, &args.output, overwrite(args))?;
     let mut text = listed(&dataset.records) + &rig(&doubts, &drifts) + &misses(model.misfit_percent);
     let to = args.output.display();
@@ -166,8 +181,9 @@ fn again(args: &CampaignArgs) -> String {
     let latency = args
         .latency_us
         .map_or(String::new(), |us| format!(" --latency-us {us}"));
+    let rests = if args.short_rests { " --short-rests" } else { "" };
     format!(
-        "hysteron campaign{plan} --recorded ALL{latency} -o {}",
+        "hysteron campaign{plan} --recorded ALL{latency}{rests} -o {}",
         args.output.display()
     )
 }
@@ -256,22 +272,8 @@ fn passes(dataset: &mut Dataset, plan: &Plan, returned: &Returned) -> Result<(Co
 fn warn(doubts: &Doubts, drifts: &[Drift]) {
     doubts.mistakes.iter().for_each(output::warn);
     doubts.doubts.iter().for_each(output::warn);
-    for drift in drifts {
-        if drift.of_gain() {
-            output::warn(format_args!(
-                "the gain has changed by {:.3} % between the first record and {}, beyond what noise explains: records of one campaign must \
-                 be of one stage; let it warm up, look at the range of the sensor, and record again",
-                drift.gain_percent.value, drift.name
-            ));
-        }
-        if drift.of_zero() {
-            output::warn(format_args!(
-                "the position at rest has changed by {:.4} um between the first record and {}, beyond what noise explains: the sensor's zero \
-                 drifts, or the stage did not rest long enough",
-                drift.zero_um.value, drift.name
-            ));
-        }
-    }
+    let drifted = drifts.iter().flat_map(Drift::warnings);
+    drifted.for_each(output::warn);
 }
 
 /// What is known of the rig, and what its records cannot tell.
@@ -279,17 +281,7 @@ fn rig(doubts: &Doubts, drifts: &[Drift]) -> String {
     let mut text = String::new();
     // Writing to a String does not fail.
     for drift in drifts {
-        let _ = writeln!(
-            text,
-            "drift to {}: gain {:+.3} +- {:.3} %, zero {:+.4} +- {:.4} um; difference {:.2} % of peak to peak, rms, of which noise is {:.2} %",
-            drift.name,
-            drift.gain_percent.value,
-            drift.gain_percent.error,
-            drift.zero_um.value,
-            drift.zero_um.error,
-            drift.difference_percent,
-            drift.noise_percent
-        );
+        let _ = writeln!(text, "{drift}");
     }
     if let Some(zero_um) = doubts.zero_um {
         let _ = writeln!(

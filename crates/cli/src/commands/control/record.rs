@@ -82,6 +82,9 @@ pub(crate) struct CampaignArgs {
     /// Folder of the plan that was recorded; plan where it is not given
     #[arg(long, value_name = "FOLDER", requires = "recorded")]
     pub plan: Option<PathBuf>,
+    /// Take records that began while the stage still moved: what it creeps there, the model takes for hysteresis
+    #[arg(long, requires = "recorded")]
+    pub short_rests: bool,
     /// Latency of your controller, microseconds: from the instant of a reading to the edge of the command that is computed from it, without the
     /// half sample for which a command is held on average
     #[arg(long, value_name = "US", conflicts_with_all = ["stage", "board"])]
