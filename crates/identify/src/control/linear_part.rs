@@ -332,6 +332,7 @@ fn told_to_hz(data: &FrequencyResponse, linear: &LinearPart, fitted: impl Fn(f64
             hz: omega / TAU,
             measured: gain,
             modelled: fitted(omega),
+            drive: 1.0,
             explained: gain.norm_sqr(),
             all: gain.norm_sqr() + deviation * deviation,
         })

@@ -6,7 +6,7 @@ mod swing;
 
 pub use beyond::{Beyond, Envelope, Field};
 pub use small_signal::SmallSignalBand;
-pub(crate) use small_signal::{Line, highest_run};
+pub(crate) use small_signal::{Line, highest_run, mean_gain};
 pub(crate) use swing::swing_hz;
 
 use crate::family::range;

@@ -43,6 +43,8 @@ pub(crate) struct Line {
     /// Measured and modelled response to the drive, in one unit.
     pub measured: Complex64,
     pub modelled: Complex64,
+    /// Power of the drive that both are times.
+    pub drive: f64,
     /// Power of the position that the drive explains, and all of it.
     pub explained: f64,
     pub all: f64,
@@ -80,6 +82,12 @@ pub(crate) fn highest_run(lines: &[Line], modes_hz: &[f64], swing: f64) -> Optio
 /// slower, and it has half a radian to spare.
 fn gain(lines: &[Line], swing: f64) -> Option<Complex64> {
     let least = if swing <= OPENS_NO_LOOP { REVERSIBLE } else { GAINS[0] };
+    let gain = mean_gain(lines)?;
+    ((least..=GAINS[1]).contains(&gain.norm()) && gain.arg().abs() <= LATEST_RAD).then_some(gain)
+}
+
+/// The measured response over the modelled one, over the lower half of the octaves; none without lines.
+pub(crate) fn mean_gain(lines: &[Line]) -> Option<Complex64> {
     let (first, last) = (lines.first()?, lines.last()?);
     let up_to_hz = (first.hz * last.hz).sqrt();
     let low = lines.iter().filter(|line| line.hz <= up_to_hz);
@@ -89,8 +97,7 @@ fn gain(lines: &[Line], swing: f64) -> Option<Complex64> {
             own + line.modelled.norm_sqr(),
         )
     });
-    let gain = along / own;
-    ((least..=GAINS[1]).contains(&gain.norm()) && gain.arg().abs() <= LATEST_RAD).then_some(gain)
+    Some(along / own)
 }
 
 /// Whether the model does in a group of lines what the stage does, but for a gain.
@@ -121,6 +128,7 @@ mod tests {
                 hz,
                 measured: Complex64::new(0.8 * gain, 0.0),
                 modelled: Complex64::new(1.0, 0.0),
+                drive: 1.0,
                 explained: 0.64 * gain * gain,
                 all: 0.64 * gain * gain,
             }
