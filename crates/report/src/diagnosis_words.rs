@@ -73,7 +73,7 @@ pub(crate) fn remarks(diagnosis: &Diagnosis) -> Vec<String> {
         .iter()
         .map(|reason| sentence(reason_in_words(*reason)))
         .collect();
-    lines.extend(odds_line(diagnosis));
+    lines.extend(odds_in_words(diagnosis).map(|odds| odds.sentence()));
     if !diagnosis.further.is_empty() {
         lines.push(format!(
             "With it in the model, there is still {}.",
@@ -133,8 +133,28 @@ pub(crate) fn remarks(diagnosis: &Diagnosis) -> Vec<String> {
 /// Probabilities below this are not said.
 const LEAST_SAID: f64 = 0.05;
 
-/// How likely each candidate is, where the verdict is not certain.
-fn odds_line(diagnosis: &Diagnosis) -> Option<String> {
+/// What probabilities rest on.
+const ODDS: &str = "Probabilities, from stages whose hidden effect was known";
+
+/// How likely each candidate is, in words.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OddsWords {
+    /// What the probabilities rest on.
+    pub title: &'static str,
+    /// Each alternative, its probability as printed, and the probability.
+    pub each: Vec<(String, String, f64)>,
+}
+
+impl OddsWords {
+    /// All of it in a sentence.
+    pub fn sentence(&self) -> String {
+        let each = self.each.iter().map(|(name, printed, _)| format!("{name} {printed}"));
+        format!("{}: {}.", self.title, each.collect::<Vec<_>>().join(", "))
+    }
+}
+
+/// How likely each candidate is and that it is none of them, from 5 % on; none where the verdict is nothing or no diagnosis.
+pub fn odds_in_words(diagnosis: &Diagnosis) -> Option<OddsWords> {
     let named = diagnosis
         .verdict
         .effect()
@@ -142,19 +162,18 @@ fn odds_line(diagnosis: &Diagnosis) -> Option<String> {
     if diagnosis.odds.each.is_empty() || named.is_none() && diagnosis.verdict != Verdict::Unknown {
         return None;
     }
-    let said = |probability: f64| probability > LEAST_SAID;
-    let percent = |name: &str, probability: f64| format!("{name} {:.0}\u{a0}%", 100.0 * probability);
-    let each = diagnosis.odds.each.iter().filter(|likely| said(likely.probability));
-    let mut parts: Vec<String> = each
-        .map(|likely| percent(&effect_name(likely.effect.as_str(), false), likely.probability))
-        .collect();
-    if said(diagnosis.odds.none) {
-        parts.push(percent("none of the catalogue", diagnosis.odds.none));
-    }
-    Some(format!(
-        "Probabilities, from stages whose hidden effect was known: {}.",
-        parts.join(", ")
-    ))
+    let candidates = diagnosis.odds.each.iter();
+    let candidates = candidates.map(|likely| (effect_name(likely.effect.as_str(), false), likely.probability));
+    let none = ("none of the catalogue".to_owned(), diagnosis.odds.none);
+    let said = candidates
+        .chain([none])
+        .filter(|(_, probability)| *probability > LEAST_SAID);
+    Some(OddsWords {
+        title: ODDS,
+        each: said
+            .map(|(name, probability)| (name, format!("{:.0}\u{a0}%", 100.0 * probability), probability))
+            .collect(),
+    })
 }
 
 /// Expected difference, in units of the unexplained error, below which a record is no promise.

@@ -16,6 +16,7 @@ mod equation;
 pub mod figures;
 mod headline;
 mod ladder_page;
+mod lights;
 mod lock_words;
 mod number;
 mod page;
@@ -30,10 +31,11 @@ mod text;
 pub use canvas::{LegendEntry, Picture, Size, Swatch};
 pub use comparison_page::{Context, comparison_page};
 pub use diagnosis_page::diagnosis_page;
-pub use diagnosis_words::{diagnosis_lines, reason_in_words, verdict_sentence};
+pub use diagnosis_words::{OddsWords, diagnosis_lines, odds_in_words, reason_in_words, verdict_sentence};
 pub use equation::equation;
 pub use headline::headline;
 pub use ladder_page::ladder_page;
+pub use lights::{Light, Shine, design_lights};
 pub use lock_words::{failing_lines, lock_in_words};
 pub use number::{count, significant};
 pub use page::{Block, Figure, Page, Section, Tile};
@@ -42,6 +44,6 @@ pub use provenance::{facts, frozen, hashes};
 pub use report_page::{Findings, report_page};
 pub use table::{Cell, PaperFigure, Table, paper_table};
 pub use text::{
-    adapted_text, amounts, bounds_text, comparison_text, design_text, diagnosis_details, diagnosis_text, explanation,
-    ladder_details, ladder_text, law_table_text, learned_text, model_text, tracked_text,
+    adapted_text, amounts, beyond_text, bounds_text, comparison_text, design_text, diagnosis_details, diagnosis_text,
+    explanation, ladder_details, ladder_text, law_table_text, learned_text, model_text, reference_name, tracked_text,
 };

@@ -1,6 +1,6 @@
 //! What a controller has learned of gain and zero while it ran, in words.
 
-use super::tracked::reference_words;
+use super::tracked::reference_name;
 use hysteron_control::adapted::{Adaptation, Adapted};
 use std::fmt::Write;
 
@@ -43,7 +43,7 @@ pub fn adapted_text<'a>(
         let _ = writeln!(
             text,
             "{:<23} {loop_kind:<6} {:>+9.3} {:>+9.4}{}{}",
-            reference_words(reference),
+            reference_name(reference),
             learned.gain_percent,
             learned.zero_um,
             named("gain", learned.gain_percent.abs() >= most_percent),

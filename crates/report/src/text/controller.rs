@@ -7,7 +7,7 @@ use hysteron_control::design::source::Designed;
 use hysteron_control::design::{Controller, OpenLoop};
 use hysteron_control::plan::drift::Drift;
 use hysteron_identify::Covered;
-use hysteron_identify::control::ControlModel;
+use hysteron_identify::control::{ControlModel, Undone};
 use hysteron_identify::covered::ToldBy;
 use std::fmt::Write;
 
@@ -21,7 +21,8 @@ pub fn design_text(source: &Designed, margin: f64) -> Result<String, ControlErro
     effects(&mut text, source);
     identified(&mut text, source);
     feedforward(&mut text, controller)?;
-    feedback(&mut text, controller, margin);
+    text.push_str("FEEDBACK\n");
+    text.push_str(&feedback(controller, margin));
     learned(&mut text, controller);
     expected(&mut text, source, controller)?;
     covered(&mut text, &controller.model.covered);
@@ -94,6 +95,13 @@ fn identified(text: &mut String, source: &Designed) {
     );
 }
 
+/// What becomes of a reference that is not known ahead.
+pub(crate) const LIVE: &str = "smooth ones are extrapolated by as much,\n  corners and noise are amplified";
+
+/// What is said where the model does not know its own error.
+pub(crate) const NO_MODEL_ERROR: &str =
+    "the model's own error is not in the file and not counted; hysteron compare or add measures it";
+
 /// What undoes latency and modes ahead.
 fn feedforward(text: &mut String, controller: &Controller) -> Result<(), ControlError> {
     let quality = controller.preview_quality()?;
@@ -111,8 +119,7 @@ fn feedforward(text: &mut String, controller: &Controller) -> Result<(), Control
         let latency_s = controller.model.latency_s;
         let _ = writeln!(
             text,
-            "  known no earlier than due, a reference is {:.0} us late: 30 degrees at {:.0} Hz; smooth ones are extrapolated by as much,\n  \
-             corners and noise are amplified",
+            "  known no earlier than due, a reference is {:.0} us late: 30 degrees at {:.0} Hz; {LIVE}",
             1e6 * latency_s,
             1.0 / (12.0 * latency_s)
         );
@@ -121,28 +128,27 @@ fn feedforward(text: &mut String, controller: &Controller) -> Result<(), Control
 }
 
 /// The loop, or why there is none.
-fn feedback(text: &mut String, controller: &Controller, margin: f64) {
-    // Writing to a String does not fail.
-    let _ = writeln!(text, "FEEDBACK");
+pub(crate) fn feedback(controller: &Controller, margin: f64) -> String {
     match &controller.feedback {
-        Some(feedback) => {
-            let _ = writeln!(
-                text,
-                "  integral and {}, {:.0} V/um/s; peak sensitivity {:.2} over modes +-10 %, loop gain 0.6 to 1.3 and a mode wherever\n  \
-                 nothing is told: above {:.0} Hz, by {}; run in time on each of these, it comes to rest\n  \
-                 disturbances below -3 dB to {:.0} Hz, helps to {:.0} Hz; {:.2} nm at rest for 1 nm of white sensor noise",
-                feedback.structure,
-                feedback.integral_v_per_um_s,
-                feedback.peak_sensitivity,
-                feedback.told_to_hz,
-                told_by(&controller.model.covered),
-                feedback.rejection_hz,
-                feedback.helps_to_hz,
-                feedback.noise_nm
-            );
-        }
-        None => text.push_str(&without_feedback(margin, controller)),
+        Some(feedback) => format!(
+            "  integral and {}, {:.0} V/um/s; peak sensitivity {:.2} over modes +-10 %, loop gain 0.6 to 1.3 and a mode wherever\n  \
+             nothing is told: {}; run in time on each of these, it comes to rest;\n  \
+             disturbances below -3 dB to {:.0} Hz, helps to {:.0} Hz; {:.2} nm at rest for 1 nm of white sensor noise\n",
+            feedback.structure,
+            feedback.integral_v_per_um_s,
+            feedback.peak_sensitivity,
+            told(feedback.told_to_hz, &controller.model.covered),
+            feedback.rejection_hz,
+            feedback.helps_to_hz,
+            feedback.noise_nm
+        ),
+        None => without_feedback(margin, controller),
     }
+}
+
+/// From where on nothing is told, and by whom below.
+pub(crate) fn told(to_hz: f64, covered: &Covered) -> String {
+    format!("above {to_hz:.0} Hz, by {}", told_by(covered))
 }
 
 /// Who tells the stage up to the highest frequency.
@@ -190,6 +196,15 @@ fn small_multisine(model: &ControlModel) -> String {
 
 /// What the records cover, and what leaves them.
 fn covered(text: &mut String, covered: &Covered) {
+    // Writing to a String does not fail.
+    let _ = writeln!(text, "COVERED by the records: {}", covered_line(covered));
+    for beyond in &covered.beyond {
+        let _ = writeln!(text, "  BEYOND THE RECORDS: {beyond}");
+    }
+}
+
+/// What the records cover.
+pub(crate) fn covered_line(covered: &Covered) -> String {
     let pair = |ends: Option<[f64; 2]>, unit: &str| {
         ends.map_or_else(
             || "not known".to_owned(),
@@ -199,20 +214,20 @@ fn covered(text: &mut String, covered: &Covered) {
     let one = |value: Option<f64>, unit: &str| {
         value.map_or_else(|| "not known".to_owned(), |value| format!("{value:.0} {unit}"))
     };
-    // Writing to a String does not fail.
-    let _ = writeln!(
-        text,
-        "COVERED by the records: {}, {}; slew to {}, rate {}, large references to {}, small signals to {}",
+    format!(
+        "{}, {}; slew to {}, rate {}, large references to {}, small signals to {}",
         pair(covered.voltage_v, "V"),
         pair(covered.position_um, "um"),
         one(covered.slew_v_per_s, "V/s"),
         one(covered.sample_rate_hz, "Hz"),
         one(covered.swing_hz, "Hz"),
         one(covered.small_signal.as_ref().map(|band| band.up_to_hz), "Hz")
-    );
-    for beyond in &covered.beyond {
-        let _ = writeln!(text, "  BEYOND THE RECORDS: {beyond}");
-    }
+    )
+}
+
+/// What undoes a part of the model, and why not or within what limits.
+pub(crate) fn compensator(undone: &Undone) -> (&'static str, &'static str) {
+    (undone.by.unwrap_or("LEFT OUT"), undone.note)
 }
 
 /// Each effect of the model with its compensator, or why it has none.
@@ -222,8 +237,8 @@ fn effects(text: &mut String, source: &Designed) {
     }
     text.push_str("EFFECTS\n");
     for undone in &source.undone {
-        let by = undone.by.unwrap_or("LEFT OUT");
-        let _ = writeln!(text, "  {:<26} {by}: {}", undone.part, undone.note);
+        let (by, note) = compensator(undone);
+        let _ = writeln!(text, "  {:<26} {by}: {note}", undone.part);
     }
 }
 
@@ -257,9 +272,7 @@ fn expected(text: &mut String, source: &Designed, controller: &Controller) -> Re
         );
     }
     if !known {
-        text.push_str(
-            "  the model's own error is not in the file and not counted; hysteron compare or add measures it\n",
-        );
+        let _ = writeln!(text, "  {NO_MODEL_ERROR}");
     }
     let costs = cost(controller);
     let total: usize = costs.iter().map(|cost| cost.operations).sum();

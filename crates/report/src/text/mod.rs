@@ -3,7 +3,7 @@
 mod adapted;
 pub mod amounts;
 mod comparison;
-mod controller;
+pub(crate) mod controller;
 mod diagnosis;
 pub mod explanation;
 mod ladder;
@@ -20,7 +20,7 @@ pub use ladder::{ladder_details, ladder_text};
 pub use law_table::law_table_text;
 pub use learned::learned_text;
 pub use model::model_text;
-pub use tracked::tracked_text;
+pub use tracked::{beyond_text, reference_name, tracked_text};
 
 /// Percent with three decimals, or two significant digits where these would all be zero.
 fn percent(value: Option<f64>) -> String {

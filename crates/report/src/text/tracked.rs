@@ -3,6 +3,7 @@
 use super::adapted::adapted_text;
 use hysteron_control::expected::{Report, Row};
 use hysteron_control::reference::SHAPES;
+use hysteron_identify::covered::Beyond;
 use std::fmt::Write;
 
 /// What a design expects beside what a run on a model or a process came to.
@@ -32,19 +33,25 @@ pub fn tracked_text(title: &str, report: &Report) -> String {
     text
 }
 
+/// What of the references leaves the records, a line each.
+pub fn beyond_text(beyond: &[Beyond]) -> String {
+    beyond
+        .iter()
+        .map(|beyond| format!("beyond the records: {beyond}\n"))
+        .collect()
+}
+
 /// A reference, as tables and files name it, in words.
-pub(super) fn reference_words(reference: &str) -> String {
-    match reference.parse::<f64>() {
+pub fn reference_name(key: &str) -> String {
+    match key.parse::<f64>() {
         Ok(hz) => format!("sine {hz} Hz"),
-        Err(_) if reference.ends_with(|last: char| last.is_ascii_digit()) => {
-            format!("{} Hz", reference.replace('-', " "))
-        }
-        Err(_) => reference.to_owned(),
+        Err(_) if key.ends_with(|last: char| last.is_ascii_digit()) => format!("{} Hz", key.replace('-', " ")),
+        Err(_) => key.to_owned(),
     }
 }
 
 fn line(row: &Row) -> String {
-    let name = reference_words(row.reference);
+    let name = reference_name(row.reference);
     let expected = row
         .expected_percent
         .map_or_else(|| "-".to_owned(), |percent| format!("{percent:.3}"));
