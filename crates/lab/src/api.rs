@@ -55,6 +55,8 @@ pub(crate) fn router(
         .route("/api/spectrum", get(views::spectrum))
         .route("/api/series", get(views::plotted))
         .route("/api/controller", get(views::controller))
+        .route("/api/response", get(views::response))
+        .route("/api/correlation", get(views::correlation))
         .route("/api/region", get(views::region))
         .route("/api/diagnosis", get(views::diagnosis))
         .route("/api/effects", get(views::effects))

@@ -17,13 +17,14 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: [Asset; 18] = [
+const ASSETS: [Asset; 19] = [
     asset!("app.js", JS),
     asset!("api.js", JS),
     asset!("dom.js", JS),
     asset!("data.js", JS),
     asset!("compare.js", JS),
     asset!("plots.js", JS),
+    asset!("picture.js", JS),
     asset!("map.js", JS),
     asset!("diagnose.js", JS),
     asset!("effects.js", JS),

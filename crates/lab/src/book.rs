@@ -40,6 +40,9 @@ pub(crate) struct Book {
     /// The runs of these controllers on the models of their steps.
     #[serde(default)]
     pub(crate) tracked: BTreeMap<usize, Made>,
+    /// Their runs on simulated stages.
+    #[serde(default)]
+    pub(crate) on_stage: BTreeMap<usize, Made>,
     /// The files that were brought, by name.
     pub(crate) files: BTreeMap<String, Brought>,
 }
@@ -225,6 +228,7 @@ impl Default for Book {
             tables: BTreeMap::new(),
             controllers: BTreeMap::new(),
             tracked: BTreeMap::new(),
+            on_stage: BTreeMap::new(),
             files: BTreeMap::new(),
         }
     }
@@ -277,6 +281,7 @@ impl Book {
                 .chain(self.learned.keys())
                 .chain(self.controllers.keys())
                 .chain(self.tracked.keys())
+                .chain(self.on_stage.keys())
                 .all(|&number| number < count);
         sound.then_some(()).ok_or_else(|| {
             "session.json names steps or data that are not there; move the file away to begin anew".to_owned()

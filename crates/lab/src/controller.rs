@@ -7,15 +7,15 @@ use crate::jobs;
 use crate::session::Session;
 use crate::wish::{Given, pair};
 use crate::{folder, work};
-use hysteron_control::design::beyond::{self, Asked};
+use hysteron_control::design::beyond;
 use hysteron_control::design::curves::LoopCurves;
 use hysteron_control::design::source::{Source, Wishes, design, usual_rate_hz, usual_volts};
 use hysteron_control::design::{Controller, ReferenceKind};
-use hysteron_control::expected::half_the_stroke;
+use hysteron_control::expected::{Row, half_the_stroke};
 use hysteron_control::export::export;
 use hysteron_control::on_model::on_model;
-use hysteron_identify::Model;
-use hysteron_report::{design_text, law_table_text, tracked_text};
+use hysteron_identify::{Model, small_signal_response};
+use hysteron_report::{Light, beyond_text, design_lights, design_text, law_table_text, reference_name, tracked_text};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -29,6 +29,47 @@ pub(crate) struct Made {
     pub(crate) command: String,
     /// What the command says of it.
     pub(crate) said: String,
+    /// The lights of a design.
+    #[serde(default)]
+    pub(crate) lights: Vec<Light>,
+    /// What a run came to.
+    #[serde(default)]
+    pub(crate) rows: Vec<Found>,
+}
+
+impl Made {
+    fn new(command: String, said: String) -> Self {
+        Self {
+            command,
+            said,
+            lights: Vec::new(),
+            rows: Vec::new(),
+        }
+    }
+}
+
+/// A reference in one loop: the error that was expected and the one that was found, rms, percent of peak to peak.
+#[derive(Debug, Clone, Serialize, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Found {
+    /// The reference in words.
+    reference: String,
+    closed: bool,
+    expected_percent: Option<f64>,
+    found_percent: Option<f64>,
+    stable: bool,
+}
+
+impl Found {
+    fn of(row: &Row) -> Self {
+        Self {
+            reference: reference_name(row.reference),
+            closed: row.loop_kind == "closed",
+            expected_percent: row.expected_percent,
+            found_percent: row.found_percent.is_finite().then_some(row.found_percent),
+            stable: row.stable,
+        }
+    }
 }
 
 /// What is wished for of a design; each as the option of `hysteron design` of its name.
@@ -41,6 +82,7 @@ pub(crate) struct Wished {
     rate_hz: Option<f64>,
     margin: Option<f64>,
     rigid_hz: Option<f64>,
+    adapt_percent: Option<f64>,
     beyond_records: bool,
     open: bool,
 }
@@ -62,6 +104,7 @@ impl Wished {
         given.number("rate-hz", self.rate_hz);
         given.number("margin", self.margin);
         given.number("rigid", self.rigid_hz);
+        given.number("adapt", self.adapt_percent);
         given.flag("beyond-records", self.beyond_records);
         given.flag("open", self.open);
         let wishes = Wishes {
@@ -72,7 +115,7 @@ impl Wished {
             rigid_hz: self.rigid_hz,
             beyond_records: self.beyond_records,
             open: self.open,
-            ..usual
+            adapt_percent: self.adapt_percent,
         };
         wishes.check().map_err(Refusal::unusable)?;
         Ok((wishes, given))
@@ -83,6 +126,8 @@ impl Wished {
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Along {
+    /// A simulated stage; the step's model without.
+    stage: Option<String>,
     range_min_um: Option<f64>,
     range_max_um: Option<f64>,
     beyond_records: bool,
@@ -124,20 +169,26 @@ pub(crate) fn make(app: &Arc<App>, wished: &Wished) -> Result<(), Refusal> {
         };
         let designed = design(&source, &wishes).map_err(Refusal::unusable)?;
         let said = design_text(&designed, wishes.margin).map_err(Refusal::unusable)?;
+        let lights = design_lights(&designed, wishes.margin);
         let text = designed.controller.to_toml().map_err(Refusal::unusable)?;
         // The last look at whether it was stopped.
         progress.at(0.99, "");
         let mut session = own.session();
         folder::write_whole(&file(&session, number), text.as_bytes())?;
         let command = format!("hysteron design {name}{} -o {}", given.words(), file_name(number));
-        session.book.controllers.insert(number, Made { command, said });
+        let made = Made {
+            lights,
+            ..Made::new(command, said)
+        };
+        session.book.controllers.insert(number, made);
         session.book.tracked.remove(&number);
+        session.book.on_stage.remove(&number);
         session.book.tables.remove(&number);
         session.save()
     })
 }
 
-/// Runs the controller of the current step on its model.
+/// Runs the controller of the current step on its model, or on a simulated stage.
 pub(crate) fn track(app: &Arc<App>, along: &Along) -> Result<(), Refusal> {
     let (number, name, model, controller) = {
         let session = app.session();
@@ -145,23 +196,60 @@ pub(crate) fn track(app: &Arc<App>, along: &Along) -> Result<(), Refusal> {
         let controller = designed(&session, number)?;
         (number, name, model, controller)
     };
+    let stage = match &along.stage {
+        Some(name) => Some(stage(app, name)?),
+        None => None,
+    };
     let range_um = pair("position", along.range_min_um, along.range_max_um)?;
     let mut given = Given::default();
     given.pair("range", range_um);
     given.flag("beyond-records", along.beyond_records);
-    let range_um = range_um.unwrap_or_else(|| half_the_stroke(&controller));
-    let asked = [Asked::position(&range_um, "--range LOW,HIGH")];
-    beyond::granted(&mut controller.model.covered.clone(), &asked, along.beyond_records).map_err(Refusal::unusable)?;
+    let usual = || stage.map_or_else(|| half_the_stroke(&controller), |stage| app.stages[stage].usual_um);
+    let range_um = range_um.unwrap_or_else(usual);
+    let beyond = beyond::references(&controller, range_um, along.beyond_records).map_err(Refusal::unusable)?;
     let own = Arc::clone(app);
     jobs::start(app, "tracking", move |progress| {
-        progress.at(0.02, "on the model, along all references");
-        let report = on_model(&model, &controller, range_um).map_err(Refusal::unusable)?;
+        let stage = stage.map(|stage| &own.stages[stage]);
+        let (said, rows, on) = match stage {
+            None => {
+                progress.at(0.02, "on the model, along all references");
+                let report = on_model(&model, &controller, range_um).map_err(Refusal::unusable)?;
+                (
+                    tracked_text(&format!("MODEL {name}"), &report),
+                    report.rows,
+                    format!("--model {name}"),
+                )
+            }
+            Some(stage) => {
+                progress.at(0.02, "on the simulated stage, along all references");
+                let run = (stage.run)(&controller, range_um).map_err(Refusal::unusable)?;
+                (run.said, run.rows, format!("--stage {} --alone", stage.name))
+            }
+        };
         progress.at(0.99, "");
-        let said = tracked_text(&format!("MODEL {name}"), &report);
-        let command = format!("hysteron track {} --model {name}{}", file_name(number), given.words());
+        let command = format!("hysteron track {} {on}{}", file_name(number), given.words());
+        let made = Made {
+            rows: rows.iter().map(Found::of).collect(),
+            ..Made::new(command, said + &beyond_text(&beyond))
+        };
         let mut session = own.session();
-        session.book.tracked.insert(number, Made { command, said });
+        match stage {
+            None => session.book.tracked.insert(number, made),
+            Some(_) => session.book.on_stage.insert(number, made),
+        };
         session.save()
+    })
+}
+
+/// The number of a simulated stage.
+fn stage(app: &App, name: &str) -> Result<usize, Refusal> {
+    let names = || app.stages.iter().map(|stage| stage.name);
+    names().position(|known| known == name).ok_or_else(|| {
+        Refusal::bad(format!(
+            "there is no stage `{}`; the simulated ones are {}",
+            name.chars().take(40).collect::<String>(),
+            names().collect::<Vec<_>>().join(", ")
+        ))
     })
 }
 
@@ -184,7 +272,7 @@ pub(crate) fn table(app: &Arc<App>, bench: &Bench) -> Result<(), Refusal> {
         let table = Session::table_name(number);
         folder::write_whole(&session.folder.join(&table), text.as_bytes())?;
         let command = format!("hysteron export {name}{} -o {table}", given.words());
-        session.book.tables.insert(number, Made { command, said });
+        session.book.tables.insert(number, Made::new(command, said));
         session.save()
     })
 }
@@ -202,9 +290,33 @@ pub(crate) fn view(app: &App, number: usize) -> Result<Value, Refusal> {
     let controller = there.then(|| designed(&session, number)).transpose()?;
     Ok(json!({
         "usual": usual,
+        "stages": app.stages.iter().map(|stage| json!({"name": stage.name, "usual_um": stage.usual_um})).collect::<Vec<_>>(),
         "curves": controller.as_ref().and_then(LoopCurves::of),
         "margin": controller.as_ref().and_then(|c| Some(c.feedback.as_ref()?.peak_sensitivity)),
         "told_to_hz": controller.as_ref().and_then(|c| Some(c.feedback.as_ref()?.told_to_hz)),
         "range_um": controller.as_ref().map(half_the_stroke),
+    }))
+}
+
+/// What the stage answers to small signals, beside its model, as a step's data show it; nothing where no record does.
+pub(crate) fn response(app: &App, number: usize) -> Result<Value, Refusal> {
+    let (dataset, model) = {
+        let mut session = app.session();
+        (session.data_of(number)?, session.model(number)?)
+    };
+    let Some(found) = small_signal_response(&model, &dataset) else {
+        return Ok(Value::Null);
+    };
+    let [phase_deg, modelled_phase_deg] = found.phases_deg();
+    Ok(json!({
+        "record": found.record,
+        "frequency_hz": found.frequency_hz,
+        "gain": found.measured.iter().map(|h| h.norm()).collect::<Vec<_>>(),
+        "phase_deg": phase_deg,
+        "deviation": found.deviation,
+        "modelled_gain": found.modelled.iter().map(|h| h.norm()).collect::<Vec<_>>(),
+        "modelled_phase_deg": modelled_phase_deg,
+        "of_mean": found.gain,
+        "told_to_hz": found.told_to_hz,
     }))
 }

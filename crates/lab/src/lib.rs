@@ -37,6 +37,8 @@ pub use error::LabError;
 
 use address::Address;
 use guard::Guard;
+use hysteron_control::design::Controller;
+use hysteron_control::expected::Row;
 use jobs::Job;
 use session::Session;
 use std::net::TcpListener;
@@ -59,6 +61,25 @@ pub struct StartingPoint {
     pub make: Box<dyn Fn(&Path, &(dyn Fn(f64) + Sync)) -> Result<(), String> + Send + Sync>,
 }
 
+/// A simulated stage that controllers can be tried on.
+pub struct SimulatedStage {
+    /// Its name in commands.
+    pub name: &'static str,
+    /// Lowest and highest reference where nobody names others, micrometres.
+    pub usual_um: [f64; 2],
+    /// Runs a controller along the references between two positions, micrometres.
+    #[expect(clippy::type_complexity, reason = "a run with what it is given")]
+    pub run: Box<dyn Fn(&Controller, [f64; 2]) -> Result<StageRun, String> + Send + Sync>,
+}
+
+/// What became of a controller on a simulated stage.
+pub struct StageRun {
+    /// What the command line says of it.
+    pub said: String,
+    /// What was expected and found, reference by reference.
+    pub rows: Vec<Row>,
+}
+
 /// How the workbench is opened.
 pub struct Options {
     /// Dataset folder, or one file in the native format, to begin with.
@@ -69,6 +90,8 @@ pub struct Options {
     pub port: u16,
     /// Datasets that one can begin with.
     pub starts: Vec<StartingPoint>,
+    /// Simulated stages that controllers can be tried on.
+    pub stages: Vec<SimulatedStage>,
     /// Version of the program.
     pub version: &'static str,
 }
@@ -86,6 +109,7 @@ pub(crate) struct App {
     job: Mutex<Job>,
     tick: watch::Sender<u64>,
     pub(crate) starts: Vec<StartingPoint>,
+    pub(crate) stages: Vec<SimulatedStage>,
     pub(crate) version: &'static str,
     /// Tells one run of the server from the next, for a page that was open all the while.
     pub(crate) run: String,
@@ -129,6 +153,7 @@ impl Lab {
             job: Mutex::default(),
             tick: watch::Sender::new(1),
             starts: options.starts,
+            stages: options.stages,
             version: options.version,
             run: address::random()?,
         };

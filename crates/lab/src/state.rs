@@ -40,6 +40,7 @@ pub(crate) fn state(app: &App, tick: u64) -> Value {
         "learned": book.learned,
         "controllers": book.controllers,
         "tracked": book.tracked,
+        "on_stage": book.on_stage,
         "tables": book.tables,
         "challenge": riddle::state(&session),
         "current": book.current,

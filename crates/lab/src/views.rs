@@ -11,6 +11,7 @@ use axum::response::IntoResponse;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_diagnose::{Comparison, RecordComparison};
 use hysteron_identify::EffectName;
+use hysteron_identify::residual::{Correlation, correlations};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 
@@ -147,6 +148,43 @@ pub(crate) async fn controller(State(app): Shared, Query(parameters): Parameters
     aside(move || Ok(Json(controller::view(&app, step)?).into_response())).await
 }
 
+/// What the stage of a step answers to small signals.
+pub(crate) async fn response(State(app): Shared, Query(parameters): Parameters) -> Answer {
+    let step = number(&parameters, "step")?;
+    aside(move || Ok(Json(controller::response(&app, step)?).into_response())).await
+}
+
+/// Correlations of a record's error with itself and with the drive.
+pub(crate) async fn correlation(State(app): Shared, Query(parameters): Parameters) -> Answer {
+    let (step, index) = (number(&parameters, "step")?, number::<usize>(&parameters, "record")?);
+    aside(move || {
+        let comparison = work::comparison(&app, step)?;
+        let (record, ..) = stretch(&comparison, index, &parameters)?;
+        let s = &record.series;
+        let error: Vec<f64> = s.measured.iter().zip(&s.modelled).map(|(y, m)| y - m).collect();
+        let Some(found) = correlations(&error, &s.input) else {
+            return Ok(Json(Value::Null).into_response());
+        };
+        let period_s = s.time_s[1] - s.time_s[0];
+        let shown = |one: &Correlation| {
+            json!({
+                "lag_s": one.lag.iter().map(|lag| *lag as f64 * period_s).collect::<Vec<_>>(),
+                "value": one.value,
+                "band": one.band,
+                "largest": one.largest().map(|(lag, times)| json!({"lag_s": lag as f64 * period_s, "times": times})),
+            })
+        };
+        Ok(Json(json!({
+            "own": shown(&found.own),
+            "with_drive": shown(&found.with_drive),
+            "memory_s": found.memory() as f64 * period_s,
+            "longest": found.memory() == found.own.lag.len(),
+        }))
+        .into_response())
+    })
+    .await
+}
+
 /// What the error in a stretch is, and what could make it.
 pub(crate) async fn region(State(app): Shared, Query(parameters): Parameters) -> Answer {
     let (step, index) = (number(&parameters, "step")?, number::<usize>(&parameters, "record")?);
@@ -195,6 +233,14 @@ pub(crate) async fn diagnosis(State(app): Shared, Query(parameters): Parameters)
         })
         .await?
     };
+    let odds = hysteron_report::odds_in_words(&read);
+    // The page draws what this sentence says.
+    let sentence = odds.as_ref().map(hysteron_report::OddsWords::sentence);
+    let odds = odds.map(|odds| {
+        let each = odds.each.iter();
+        let each = each.map(|(name, said, share)| json!({"name": name, "said": said, "share": share}));
+        json!({"title": odds.title, "each": each.collect::<Vec<_>>()})
+    });
     Ok(Json(json!({
         "numbers": numbers,
         "named": named(&read),
@@ -202,7 +248,8 @@ pub(crate) async fn diagnosis(State(app): Shared, Query(parameters): Parameters)
         "signatures": signatures,
         "verdict": hysteron_report::verdict_sentence(&read),
         "fails": hysteron_report::failing_lines(&read),
-        "lines": hysteron_report::diagnosis_lines(&read),
+        "lines": hysteron_report::diagnosis_lines(&read).into_iter().filter(|line| Some(line) != sentence.as_ref()).collect::<Vec<_>>(),
+        "odds": odds,
     }))
     .into_response())
 }

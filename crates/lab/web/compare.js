@@ -2,7 +2,7 @@
 import { ask } from "./api.js";
 import { el, table, command, panel, right, tiles } from "./dom.js";
 import { count, num, percent, quantity, unit } from "./numbers.js";
-import { timePlot, loopPlot, spectrumPlot, COLOURS } from "./plots.js";
+import { timePlot, loopPlot, spectrumPlot, correlationPlot, COLOURS } from "./plots.js";
 import { errorMap } from "./map.js";
 import { effectName } from "./effects.js";
 import { staleNotice } from "./stale.js";
@@ -37,6 +37,19 @@ const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 /** A finding as a sentence; the name of a file stays as it is. */
 const sentence = (text) => `${/^\S+\.\S/.test(text) ? unit(text) : capital(unit(text))}${/[.:]$/.test(text) ? "" : "."}`;
 
+/** The steps that are drawn beside the one looked at, by their numbers, in the order they were chosen. */
+let beside = [];
+
+/** What the correlations say, each in a sentence. */
+function correlationText({ own, with_drive: withDrive, memory_s: memory, longest }) {
+  const { times, lag_s: lag } = withDrive.largest;
+  return [
+    memory === 0 ? "The error remembers nothing of itself from one sample to the next: it is white." : `The error remembers itself for ${longest ? "more than " : ""}${quantity(memory, "s")}; behind, the band is that of an error with this memory. Noise of a colour of its own does so as well.`,
+    times > 1 ? `Look here: the error goes with the drive, most at a lag of ${quantity(lag, "s")}, by ${num(times)} times what chance allows. A model could have that.` : "Pass: the error goes with the drive at no lag by more than chance allows, its own colour reckoned with.",
+    own.lag_s.length ? `Lags up to ${quantity(own.lag_s.at(-1), "s")}. An error that is noise stays within the band at all lags in 95 of 100 records.` : "",
+  ];
+}
+
 export async function comparePage(lab) {
   const step = lab.state.current;
   const [comparison, words, spectrum] = await Promise.all([ask("compare", { step }), ask("words", { step }), ask("spectrum", { step })]);
@@ -47,14 +60,24 @@ export async function comparePage(lab) {
   let shown = before < 0 ? worst(comparison.records) : before;
   const select = el("select", { id: "record", change: () => { shown = Number(select.value); chosen = comparison.records[shown].file; show(); } },
     comparison.records.map((r, index) => el("option", { value: index, selected: index === shown }, `${r.file} (${r.role}, ${percent(r.nrmse_percent)})`)));
-  const hosts = { overlay: el("div", { class: "plot", id: "overlay" }), residual: el("div", { class: "plot", id: "residual" }), loop: el("div", { class: "plot", id: "loop" }), spectrum: el("div", { class: "plot" }) };
+  const host = (id) => el("div", { class: "plot", id });
+  const hosts = { overlay: host("overlay"), residual: host("residual"), loop: host("loop"), spectrum: host("spectrum"), own: host("own"), drive: host("with-drive") };
+  const correlated = el("div", { id: "correlated" });
+  const { steps } = lab.state;
+  const others = steps.map((_, k) => k).filter((k) => k !== step && !steps[k].removed);
+  beside = beside.filter((k) => others.includes(k));
+  const choice = others.length ? el("fieldset", { class: "beside", id: "beside" }, el("legend", {}, "Steps beside it"), others.map((k) => el("label", {}, el("input", { type: "checkbox", id: `beside-${k}`, checked: beside.includes(k), disabled: !beside.includes(k) && beside.length >= COLOURS.others.length, change: (event) => {
+    beside = event.target.checked ? [...beside, k] : beside.filter((one) => one !== k);
+    for (const input of choice.querySelectorAll("input")) input.disabled = !input.checked && beside.length >= COLOURS.others.length;
+    show();
+  } }), ` ${k + 1}: ${steps[k].title}`))) : null;
   const hint = () => el("p", { class: "hint" }, "Drag over the error, or press Enter on it, to ask what it is there and which effects could make it.");
   const selection = el("div", { id: "selection", role: "status" }, hint());
   const pooled = (p) => (p ? `of peak to peak; ${quantity(p.rms_um, raw)} rms, ${p.records} records` : "no such record");
   const rows = comparison.records.map((r) => [r.file, r.role, right(percent(r.nrmse_percent)), right(percent(r.fit_percent)), right(quantity(r.rms_um, raw)), right(quantity(r.max_um, raw)), r.noise_ratio, right(count(r.samples)), r.initial_state]);
   const { error_map: byRate, swing_map: bySwing } = comparison;
   const output = inverse ? "voltage" : "position";
-  const page = el("div", {},
+  const page = el("div", { class: "full" },
     staleNotice(lab),
     el("h2", {}, `Beside the measurement: ${lab.state.steps[step].title}`),
     ...words.headline.map((line, index) => el("p", { class: index ? "" : "lead" }, line)),
@@ -66,11 +89,15 @@ export async function comparePage(lab) {
     el("p", {}, el("label", { for: "record" }, "Look at "), select,
       el("span", { class: "hint" }, " Wheel zooms, Shift and wheel pans, double click shows all; by keyboard: arrows, plus, minus, 0.")),
     el("div", { class: "wide-narrow" },
-      el("section", { class: "panel" }, el("h3", {}, "Measured and modelled"), hosts.overlay, el("h3", {}, "Error: measured minus modelled"), hosts.residual, selection),
+      el("section", { class: "panel" }, el("h3", {}, "Measured and modelled"), choice, hosts.overlay, el("h3", {}, "Error: measured minus modelled"), hosts.residual, selection),
       panel("Loop", hosts.loop)),
     el("div", { class: "pair" },
       panel("Error by frequency and amplitude of the swing", errorMap("Error by frequency and amplitude", { name: "frequency", unit: "Hz", edges: bySwing.frequency_edges_hz }, { name: "amplitude", unit: raw, edges: bySwing.amplitude_edges_um }, bySwing.rms_um, raw)),
       panel(`Error by ${output} and rate`, errorMap(`Error by ${output} and rate`, { name: output, unit: raw, edges: byRate.position_edges_um }, { name: "rate", unit: `${raw}/s`, edges: byRate.rate_edges_um_per_s }, byRate.rms_um, raw))),
+    el("div", { class: "pair" },
+      el("section", { class: "panel" }, el("h3", {}, "The error and itself"), hosts.own),
+      el("section", { class: "panel" }, el("h3", {}, "The error and the drive"), hosts.drive)),
+    correlated,
     el("div", { class: "pair" },
       panel("Spectrum of the error over the noise floor", hosts.spectrum),
       panel("Where the error is", el("ul", { class: "findings" }, comparison.where.map((b) => el("li", {}, sentence(b.finding)))))),
@@ -80,20 +107,29 @@ export async function comparePage(lab) {
 
   let charts = [];
   let at = null;
-  const points = (range) => ask("series", { step, record: shown, width: 1200, ...range });
+  /** A record of another step by its file; nothing where that step has none of it. */
+  const placeIn = (k) => steps[k].records.findIndex(([file]) => file === comparison.records[shown].file);
+  /** What is drawn: this step, then those beside it. */
+  async function points(range) {
+    const [main, ...more] = await Promise.all([[step, shown], ...beside.map((k) => [k, placeIn(k)])].map(([k, record]) => (record < 0 ? null : ask("series", { step: k, record, width: 1200, ...range }))));
+    const there = more.map((one) => one && one.points.x.length === main.points.x.length && one.points);
+    return { ...main, y: [main.points.y[0], main.points.y[1], ...there.map((p) => (p ? p.y[1] : main.points.x.map(() => null))), main.points.y[2], ...there.map((p) => (p ? p.y[2] : main.points.x.map(() => null)))] };
+  }
   /** The cursor of the views over time, in the loop. */
   const cursor = (index) => {
     if (!charts[2]) return;
     if (index === null || index === undefined || at.input[index] === undefined) charts[2].mark();
     else charts[2].mark(at.input[index], [at.measured[index], at.modelled[index]]);
   };
+  let turn = 0;
   async function finer(from, to) {
-    const record = shown;
+    const mine = turn;
+    const count = 2 + beside.length;
     const more = await points({ from, to });
-    if (record !== shown) return;
+    if (mine !== turn) return;
     at = more.at;
-    charts[0].renew(more.points, (y) => y.slice(0, 2));
-    charts[1].renew(more.points, (y) => y.slice(2));
+    charts[0].renew({ x: more.points.x, y: more.y }, (y) => y.slice(0, count));
+    charts[1].renew({ x: more.points.x, y: more.y }, (y) => y.slice(count));
     charts[2].renew([more.measured_loop, more.modelled_loop]);
   }
   async function region(from, to) {
@@ -103,18 +139,30 @@ export async function comparePage(lab) {
     } catch (error) { selection.replaceChildren(el("p", { class: "refused" }, error.message)); }
   }
   async function show() {
-    const all = await points({});
+    const mine = ++turn;
+    const [all, correlation] = await Promise.all([points({}), ask("correlation", { step, record: shown })]);
+    if (mine !== turn) return;
     at = all.at;
-    for (const host of [hosts.overlay, hosts.residual, hosts.loop]) host.replaceChildren();
+    for (const one of [hosts.overlay, hosts.residual, hosts.loop, hosts.own, hosts.drive]) one.replaceChildren();
     selection.replaceChildren(hint());
+    const { file } = comparison.records[shown];
     const follow = { sync: "compare", follow: () => charts.slice(0, 2), at: cursor };
-    const [measured, modelled, error] = all.points.y;
+    const count = 2 + beside.length;
+    const further = (what) => beside.map((k, index) => ({ label: `${what} ${k + 1}, ${outputUnit}`, colour: COLOURS.others[index], scale: "y" }));
+    const band = { half: 2 * comparison.noise_rms_um, label: "noise, ±2 rms" };
     charts = [
-      timePlot(hosts.overlay, { x: all.points.x, y: [measured, modelled] }, [{ label: `measured, ${outputUnit}`, colour: COLOURS.measured, scale: "y" }, { label: `model, ${outputUnit}`, colour: COLOURS.model, scale: "y" }], finer, { ...follow, title: `${output}, ${outputUnit}` }),
-      timePlot(hosts.residual, { x: all.points.x, y: [error] }, [{ label: `error, ${outputUnit}`, colour: COLOURS.residual, scale: "y" }], finer, { ...follow, height: 200, select: region }),
-      loopPlot(hosts.loop, [{ label: "measured", colour: COLOURS.measured, path: all.measured_loop }, { label: "model", colour: COLOURS.model, path: all.modelled_loop }], inverse ? "position, µm" : "voltage, V", `${output}, ${outputUnit}`, 480),
+      timePlot(hosts.overlay, { x: all.points.x, y: all.y.slice(0, count) }, [{ label: `measured, ${outputUnit}`, colour: COLOURS.measured, scale: "y" }, { label: `model, ${outputUnit}`, colour: COLOURS.model, scale: "y" }, ...further("step")], finer, { ...follow, title: `${output}, ${outputUnit}`, name: `model ${file}` }),
+      timePlot(hosts.residual, { x: all.points.x, y: all.y.slice(count) }, [{ label: `error, ${outputUnit}`, colour: COLOURS.residual, scale: "y" }, ...further("error of step")], finer, { ...follow, height: 200, select: region, band, name: `error ${file}` }),
+      loopPlot(hosts.loop, [{ label: "measured", colour: COLOURS.measured, path: all.measured_loop }, { label: "model", colour: COLOURS.model, path: all.modelled_loop }], inverse ? "position, µm" : "voltage, V", `${output}, ${outputUnit}`, 480, `loop ${file}`),
     ];
+    if (!correlation) {
+      correlated.replaceChildren(el("p", { class: "hint" }, "Of this record there is no correlation: it has fewer than 100 samples, or error or drive stand still."));
+      return;
+    }
+    correlated.replaceChildren(...correlationText(correlation).map((line) => el("p", {}, line)));
+    correlationPlot(hosts.own, correlation.own, "error with itself", { name: `error with itself ${file}` });
+    correlationPlot(hosts.drive, correlation.with_drive, "error with the drive", { name: `error with drive ${file}` });
   }
-  page.addEventListener("shown", () => { show(); spectrumPlot(hosts.spectrum, spectrum, outputUnit); });
+  page.addEventListener("shown", () => { show(); spectrumPlot(hosts.spectrum, spectrum, outputUnit, 300, "spectrum"); });
   return page;
 }

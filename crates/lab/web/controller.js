@@ -1,8 +1,8 @@
 // The controller of a step: designed by one button, run on the step's model, taken home as it is and as the firmware's table.
 import { ask, download } from "./api.js";
 import { el, command, panel, printed, typed } from "./dom.js";
-import { num } from "./numbers.js";
-import { COLOURS, curvesPlot } from "./plots.js";
+import { num, text } from "./numbers.js";
+import { COLOURS, curvesPlot, dotsPlot } from "./plots.js";
 import { staleNotice } from "./stale.js";
 
 /** What was typed last, by form: a refusal must not take it away. */
@@ -41,12 +41,49 @@ function designForm(lab, usual, made) {
     ["Commands", [{ name: "volts_min", title: "Lowest voltage, V (--volts)", otherwise: `${num(low)}, of the records` }, { name: "volts_max", title: "Highest voltage, V (--volts)", otherwise: `${num(high)}, of the records` },
       { name: "rate_hz", title: "Rate, Hz (--rate-hz)", otherwise: usual.rate_hz === null ? "not in the records" : `${num(usual.rate_hz)}, of the records` }]],
     ["Feedback", [{ name: "margin", title: "Largest peak of the sensitivity (--margin)", otherwise: num(usual.margin) }, { name: "rigid_hz", title: "No other mode below, Hz (--rigid)", otherwise: "as the records tell" },
+      { name: "adapt_percent", title: "Gain learned while it runs, % (--adapt)", otherwise: "not learned" },
       { name: "open", title: "Without feedback (--open)", tick: true }, BEYOND]],
   ], made ? "Design again" : "Design the controller", (wishes) => lab.act({ what: "design", wishes }));
 }
 
+const SHINES = { pass: ["✓", "pass"], look: ["!", "look here"], "cannot-tell": ["?", "cannot tell"] };
+
+/** What a design says of itself at a glance, each with its reason: what asks for a look first. */
+function lightsOf(lights) {
+  const order = ["look", "cannot-tell", "pass"];
+  const sorted = [...lights].sort((a, b) => order.indexOf(a.shine) - order.indexOf(b.shine));
+  return el("ul", { class: "lights", id: "lights" }, sorted.map(({ shine, about, why }) => {
+    const [sign, words] = SHINES[shine];
+    return el("li", { class: shine }, el("span", { class: "shine" }, el("span", { "aria-hidden": "true" }, sign), ` ${words}`), el("span", {}, el("strong", {}, about.charAt(0).toUpperCase() + about.slice(1)), ": ", text(why)));
+  }));
+}
+
+/** What the stage answers to small signals, beside the model's linear part: how far a loop may trust it. */
+function stagePart(page, found) {
+  if (!found) {
+    page.append(panel("The stage's answer to small signals", el("p", { id: "no-response" }, "No record of small signals: what the stage does with them is not known, and neither is up to where a loop may go. A multisine or noise of a few percent about the middle tells.")));
+    return;
+  }
+  const [gain, phase] = ["gain", "phase"].map((what) => el("div", { class: "plot", id: `stage-${what}` }));
+  const told = found.told_to_hz === null ? "nowhere over an octave does the model do what the stage does" : `the model does what the stage does up to ${num(found.told_to_hz)} Hz`;
+  page.append(el("section", { class: "panel" }, el("h3", {}, "The stage's answer to small signals"),
+    el("p", { class: "hint", id: "response-said" }, `Measured in ${found.record}, with the band that holds 95 of 100 such measurements; ${told}. The model is its linear part (delay, lag, modes) at the measured gain, ${num(found.of_mean)} of the mean one of the whole range: small loops are flatter.`),
+    el("div", { class: "pair" }, el("div", {}, el("h4", {}, "Gain"), gain), el("div", {}, el("h4", {}, "Phase"), phase))));
+  page.addEventListener("shown", () => {
+    const x = found.frequency_hz;
+    // 1.96 standard deviations; on a logarithmic axis no edge lies at zero.
+    const edge = (sign) => found.gain.map((g, k) => g * Math.max(0.02, 1 + sign * 1.96 * found.deviation[k]));
+    const turn = (sign) => found.phase_deg.map((p, k) => p + sign * Math.min(180, 1.96 * found.deviation[k] * 180 / Math.PI));
+    const band = (upper, lower) => ({ label: "95 of 100", colour: COLOURS.measured, upper, lower });
+    const mark = found.told_to_hz === null ? null : { x: found.told_to_hz, label: "told up to here" };
+    const both = (measured, modelled) => [["measured", COLOURS.measured, measured], ["model", COLOURS.model, modelled]];
+    curvesPlot(gain, x, both(found.gain, found.modelled_gain), "µm/V", { log: true, height: 260, band: band(edge(1), edge(-1)), mark, name: "stage gain" });
+    curvesPlot(phase, x, both(found.phase_deg, found.modelled_phase_deg), "phase, °", { height: 260, band: band(turn(1), turn(-1)), mark, name: "stage phase" });
+  });
+}
+
 /** Gain and phase around the loop, and what it leaves of a disturbance. */
-function pictures(page, view) {
+function loopPart(page, view) {
   const { curves } = view;
   if (!curves) return;
   const hosts = [0, 1, 2].map((k) => el("div", { class: "plot", id: `loop-${["sensitivity", "gain", "phase"][k]}` }));
@@ -57,19 +94,41 @@ function pictures(page, view) {
   page.addEventListener("shown", () => {
     const x = curves.frequency_hz;
     const level = (value) => x.map(() => value);
-    curvesPlot(sensitivity, x, [["nominal", COLOURS.measured, curves.sensitivity], ["worst", COLOURS.model, curves.worst_sensitivity], ["no feedback", COLOURS.noise, level(1), [6, 4]]], "error over disturbance", { height: 420, log: true });
-    curvesPlot(gain, x, [["gain", COLOURS.measured, curves.gain], ["crossover", COLOURS.noise, level(1), [6, 4]]], "gain", { log: true });
-    curvesPlot(phase, x, [["phase, degrees", COLOURS.measured, curves.phase_deg], ["critical", COLOURS.noise, level(-180), [6, 4]]], "phase, °", {});
+    const mark = { x: view.told_to_hz, label: "told up to here" };
+    curvesPlot(sensitivity, x, [["nominal", COLOURS.measured, curves.sensitivity], ["worst", COLOURS.model, curves.worst_sensitivity], ["no feedback", COLOURS.noise, level(1), [6, 4]]], "error over disturbance", { height: 420, log: true, mark, name: "sensitivity" });
+    curvesPlot(gain, x, [["gain", COLOURS.measured, curves.gain], ["crossover", COLOURS.noise, level(1), [6, 4]]], "gain", { log: true, mark, name: "loop gain" });
+    curvesPlot(phase, x, [["phase, degrees", COLOURS.measured, curves.phase_deg], ["critical", COLOURS.noise, level(-180), [6, 4]]], "phase, °", { mark, name: "loop phase" });
   });
 }
 
-function trackPart(lab, view, tracked) {
-  const part = el("section", { class: "panel" }, el("h3", {}, "On the model"),
-    el("p", {}, "The law, as it runs on the chip, along seven references on this step's model: what the design expects beside what comes out."),
-    form(lab, "track", [["References", [{ name: "range_min_um", title: "Lowest position, µm (--range)", otherwise: num(view.range_um[0]) }, { name: "range_max_um", title: "Highest position, µm (--range)", otherwise: num(view.range_um[1]) }, BEYOND]]],
-      tracked ? "Run it again" : "Run it on the model", (along) => lab.act({ what: "track", along })));
-  if (tracked) part.append(printed("tracked", "Expected and found", tracked.said), command(tracked.command));
-  return part;
+/** A run: expected beside found in a picture, and what the command says. */
+function ranPart(page, id, title, made) {
+  if (!made) return null;
+  const host = el("div", { class: "plot", id: `${id}-plot` });
+  const { rows } = made;
+  if (rows.length) page.addEventListener("shown", () => {
+    const names = [...new Set(rows.map((row) => row.reference))];
+    const of = (closed, what) => names.map((name) => (rows.find((row) => row.reference === name && row.closed === closed) || {})[what] ?? null);
+    const loops = [[false, "open", COLOURS.model], [true, "closed", COLOURS.measured]].filter(([closed]) => rows.some((row) => row.closed === closed));
+    const series = loops.flatMap(([closed, words, colour]) => [
+      { label: `${words}, expected`, colour, values: of(closed, "expected_percent"), hollow: true },
+      { label: `${words}, found`, colour, values: of(closed, "found_percent") }]);
+    dotsPlot(host, names, series, "error, % of peak to peak", { name: `errors ${title}` });
+  });
+  return el("section", { class: "ran" }, el("h4", {}, `Expected and found ${title}`), rows.some((row) => !row.stable) ? el("p", { class: "notice" }, "A loop swings: do not run it; design it with a smaller margin, or without feedback.") : null, rows.length ? host : null, printed(id, `Expected and found ${title}`, made.said), command(made.command));
+}
+
+/** The law along the references that repeat, on the step's model or on a simulated stage. */
+function trackPart(lab, page, view, number) {
+  const { tracked, on_stage: onStage } = lab.state;
+  const choices = [["", "this step's model"], ...view.stages.map(({ name, usual_um: [low, high] }) => [name, `the simulated stage ${name}, ${num(low)} to ${num(high)} µm`])];
+  return el("section", { class: "panel" }, el("h3", {}, "Try it"),
+    el("p", {}, "The law, as it runs on the chip, along seven references: what the design expects beside what comes out. A simulated stage is none of yours; it has physics of its own, noise and converters."),
+    form(lab, "track", [["Where", [{ name: "stage", title: "On (--model, --stage)", choices }]],
+      ["References", [{ name: "range_min_um", title: "Lowest position, µm (--range)", otherwise: `${num(view.range_um[0])}, on the model` }, { name: "range_max_um", title: "Highest position, µm (--range)", otherwise: `${num(view.range_um[1])}, on the model` }, BEYOND]]],
+    tracked[number] || onStage[number] ? "Run it again" : "Run it", (along) => lab.act({ what: "track", along: { ...along, stage: along.stage || null } })),
+    ranPart(page, "tracked", "on the model", tracked[number]),
+    ranPart(page, "on-stage", "on the simulated stage", onStage[number]));
 }
 
 /** What the bench is: where it is left empty the records' own. */
@@ -94,17 +153,18 @@ function tablePart(lab, made, link) {
 export async function controllerPage(lab) {
   const { state } = lab;
   const number = state.current;
-  const view = await ask("controller", { step: number });
-  const [made, tracked, exported] = [state.controllers, state.tracked, state.tables].map((all) => all[number]);
+  const [view, response] = await Promise.all([ask("controller", { step: number }), ask("response", { step: number })]);
+  const [made, exported] = [state.controllers, state.tables].map((all) => all[number]);
   const link = (what, title) => el("a", { class: "button", href: download(what, number), download: true, id: `export-${what}` }, title);
   const page = el("div", {},
     staleNotice(lab),
     el("h2", {}, `Controller: ${state.steps[number].title}`),
     el("p", {}, "Every effect of this model brings its compensator; feedback takes what is left, where a record of small signals tells up to where the stage does what the model says."),
     el("section", { class: "panel" }, el("h3", {}, "Design"), designForm(lab, view.usual, made)));
+  if (made) page.append(panel("What was designed", made.lights.length ? lightsOf(made.lights) : null, printed("designed", "What was designed", made.said), el("p", {}, link("controller", "Download the controller")), command(made.command)));
+  stagePart(page, response);
   if (!made) return page;
-  page.append(panel("What was designed", printed("designed", "What was designed", made.said), el("p", {}, link("controller", "Download the controller")), command(made.command)));
-  pictures(page, view);
-  page.append(trackPart(lab, view, tracked), tablePart(lab, exported, link));
+  loopPart(page, view);
+  page.append(trackPart(lab, page, view, number), tablePart(lab, exported, link));
   return page;
 }

@@ -90,6 +90,14 @@ function nextSteps(lab, { numbers, named }) {
     el("p", { id: "bring-status", role: "status" })];
 }
 
+/** How likely each candidate is, as bars: the digits are the command line's. */
+function oddsPart(odds) {
+  if (!odds) return null;
+  const bar = (share) => { const one = el("span", { class: "bar" }); one.style.width = `${100 * share}%`; return el("span", { class: "track", "aria-hidden": "true" }, one); };
+  return el("div", { id: "odds" }, el("p", {}, `${odds.title}:`),
+    el("ul", { class: "odds" }, odds.each.map(({ name, said, share }) => el("li", {}, el("span", {}, name), bar(share), el("span", { class: "figure" }, said)))));
+}
+
 export async function diagnosePage(lab) {
   const step = lab.state.current;
   const [known, words] = await Promise.all([effects(), ask("words", { step })]);
@@ -102,12 +110,13 @@ export async function diagnosePage(lab) {
     return page;
   }
   const found = await ask("diagnosis", { step });
-  const { numbers, fails, verdict, lines } = found;
+  const { numbers, fails, verdict, lines, odds } = found;
   const views = [];
   page.append(
     el("section", { class: numbers.cannot_answer.length ? "panel verdict unsure" : "panel verdict" },
       el("p", { class: "sentence", id: "verdict" }, verdict),
       ...nextSteps(lab, found),
+      oddsPart(odds),
       lines.length ? el("ul", {}, lines.map((line) => el("li", {}, line))) : null,
       el("p", { class: "hint" }, "How often such a verdict is right was counted on simulated stages only: take it as a hint, and take the record it asks for.")),
     tiles([

@@ -1,6 +1,7 @@
 // The error map: no chart library has cells of uneven size with a table behind them.
 import { el, table } from "./dom.js";
-import { num, readable } from "./numbers.js";
+import { num, readable, unit } from "./numbers.js";
+import { takeable } from "./picture.js";
 
 /** Viridis at five places: dark is little, bright is much, also in grey. */
 const STOPS = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
@@ -63,5 +64,10 @@ export function errorMap(title, across, up, values, outputUnit) {
   sheet.append(svg("text", { x: 14, y: top(rows / 2), transform: `rotate(-90 14 ${top(rows / 2)})`, "text-anchor": "middle" }, y.title));
   const bar = el("p", { class: "key" }, `${num(low * scale)} ${name}`, ...Array.from({ length: 11 }, (_, k) => { const dot = el("span", { class: "block" }); dot.style.background = colour(k / 10); return dot; }), `${num(high * scale)} ${name} rms; blank: no sample`);
   const cells = table(`${title}, rms in ${name}: ${y.title} in rows, ${x.title} in columns, each from`, ["", ...x.edges.slice(0, -1).map(edge)], values.map((line, r) => [edge(y.edges[r]), ...line.map((v) => (v === null ? null : v * scale))]));
-  return el("div", { class: "map" }, sheet, bar, el("details", {}, el("summary", {}, "Figures"), cells));
+  const host = el("div", { class: "map" }, sheet, bar, el("details", {}, el("summary", {}, "Figures"), cells));
+  // In the units of the numbers themselves: a row a cell that has samples.
+  host.cells = [[`${across.name} from, ${unit(across.unit)}`, "to", `${up.name} from, ${unit(up.unit)}`, "to", `error rms, ${unit(outputUnit)}`], ...values.flatMap((line, r) => line.map((v, c) => [across.edges[c], across.edges[c + 1], up.edges[r], up.edges[r + 1], v]).filter(([, , , , v]) => v !== null))];
+  const box = el("div", {}, host);
+  takeable(host, title.toLowerCase());
+  return box;
 }

@@ -1,5 +1,6 @@
 // Charts by uPlot, with zoom, pan, a shared cursor, and finer points fetched once the view rests.
 import { count, num, power, readable } from "./numbers.js";
+import { takeable } from "./picture.js";
 import uPlot from "./vendor/uPlot.esm.js";
 
 const style = getComputedStyle(document.documentElement);
@@ -11,7 +12,13 @@ export const COLOURS = {
   get residual() { return dark.matches ? "#33bd97" : "#008f69"; },
   get noise() { return dark.matches ? "#9aa4af" : "#6e7781"; },
   get input() { return dark.matches ? "#df9cc4" : "#b25e92"; },
+  /** Further models over the same record, in the order they are chosen. */
+  get others() { return dark.matches ? ["#df9cc4", "#e6c84a", "#b7a6f0", "#5fd0c5"] : ["#b25e92", "#6a4fc4", "#00797a", "#9a7500"]; },
 };
+
+const wash = (colour) => `color-mix(in srgb, ${colour} 22%, transparent)`;
+/** A band between two values that go on for the whole width: its series, and what fills it. */
+const bandOf = (label, colour, scale = "y") => [{ label: `${label}, upper`, stroke: "transparent", scale, width: 0, points: { show: false }, class: "edge" }, { label: `${label}, lower`, stroke: "transparent", scale, width: 0, points: { show: false }, class: "edge", colour }];
 
 const short = (v) => (v === null || v === undefined ? "–" : Number(v.toPrecision(4)).toString().replace("-", "−"));
 const ink = () => style.getPropertyValue("--muted").trim();
@@ -56,7 +63,9 @@ function hands(chart, host, whole, moved) {
 /** Series over time. `finer(from, to)` is called once the view rests. */
 export function timePlot(host, points, series, finer, options = {}) {
   const height = options.height || 260;
-  const data = [points.x, ...points.y];
+  // The edges of the band about zero that noise stays in.
+  const edges = (x) => (options.band ? [1, -1].map((sign) => x.map(() => sign * options.band.half)) : []);
+  const data = [points.x, ...points.y, ...edges(points.x)];
   const whole = [points.x[0], points.x.at(-1)];
   const scales = { x: { time: false } };
   for (const one of series) scales[one.scale] = {};
@@ -64,7 +73,8 @@ export function timePlot(host, points, series, finer, options = {}) {
   const chart = new uPlot({
     width: width(host), height, scales,
     cursor: { sync: options.sync ? { key: options.sync, filters: { sub: (type) => type === "mousemove" || type === "mouseleave" } } : undefined, drag: { x: true, y: false, setScale: false }, focus: { prox: 20 } },
-    series: [{ label: "time, s", value: (_, v) => short(v) }, ...series.map((one) => ({ label: one.label, stroke: one.colour, scale: one.scale, width: 1.2, points: { show: false }, value: (_, v) => short(v) }))],
+    series: [{ label: "time, s", value: (_, v) => short(v) }, ...series.map((one) => ({ label: one.label, stroke: one.colour, scale: one.scale, width: 1.2, points: { show: false }, value: (_, v) => short(v) })), ...(options.band ? bandOf(options.band.label, COLOURS.noise, series[0].scale) : [])],
+    bands: options.band ? [{ series: [series.length + 1, series.length + 2], fill: wash(COLOURS.noise) }] : [],
     axes: [axis("time, s", "x", { size: 34 }), ...sides.map((scale, index) => axis(options.title || series.find((one) => one.scale === scale).label, scale, index ? { side: 1, grid: { show: false } } : {}))],
     hooks: { setSelect: [selected], setCursor: options.at ? [(u) => options.at(u.cursor.idx)] : [] },
   }, data, host);
@@ -86,11 +96,19 @@ export function timePlot(host, points, series, finer, options = {}) {
   host.setAttribute("aria-label", `${series.map((one) => one.label).join(", ")} over time. Arrow keys pan, plus and minus zoom, 0 shows all${options.select ? ", Enter asks what the error in view is" : ""}.`);
   chart.renew = (more, pick = (y) => y) => {
     const { min, max } = chart.scales.x;
-    chart.setData([more.x, ...pick(more.y)], false);
+    chart.setData([more.x, ...pick(more.y), ...edges(more.x)], false);
     chart.setScale("x", { min, max });
   };
+  chart.key = options.band ? [{ label: options.band.label, colour: COLOURS.noise, faint: true }] : [];
+  if (options.band) host.append(keyOf(chart.key));
+  return placed(chart, host, height, options.name);
+}
+
+/** A chart in its place: it follows the width, and can be taken home under a name. */
+function placed(chart, host, height, name) {
   host.chart = chart;
   fit(chart, host, height);
+  if (name) takeable(host, name);
   return chart;
 }
 
@@ -100,16 +118,22 @@ function keyOf(curves) {
   key.className = "key";
   for (const curve of curves) {
     const dot = document.createElement("span");
-    dot.style.background = curve.colour;
+    if (curve.dot) dot.className = "dot";
+    dot.style.background = curve.hollow ? "transparent" : curve.colour;
+    if (curve.faint) dot.style.opacity = "0.35";
+    if (curve.dot) dot.style.borderColor = curve.colour;
     const name = document.createElement("span");
     name.textContent = curve.label;
-    key.append(dot, name);
+    const entry = document.createElement("span");
+    entry.className = "entry";
+    entry.append(dot, name);
+    key.append(entry);
   }
   return key;
 }
 
 /** Loops: points that run to and fro over the abscissa. */
-export function loopPlot(host, curves, xTitle, yTitle, height = 300) {
+export function loopPlot(host, curves, xTitle, yTitle, height = 300, name = null) {
   const series = curves.map((curve) => ({ label: curve.label, stroke: curve.colour, facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }], paths: trace, width: 1.2 }));
   const range = (index) => () => {
     let low = Infinity; let high = -Infinity;
@@ -138,10 +162,8 @@ export function loopPlot(host, curves, xTitle, yTitle, height = 300) {
     if (x !== undefined) dot.style.transform = `translate(${chart.valToPos(x, "x")}px, ${chart.valToPos(values[index], "y")}px)`;
   });
   chart.mark();
-  fit(chart, host, height);
   chart.renew = (paths) => { paths.forEach((path, index) => { curves[index].path = path; }); chart.setData([null, ...paths.map((path) => [path.x, path.y])]); };
-  host.chart = chart;
-  return chart;
+  return placed(chart, host, height, name);
 }
 
 function trace(u, index) {
@@ -172,7 +194,7 @@ function trace(u, index) {
 const decades = (words) => (_, ticks) => ticks.map((v) => (Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-9 ? words(v) : ""));
 
 /** Spectra on logarithmic axes. */
-export function spectrumPlot(host, spectrum, outputUnit, height = 300) {
+export function spectrumPlot(host, spectrum, outputUnit, height = 300, name = null) {
   const keep = spectrum.frequency_hz.map((f, k) => [f, k]).filter(([f]) => f > 0).map(([, k]) => k);
   const positive = (values) => keep.map((k) => (values[k] > 0 ? values[k] : null));
   const line = (label, colour, dash) => ({ label, stroke: colour, width: 1.2, dash, points: { show: false }, value: (_, v) => (v === null || v === undefined ? "–" : num(v)) });
@@ -183,23 +205,72 @@ export function spectrumPlot(host, spectrum, outputUnit, height = 300) {
   }, [keep.map((k) => spectrum.frequency_hz[k]), positive(spectrum.measured_um_per_rthz), positive(spectrum.residual_um_per_rthz), positive(spectrum.noise_um_per_rthz)], host);
   host.setAttribute("role", "img");
   host.setAttribute("aria-label", "Spectrum of the error, against the measurement and the noise floor");
-  fit(chart, host, height);
-  return chart;
+  return placed(chart, host, height, name);
 }
 
-/** Curves over frequency: name, colour, values, dash. */
-export function curvesPlot(host, frequency, curves, title, { log = false, height = 200 }) {
+/** Curves over frequency: name, colour, values, dash. A band has a label, a colour, its upper and its lower edge; a mark a place and a label. */
+export function curvesPlot(host, frequency, curves, title, { log = false, height = 200, band = null, mark = null, name = null }) {
   const shown = (v) => (v === null || v === undefined ? "–" : num(v));
   const chart = new uPlot({
     width: width(host), height, scales: { x: { time: false, distr: 3 }, y: log ? { distr: 3 } : {} }, cursor: { drag: { x: true, y: false } },
-    series: [{ label: "frequency, Hz", value: (_, v) => shown(v) }, ...curves.map(([label, stroke, , dash]) => ({ label, stroke, dash, width: 1.4, points: { show: false }, value: (_, v) => shown(v) }))],
+    series: [{ label: "frequency, Hz", value: (_, v) => shown(v) }, ...curves.map(([label, stroke, , dash]) => ({ label, stroke, dash, width: 1.4, points: { show: false }, value: (_, v) => shown(v) })), ...(band ? bandOf(band.label, band.colour) : [])],
+    bands: band ? [{ series: [curves.length + 1, curves.length + 2], fill: wash(band.colour) }] : [],
+    hooks: mark ? { draw: [(u) => strokeAt(u, mark.x)] } : {},
     axes: [axis("frequency, Hz", "x", { size: 34, values: decades((v) => (v >= 1 ? count(v) : String(v))) }), axis(title, "y", log ? { values: decades((v) => (v >= 0.01 && v <= 100 ? num(v) : power(Math.round(Math.log10(v))))) } : {})],
-  }, [frequency, ...curves.map(([, , values]) => values)], host);
+  }, [frequency, ...curves.map(([, , values]) => values), ...(band ? [band.upper, band.lower] : [])], host);
   host.setAttribute("role", "img");
   host.setAttribute("aria-label", `${curves.map(([label]) => label).join(", ")}: ${title} over frequency`);
-  host.chart = chart;
-  fit(chart, host, height);
-  return chart;
+  chart.key = [...(band ? [{ label: band.label, colour: band.colour, faint: true }] : []), ...(mark ? [{ label: mark.label, colour: COLOURS.noise }] : [])];
+  if (chart.key.length) host.append(keyOf(chart.key));
+  return placed(chart, host, height, name);
+}
+
+/** An upright stroke at a place. */
+function strokeAt(u, x) {
+  const at = u.valToPos(x, "x", true);
+  if (at < u.bbox.left || at > u.bbox.left + u.bbox.width) return;
+  u.ctx.save();
+  u.ctx.strokeStyle = COLOURS.noise;
+  u.ctx.lineWidth = devicePixelRatio;
+  u.ctx.setLineDash([2 * devicePixelRatio, 4 * devicePixelRatio]);
+  u.ctx.beginPath();
+  u.ctx.moveTo(at, u.bbox.top);
+  u.ctx.lineTo(at, u.bbox.top + u.bbox.height);
+  u.ctx.stroke();
+  u.ctx.restore();
+}
+
+/** A correlation over lags with its band. */
+export function correlationPlot(host, found, title, { height = 240, name = null } = {}) {
+  const value = (_, v) => short(v);
+  const chart = new uPlot({
+    width: width(host), height, scales: { x: { time: false } }, cursor: { drag: { x: true, y: false } },
+    series: [{ label: "lag, s", value }, { label: title, stroke: COLOURS.residual, width: 1.4, points: { show: false }, value }, ...bandOf("by chance", COLOURS.noise)],
+    bands: [{ series: [2, 3], fill: wash(COLOURS.noise) }],
+    axes: [axis("lag, s", "x", { size: 34 }), axis(title, "y")],
+  }, [found.lag_s, found.value, found.band, found.band.map((v) => -v)], host);
+  host.setAttribute("role", "img");
+  host.setAttribute("aria-label", `${title} over lags, and the band that it stays in by chance`);
+  chart.key = [{ label: "by chance", colour: COLOURS.noise, faint: true }];
+  host.append(keyOf(chart.key));
+  return placed(chart, host, height, name);
+}
+
+/** Values of named things, as dots: each series with its label, its colour, its values, hollow or filled. */
+export function dotsPlot(host, names, series, title, { height = 320, name = null } = {}) {
+  const narrow = width(host) < 1000;
+  const ground = style.getPropertyValue("--panel").trim();
+  const chart = new uPlot({
+    width: width(host), height, scales: { x: { time: false, range: [-0.5, names.length - 0.5] }, y: { distr: 3, range: (_, low, high) => [low / 1.6, high * 1.6] } }, cursor: { drag: { x: false, y: false } },
+    legend: { show: false },
+    series: [{ label: "reference", value: (_, v) => names[v] ?? "–" }, ...series.map((one) => ({ label: one.label, stroke: one.colour, width: 0, paths: () => null, points: { show: true, size: 9, width: 2, fill: one.hollow ? ground : one.colour }, hollow: one.hollow }))],
+    axes: [axis(undefined, "x", { size: narrow ? 140 : 34, rotate: narrow ? 60 : 0, splits: () => names.map((_, k) => k), values: () => names }), axis(title, "y", { size: 60, values: (_, ticks) => ticks.map((v) => (/^0*1?0*$/.test(String(v).replace(".", "")) ? String(v) : "")) })],
+  }, [names.map((_, k) => k), ...series.map((one) => one.values)], host);
+  host.setAttribute("role", "img");
+  host.setAttribute("aria-label", `${series.map((one) => one.label).join(", ")}: ${title}, for ${names.join(", ")}`);
+  host.append(keyOf(series.map((one) => ({ ...one, dot: true }))));
+  chart.dots = true;
+  return placed(chart, host, height, name);
 }
 
 /** A small picture of two errors over time, for a card. */

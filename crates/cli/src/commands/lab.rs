@@ -1,5 +1,6 @@
 //! `hysteron lab`.
 
+use crate::commands::control::offered::stages;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
@@ -36,6 +37,7 @@ pub(crate) fn run(args: &LabArgs) -> Result<Done, CliError> {
         session: args.session.clone(),
         port: args.port,
         starts: starts(),
+        stages: stages(),
         version: env!("CARGO_PKG_VERSION"),
     })?;
     output::print(&format!(

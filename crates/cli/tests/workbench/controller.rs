@@ -63,11 +63,65 @@ async fn table(browser: &Browser, session: &Path) {
 
 /// Runs the law on the model, and holds the table against the command's.
 async fn track(browser: &Browser, session: &Path) {
+    browser.choose("#track-stage", "").await;
     browser.click("#track").await;
     let said = browser.see("#tracked").await;
     let printed = typed(browser, session, "#tracked").await;
     assert_eq!(printed.trim_end(), said.trim_end());
     assert!(said.contains("sine 100 Hz"), "{said}");
+    // The picture has the figures of the table.
+    for loops in dots(browser, "#tracked-plot").await {
+        for error in loops.iter().skip(1).step_by(2).flatten() {
+            assert!(said.contains(&format!("{error:.3}")), "{error} in {said}");
+        }
+    }
+}
+
+/// The values of a picture of errors, expected and found in turn for each loop.
+async fn dots(browser: &Browser, host: &str) -> Vec<Vec<Vec<f64>>> {
+    browser.see(&format!("{host} canvas")).await;
+    let data = "return document.querySelector(arguments[0]).chart.data.slice(1).map((column) => column.filter((v) => v !== null))";
+    let data: Vec<Vec<f64>> = serde_json::from_value(browser.run(data, vec![json!(host)]).await).unwrap();
+    data.chunks(2).map(<[_]>::to_vec).collect()
+}
+
+/// Runs the law on a simulated stage, and holds what is said against the command's.
+async fn track_on_stage(browser: &Browser, session: &Path) {
+    browser.choose("#track-stage", "paper-rate").await;
+    browser.click("#track").await;
+    let said = browser.see("#on-stage").await;
+    let printed = typed(browser, session, "#on-stage").await;
+    assert_eq!(printed.trim_end(), said.trim_end());
+    assert!(said.starts_with("STAGE paper-rate (simulated)"), "{said}");
+    for loops in dots(browser, "#on-stage-plot").await {
+        assert_eq!(
+            (loops[0].len(), loops[1].len()),
+            (4, 7),
+            "expected of sines, found of all"
+        );
+        for error in &loops[1] {
+            assert!(said.contains(&format!("{error:.3}")), "{error} in {said}");
+        }
+    }
+}
+
+/// The lights of a design have the words that it prints for their reasons; what they say, by what they are about.
+async fn lights(browser: &Browser, said: &str) -> Vec<(String, String)> {
+    let flat = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let all = "return [...document.querySelectorAll('#lights li')].map((li) => [li.className, li.querySelector('strong').textContent, li.lastChild.textContent])";
+    let all: Vec<[String; 3]> = serde_json::from_value(browser.run(all, vec![]).await).unwrap();
+    assert!(all.len() > 2, "{all:?}");
+    let said = flat(said).replace("um", "µm");
+    for [_, about, text] in &all {
+        let why = text.strip_prefix(&format!("{about}: ")).unwrap().replace("um", "µm");
+        assert!(said.contains(&why), "{why}\n{said}");
+    }
+    all.into_iter().map(|[shine, about, _]| (about, shine)).collect()
+}
+
+/// Whether a light with this is among them.
+fn shines(lights: &[(String, String)], about: &str, shine: &str) -> bool {
+    lights.iter().any(|light| light.0 == about && light.1 == shine)
 }
 
 /// The way from the step that is looked at to its controller and its table, on the demo stage and on a user's own records, of whose
@@ -108,18 +162,30 @@ fn val_a_model_with_an_effect_gets_its_controller_with_the_digits_of_the_command
     server.act(r#"{"what":"add","effect":"delay"}"#);
     in_browser(async {
         let browser = Browser::open(&format!("{}#controller", server.address()), false).await;
-        design(&browser, &session, "none: no record of small signals").await;
+        browser.see("#no-response").await;
+        let said = design(&browser, &session, "none: no record of small signals").await;
+        let open = lights(&browser, &said).await;
+        assert!(
+            shines(&open, "Feedback", "cannot-tell") && shines(&open, "Delay", "pass"),
+            "{open:?}"
+        );
         assert_eq!(pictures(&browser).await, 0, "an open loop has no margins");
         track(&browser, &session).await;
+        track_on_stage(&browser, &session).await;
         table(&browser, &session).await;
         browser.picture("controller-open").await;
 
         browser.type_into("#design-rigid_hz", "3000").await;
-        design(&browser, &session, "by --rigid, your word").await;
+        let said = design(&browser, &session, "by --rigid, your word").await;
+        let closed = lights(&browser, &said).await;
+        assert!(
+            shines(&closed, "Feedback", "pass") && shines(&closed, "A mode may be anywhere", "cannot-tell"),
+            "{closed:?}"
+        );
         let state = server.state();
         assert_eq!(
-            (&state["tracked"], &state["tables"]),
-            (&json!({}), &json!({})),
+            (&state["tracked"], &state["on_stage"], &state["tables"]),
+            (&json!({}), &json!({}), &json!({})),
             "of the controller before"
         );
         assert_eq!(pictures(&browser).await, 3);
@@ -202,6 +268,12 @@ fn refuse_a_design_beyond_the_records_in_a_sentence_with_what_to_do() {
     };
     assert!(asked(r#"{"what":"track","along":{}}"#).contains("design one first"));
     assert!(asked(r#"{"what":"table","bench":{}}"#).contains("design one first"));
+    server.act(r#"{"what":"design","wishes":{"open":true}}"#);
+    let unknown = asked(r#"{"what":"track","along":{"stage":"mine"}}"#);
+    assert_eq!(
+        unknown,
+        "there is no stage `mine`; the simulated ones are paper-rate, paper-delay, 8k, 2.5k, 739"
+    );
     assert!(
         asked(r#"{"what":"design","wishes":{"volts_min":0}}"#)
             .contains("the lowest and the highest voltage, or neither")
@@ -238,7 +310,8 @@ fn refuse_a_design_beyond_the_records_in_a_sentence_with_what_to_do() {
         let typed = "return document.querySelector('#design-volts_max').value";
         assert_eq!(browser.run(typed, vec![]).await, json!("260"));
         browser.click("#design-beyond_records").await;
-        design(&browser, &session, "BEYOND THE RECORDS: voltage 260 V").await;
+        let said = design(&browser, &session, "BEYOND THE RECORDS: voltage 260 V").await;
+        assert!(shines(&lights(&browser, &said).await, "Beyond the records", "look"));
         browser.close().await;
     });
 }

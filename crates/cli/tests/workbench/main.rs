@@ -11,6 +11,7 @@ mod controller;
 mod grow;
 mod hostile;
 mod learn;
+mod pictures;
 mod same;
 mod server;
 mod way;

@@ -58,6 +58,7 @@ async fn the_way(browser: &Browser, session: &Path, name: &str, model: &str) {
         told == "unknown" || verdict.to_lowercase().contains(&told.replace('-', " ")),
         "{told}: {verdict}"
     );
+    odds(browser, &said).await;
     let linear = 100.0 * said["where_it_fails"]["linear_in_drive"].as_f64().unwrap();
     let fails = browser.see("#fails").await;
     assert!(fails.contains(&format!("{linear:.0}\u{a0}%")), "{linear} %: {fails}");
@@ -127,6 +128,30 @@ async fn the_way(browser: &Browser, session: &Path, name: &str, model: &str) {
     assert_ne!(moved[0], moved[1], "the parameter follows the slider");
     browser.picture(&format!("{name}-effect")).await;
     browser.accessible("effects").await;
+}
+
+/// The verdict's card has a bar for each probability from 5 % on, with the digits of the command line; none where nothing is missing.
+async fn odds(browser: &Browser, said: &Value) {
+    let shown = "return [...document.querySelectorAll('#odds li')].map((li) => [li.children[0].textContent, li.children[2].textContent, parseFloat(li.querySelector('.bar').style.width)])";
+    let shown: Vec<(String, String, f64)> = serde_json::from_value(browser.run(shown, vec![]).await).unwrap();
+    let each = said["odds"]["each"].as_array().unwrap().iter();
+    let each = each.map(|one| (one["effect"].as_str().unwrap(), &one["probability"]));
+    let all = each.chain([("none of the catalogue", &said["odds"]["none"])]);
+    let wanted: Vec<(String, String, f64)> = all
+        .map(|(name, share)| {
+            (
+                name.replace('-', " ").replace("first order", "first-order"),
+                share.as_f64().unwrap(),
+            )
+        })
+        .filter(|(_, share)| *share > 0.05 && said["verdict"] != "nothing" && said["verdict"] != "hysteresis-shape")
+        .map(|(name, share)| (name, format!("{:.0}\u{a0}%", 100.0 * share), 100.0 * share))
+        .collect();
+    assert_eq!(shown.len(), wanted.len(), "{shown:?} {wanted:?}");
+    for (shown, wanted) in shown.iter().zip(&wanted) {
+        assert_eq!((&shown.0, &shown.1), (&wanted.0, &wanted.1));
+        assert!((shown.2 - wanted.2).abs() < 0.01, "{shown:?}");
+    }
 }
 
 /// The picture that is shown first is that of the worst record among those not fitted to.

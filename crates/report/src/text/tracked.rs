@@ -1,6 +1,7 @@
 //! A controller's runs on a stage of the user's own, as a table.
 
 use super::adapted::adapted_text;
+use hysteron_control::design::beyond::unknown;
 use hysteron_control::expected::{Report, Row};
 use hysteron_control::reference::SHAPES;
 use hysteron_identify::covered::Beyond;
@@ -34,10 +35,9 @@ pub fn tracked_text(title: &str, report: &Report) -> String {
 }
 
 /// What of the references leaves the records, a line each.
-pub fn beyond_text(beyond: &[Beyond]) -> String {
-    beyond
-        .iter()
-        .map(|beyond| format!("beyond the records: {beyond}\n"))
+pub fn beyond_text(left: &[Beyond]) -> String {
+    left.iter()
+        .map(|left| format!("beyond the records: {}\n", unknown(left)))
         .collect()
 }
 

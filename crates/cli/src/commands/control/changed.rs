@@ -1,11 +1,12 @@
 //! `hysteron track --robustness`: a controller on changed stages.
 
-use crate::commands::control::track::{TrackArgs, beyond_text, cells, heads};
+use crate::commands::control::track::{TrackArgs, cells, heads};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
 use hysteron_control::design::Controller;
 use hysteron_identify::covered::Beyond;
+use hysteron_report::beyond_text;
 use hysteron_tracking::bench::Bench;
 use hysteron_tracking::robustness::{RobustnessRow, robustness};
 use std::fmt::Write;

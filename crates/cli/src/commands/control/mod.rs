@@ -4,6 +4,7 @@ mod changed;
 pub(crate) mod design;
 pub(crate) mod drive;
 mod learning;
+pub(crate) mod offered;
 mod on_board;
 mod on_model;
 mod on_process;

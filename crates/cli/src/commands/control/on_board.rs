@@ -1,12 +1,13 @@
 //! `hysteron track --board`: the references of the table by a real board, judged by its own sensor.
 
 use crate::commands::control::learning;
-use crate::commands::control::track::{TrackArgs, beyond_text, cells, first_mode, heads, hertz, scan_rows, unsaid};
+use crate::commands::control::track::{TrackArgs, cells, first_mode, heads, hertz, scan_rows, unsaid};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use hysteron_control::design::Controller;
 use hysteron_control::expected::half_the_stroke;
+use hysteron_report::beyond_text;
 use hysteron_tracking::scans::LINES_HZ;
 use hysteron_trials::on_board::{self, Asked, BoardReport, HOLD_S};
 use std::fmt::Write;

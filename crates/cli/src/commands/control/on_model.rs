@@ -1,6 +1,6 @@
 //! `hysteron track --model`: a controller on the user's own identified model.
 
-use crate::commands::control::track::{TrackArgs, beyond_text, within_records};
+use crate::commands::control::track::{TrackArgs, within_records};
 use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
@@ -9,7 +9,7 @@ use hysteron_control::design::Controller;
 use hysteron_control::expected::{Report, half_the_stroke};
 use hysteron_control::on_model::on_model;
 use hysteron_identify::covered::Beyond;
-use hysteron_report::tracked_text;
+use hysteron_report::{beyond_text, tracked_text};
 use serde::Serialize;
 use std::path::Path;
 

@@ -11,7 +11,8 @@ use hysteron_control::design::Controller;
 use hysteron_control::design::beyond;
 use hysteron_control::reference::SHAPES;
 use hysteron_identify::covered::Beyond;
-use hysteron_report::{adapted_text, bounds_text};
+use hysteron_plant::StageConfig;
+use hysteron_report::{adapted_text, beyond_text, bounds_text};
 use hysteron_tracking::bench::{Bench, ControllerFigures, STAIRCASE, TrackReport, compare};
 use hysteron_tracking::learning::learn_references;
 use hysteron_tracking::scans::{LINES_HZ, ScanFigures};
@@ -93,12 +94,15 @@ pub(crate) struct TrackArgs {
     #[arg(long, value_name = "FOLDER", default_value = "firmware", requires = "emulator")]
     pub firmware: PathBuf,
     /// Seed of the sensor noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = SEED)]
     pub seed: u64,
     /// Print the answer as JSON
     #[arg(long)]
     pub json: bool,
 }
+
+/// Seed of the sensor noise where nobody gives another.
+pub(super) const SEED: u64 = 1;
 
 /// The paper's own figures at 500 Hz on its hardware, percent: open-loop MPI and MRPI, PI alone and with each.
 pub(super) const PUBLISHED_500_HZ: [(&str, f64); 5] = [
@@ -143,16 +147,9 @@ fn on_stage(
     controller: &Controller,
 ) -> Result<Done, CliError> {
     let stage = stage(name)?;
-    let stroke_um = stage.hysteresis.stroke_um;
-    let range_um = given_um.unwrap_or([0.15 * stroke_um, 0.65 * stroke_um]);
+    let range_um = given_um.unwrap_or(usual_um(&stage));
     let beyond = within_records(args, range_um, controller)?;
-    // Records and runs must not share their noise.
-    let bench = Bench {
-        stage: &stage,
-        seed: !args.seed,
-        range_um,
-        first_mode_hz: controller.model.linear.modes.first().map(|mode| mode.frequency_hz),
-    };
+    let bench = bench(&stage, args.seed, range_um, controller);
     if args.robustness {
         return changed::stages(args, (name, &bench), controller, &beyond);
     }
@@ -188,6 +185,22 @@ fn on_stage(
     Ok(ended(&report))
 }
 
+/// The references' range where nobody gives another, micrometres.
+pub(super) fn usual_um(stage: &StageConfig) -> [f64; 2] {
+    [0.15, 0.65].map(|share| share * stage.hysteresis.stroke_um)
+}
+
+/// A stage with its references and its noise.
+pub(super) fn bench<'a>(stage: &'a StageConfig, seed: u64, range_um: [f64; 2], controller: &Controller) -> Bench<'a> {
+    Bench {
+        stage,
+        // Records and runs must not share their noise.
+        seed: !seed,
+        range_um,
+        first_mode_hz: controller.model.linear.modes.first().map(|mode| mode.frequency_hz),
+    }
+}
+
 /// How a run ends: the paper's own controllers are for comparison.
 fn ended(report: &TrackReport) -> Done {
     let mut own = report.controllers.iter().filter(|controller| is_own(controller));
@@ -212,13 +225,6 @@ pub(super) fn within_records(
             .map(|(_, beyond)| beyond),
     );
     Ok(left)
-}
-
-/// What leaves the records, a line each.
-pub(crate) fn beyond_text(left: &[Beyond]) -> String {
-    left.iter()
-        .map(|left| format!("beyond the records: {}\n", beyond::unknown(left)))
-        .collect()
 }
 
 fn is_own(controller: &ControllerFigures) -> bool {
@@ -317,7 +323,8 @@ pub(super) fn references() -> impl Iterator<Item = &'static str> {
     SHAPES.iter().map(|(key, _)| *key).chain([STAIRCASE])
 }
 
-fn text(report: &TrackReport) -> String {
+/// What the controllers did on a stage.
+pub(super) fn text(report: &TrackReport) -> String {
     let mut text = String::new();
     let mode = first_mode(report.first_mode_hz);
     // Writing to a String does not fail.
