@@ -72,14 +72,18 @@ pub(crate) struct Played {
 pub(crate) type Run = ((&'static str, Shape), bool);
 
 /// What is run, and what the design expects of it.
-pub(crate) struct Plan<'a> {
+pub struct Plan<'a> {
     controller: &'a Controller,
     range_um: [f64; 2],
     expected: Vec<Predicted>,
 }
 
 impl<'a> Plan<'a> {
-    pub(crate) fn new(controller: &'a Controller, range_um: [f64; 2]) -> Result<Self, ControlError> {
+    /// The references of a range, micrometres.
+    ///
+    /// # Errors
+    /// As [`predict`].
+    pub fn new(controller: &'a Controller, range_um: [f64; 2]) -> Result<Self, ControlError> {
         Ok(Self {
             controller,
             range_um,
@@ -121,10 +125,21 @@ impl<'a> Plan<'a> {
         };
         let figures = judge(&run.from(reference.judged_from), period_s);
         let found_percent = figures.map_or(f64::NAN, |figures| figures.true_percent);
-        let predicted = self.expected.iter().find(|at| key.parse() == Ok(at.frequency_hz));
+        Ok(self.beside((key, closed), found_percent, found_percent < SWINGS_PERCENT, adapted))
+    }
+
+    /// What was found on a reference in one loop, beside what the design expects of it.
+    pub fn beside(
+        &self,
+        (reference, closed): (&'static str, bool),
+        found_percent: f64,
+        stable: bool,
+        adapted: Option<Adapted>,
+    ) -> Row {
+        let predicted = self.expected.iter().find(|at| reference.parse() == Ok(at.frequency_hz));
         let reckoned = predicted.and_then(|at| at.error);
-        Ok(Row {
-            reference: key,
+        Row {
+            reference,
             loop_kind: if closed { "closed" } else { "open" },
             expected_percent: reckoned.and_then(|error| match closed {
                 true => error.closed_percent,
@@ -132,10 +147,10 @@ impl<'a> Plan<'a> {
             }),
             beyond: frequencies(self.controller, self.range_um)
                 .into_iter()
-                .find_map(|(left, beyond)| (left == key).then_some(beyond)),
+                .find_map(|(left, beyond)| (left == reference).then_some(beyond)),
             found_percent,
-            stable: found_percent < SWINGS_PERCENT,
+            stable,
             adapted,
-        })
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! Learns a model by itself: fits, tries every candidate, takes what records not fitted confirm, until nothing is gained any more.
 
+use crate::departure::departs;
 use crate::diagnose::{OfRecords, conclude, controllers_delay_s, fails};
 use crate::diagnosis::{Before, Diagnosis, Reason, Unexplained, Verdict};
 use crate::evidence::Against;
@@ -330,6 +331,12 @@ impl<'a> Climb<'a> {
             ..self.adding()
         };
         let added = match add(self.dataset, &self.model, &of_effect, adding, &|_| ()) {
+            Ok(added) if shapes && self.departs(&added.model) => {
+                match add(self.dataset, &self.model, &of_effect, self.adding(), &|_| ()) {
+                    Ok(around_own) => around_own,
+                    Err(_) => added,
+                }
+            }
             Ok(added) if shapes => added,
             _ => told(
                 self.dataset,
@@ -366,7 +373,7 @@ impl<'a> Climb<'a> {
         let shape = EffectName::from(EffectId::HysteresisShape);
         let before = self.last_step();
         let added = told(self.dataset, &self.model, &investigation.search, &shape, before);
-        let better = percent(&added.after) <= percent(&added.before);
+        let better = percent(&added.after) <= percent(&added.before) && !self.departs(&added.model);
         self.note(&shape, Vec::new(), (&added.before, &added.after), better, false);
         if !better {
             return;
@@ -422,6 +429,12 @@ impl<'a> Climb<'a> {
                 self.rungs.push(removed.model);
             }
         }
+    }
+
+    /// Whether another shape of the plays says more between the recorded loops than its gain on them allows.
+    fn departs(&self, shaped: &Model) -> bool {
+        let error = self.last_step().identify_percent.unwrap_or(0.0);
+        shaped.family != self.model.family && departs(self.dataset, &self.model, shaped, error)
     }
 
     fn last_step(&self) -> Step {

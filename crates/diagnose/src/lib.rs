@@ -6,6 +6,7 @@ mod bends;
 mod breakdown;
 pub mod compare;
 pub mod comparison;
+mod departure;
 mod diagnose;
 pub mod diagnosis;
 mod error_map;

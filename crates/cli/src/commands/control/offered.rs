@@ -3,9 +3,8 @@
 use crate::commands::control::track::{SEED, bench, text, usual_um};
 use crate::error::CliError;
 use hysteron_control::design::Controller;
-use hysteron_control::design::prediction::{Predicted, predict};
-use hysteron_control::expected::Row;
-use hysteron_control::reference::{SHAPES, Shape};
+use hysteron_control::expected::Plan;
+use hysteron_control::reference::SHAPES;
 use hysteron_lab::{SimulatedStage, StageRun};
 use hysteron_plant::preset;
 use hysteron_tracking::bench::{Bench, compare};
@@ -27,23 +26,13 @@ pub(crate) fn stages() -> Vec<SimulatedStage> {
 
 fn alone(name: &str, bench: &Bench<'_>, controller: &Controller) -> Result<StageRun, CliError> {
     let report = compare(name, bench, controller, false)?;
-    let expected = predict(controller, None)?;
+    let plan = Plan::new(controller, bench.range_um)?;
     let rows = report.controllers.iter().flat_map(|run| {
-        let row = |(key, _): (&'static str, Shape)| {
-            let at = expected.iter().find(|at| key.parse() == Ok(at.frequency_hz));
-            let of = |at: &Predicted| match run.loop_kind {
-                "closed" => at.closed_percent,
-                _ => Some(at.open_percent),
-            };
-            Row {
-                reference: key,
-                loop_kind: run.loop_kind,
-                expected_percent: at.and_then(of),
-                found_percent: run.rms_percent.get(key).copied().unwrap_or(f64::NAN),
-                stable: run.stable,
-            }
-        };
-        SHAPES.map(row)
+        SHAPES.map(|(key, _)| {
+            let found_percent = run.rms_percent.get(key).copied().unwrap_or(f64::NAN);
+            let closed = run.loop_kind == "closed";
+            plan.beside((key, closed), found_percent, run.stable, run.adapted.get(key).copied())
+        })
     });
     Ok(StageRun {
         rows: rows.collect(),

@@ -1,7 +1,7 @@
 //! What a rehearsal says, as a table.
 
-use crate::commands::control::track::beyond_text;
 use crate::output;
+use hysteron_report::beyond_text;
 use hysteron_trials::rehearsal::Rehearsed;
 use std::collections::BTreeMap;
 use std::fmt::Write;
