@@ -159,7 +159,9 @@ fn go_on(
     let mut investigation = Investigation::new(dataset, &climb.model, own, noise_um, &reasons)?;
     let start = climb.model.clone();
     let mut stop = climb.as_far_as_it_goes(&mut investigation, progress);
-    climb.shape_of(&investigation);
+    if investigation.nothing_taken() {
+        climb.shape(&investigation);
+    }
     let of_records = OfRecords {
         before: before_of(&start, dataset),
         fails: fails(dataset, &start),
@@ -176,6 +178,7 @@ fn go_on(
             around_own.ask_only(&climb.rivals);
         }
         stop = climb.as_far_as_it_goes(&mut around_own, progress);
+        climb.shape(&investigation);
     }
     climb.prune();
     diagnosis.before = before_of(&climb.model, dataset);
@@ -365,39 +368,24 @@ impl<'a> Climb<'a> {
         self.rungs.push(added.model);
     }
 
-    /// The free shape as a step of its own, before the first effect.
+    /// The free shape as a step of its own, where it is what holds the error up and the records determine it.
     fn shape(&mut self, investigation: &Investigation<'_>) {
-        if investigation.search.standing().family() == self.model.family {
+        if self.model.family == Family::PlayPolynomial || !investigation.shape_determined || investigation.one_loop() {
             return;
         }
-        let shape = EffectName::from(EffectId::HysteresisShape);
-        let before = self.last_step();
-        let added = told(self.dataset, &self.model, &investigation.search, &shape, before);
-        let better = percent(&added.after) <= percent(&added.before) && !self.departs(&added.model);
-        self.note(&shape, Vec::new(), (&added.before, &added.after), better, false);
-        if !better {
+        let shape = find(EffectId::HysteresisShape);
+        let Ok(added) = add(self.dataset, &self.model, &shape, self.adding(), &|_| ()) else {
+            return;
+        };
+        let falls = percent(&added.before).zip(percent(&added.after));
+        if !falls.is_some_and(|(before, after)| after < SHAPE_HOLDS_UP * before) {
             return;
         }
-        self.model = added.model.clone();
-        self.rungs.push(added.model);
-    }
-
-    /// The free shape where it is what holds the error up, around the effects that were found.
-    fn shape_of(&mut self, investigation: &Investigation<'_>) {
-        let search = &investigation.search;
-        let own = self.last_step();
-        let counts = search
-            .percent(search.standing(), false)
-            .or(search.percent(search.standing(), true));
-        let better = counts
-            .zip(percent(&own))
-            .is_some_and(|(free, own)| free < SHAPE_HOLDS_UP * own);
-        let taken = investigation.rounds.iter().filter_map(|round| round.taken.as_ref());
-        let has = |name: &EffectName| self.model.effects.iter().any(|fitted| fitted.name == *name);
-        let same_effects = taken.clone().all(has);
-        let determined = investigation.shape_determined && !investigation.one_loop();
-        if better && same_effects && determined {
-            self.shape(investigation);
+        let kept = !self.departs(&added.model);
+        self.note(&shape.name(), Vec::new(), (&added.before, &added.after), kept, false);
+        if kept {
+            self.model = added.model.clone();
+            self.rungs.push(added.model);
         }
     }
 

@@ -3,7 +3,7 @@
 use super::percent;
 use crate::{lock_in_words, reason_in_words};
 use hysteron_diagnose::{Attempt, Learned, Stop};
-use hysteron_identify::{Change, EffectName, Family};
+use hysteron_identify::{Change, EffectId, EffectName, Family};
 use std::fmt::Write;
 
 /// The attempts in their order, why it stopped, and the record to take next. `family` is the one that it began with.
@@ -28,7 +28,11 @@ fn told(attempt: &Attempt) -> String {
         (Change::Removed, _) => "taken out again; superfluous since the last step",
         (_, true) if attempt.uncertain => "kept, as it helps on the records not fitted to; its cause is uncertain",
         (_, true) => "added; the records not fitted to confirm it",
-        (_, false) => "left out; the records not fitted to do not confirm it",
+        (_, false) if !fell(attempt) => "left out; the records not fitted to do not confirm it",
+        (_, false) if attempt.effect == EffectId::HysteresisShape => {
+            "left out; between the recorded loops it departs from the model's own plays by more than they show"
+        }
+        (_, false) => "left out; the error over all records does not fall",
     };
     let mut line = format!("{}: {what}, {before} -> {after} %\n", attempt.effect);
     if !attempt.also_possible.is_empty() {
@@ -39,6 +43,12 @@ fn told(attempt: &Attempt) -> String {
         );
     }
     line
+}
+
+/// Whether the error on the records not fitted to fell.
+fn fell(attempt: &Attempt) -> bool {
+    let pair = attempt.before_percent.zip(attempt.after_percent);
+    pair.is_some_and(|(before, after)| after < before)
 }
 
 fn why(learned: &Learned) -> String {
