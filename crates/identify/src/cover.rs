@@ -1,7 +1,7 @@
 //! Writes into a model what its records cover, small signals included.
 
 use crate::control::Linear;
-use crate::covered::{Covered, Line, SmallSignalBand, highest_run, mean_gain};
+use crate::covered::{Covered, Line, SMALL, SmallSignalBand, highest_run, mean_gain};
 use crate::family::{Direction, peak_to_peak, range};
 use crate::model::Model;
 use hysteron_data::{Dataset, Record, Role};
@@ -9,9 +9,6 @@ use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 use std::f64::consts::PI;
 
-/// A drive is small where 70 % of it stays within this share of the range: its loops are slender, and its response is that of the
-/// structure.
-pub(crate) const SMALL: f64 = 0.2;
 /// A stretch of it that is looked at stays within this share, peak to peak.
 const SMALL_STRETCH: f64 = 1.0 / 3.0;
 /// Length of a stretch, seconds: lines 10 Hz apart.

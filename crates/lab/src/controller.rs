@@ -206,7 +206,7 @@ pub(crate) fn track(app: &Arc<App>, along: &Along) -> Result<(), Refusal> {
     given.flag("beyond-records", along.beyond_records);
     let usual = || stage.map_or_else(|| half_the_stroke(&controller), |stage| app.stages[stage].usual_um);
     let range_um = range_um.unwrap_or_else(usual);
-    let beyond = beyond::references(&controller, range_um, along.beyond_records).map_err(Refusal::unusable)?;
+    let beyond = beyond::simulated(&controller, range_um, along.beyond_records).map_err(Refusal::unusable)?;
     let own = Arc::clone(app);
     jobs::start(app, "tracking", move |progress| {
         let stage = stage.map(|stage| &own.stages[stage]);

@@ -81,12 +81,7 @@ pub fn track(
     asked: &Asked<'_>,
     progress: &dyn Fn(&str, f64),
 ) -> Result<OnChip, TrialError> {
-    let mut beyond = beyond::references(controller, bench.range_um, asked.beyond_records)?;
-    beyond.extend(
-        beyond::frequencies(controller, bench.range_um)
-            .into_iter()
-            .map(|(_, beyond)| beyond),
-    );
+    let beyond = beyond::simulated(controller, bench.range_um, asked.beyond_records)?;
     let stage = bench.stage;
     let chip = Chip::new(asked.machine, asked.firmware, None)?;
     let references = references(bench);

@@ -96,8 +96,8 @@ async fn track_on_stage(browser: &Browser, session: &Path) {
     for loops in dots(browser, "#on-stage-plot").await {
         assert_eq!(
             (loops[0].len(), loops[1].len()),
-            (4, 7),
-            "expected of sines, found of all"
+            (3, 7),
+            "expected of sines within the records, found of all"
         );
         for error in &loops[1] {
             assert!(said.contains(&format!("{error:.3}")), "{error} in {said}");

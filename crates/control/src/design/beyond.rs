@@ -93,6 +93,21 @@ pub fn frequencies(controller: &Controller, [low_um, high_um]: [f64; 2]) -> Vec<
     left.collect()
 }
 
+/// Refuses references that leave the positions of a controller's records; what leaves them where that is granted, and every frequency above
+/// the records. Such a frequency is said and run all the same: for a stage that is simulated and cannot be hurt.
+///
+/// # Errors
+/// As [`references`].
+pub fn simulated(
+    controller: &Controller,
+    range_um: [f64; 2],
+    beyond_records: bool,
+) -> Result<Vec<Beyond>, ControlError> {
+    let mut left = references(controller, range_um, beyond_records)?;
+    left.extend(frequencies(controller, range_um).into_iter().map(|(_, beyond)| beyond));
+    Ok(left)
+}
+
 /// What is beyond the records, in words, with what would widen them.
 pub fn unknown(beyond: &Beyond) -> String {
     format!("{beyond}: nothing is known there; {}", beyond.field.widen())

@@ -1,7 +1,6 @@
 //! What leaves the records: which field, which value, what is covered, how to widen it.
 
-use super::Covered;
-use crate::cover::SMALL;
+use super::{Covered, SMALL};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 

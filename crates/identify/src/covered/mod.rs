@@ -13,6 +13,10 @@ use crate::family::range;
 use hysteron_data::{Dataset, Record, Role};
 use serde::{Deserialize, Serialize};
 
+/// A drive is small where 70 % of it stays within this share of the range: its loops are slender, and its response is that of the
+/// structure.
+pub(crate) const SMALL: f64 = 0.2;
+
 /// What records cover. A field that is absent is not known: nothing may be asked of it.
 ///
 /// # Units

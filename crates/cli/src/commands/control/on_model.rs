@@ -1,11 +1,11 @@
 //! `hysteron track --model`: a controller on the user's own identified model.
 
-use crate::commands::control::track::{TrackArgs, within_records};
+use crate::commands::control::track::TrackArgs;
 use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
-use hysteron_control::design::Controller;
+use hysteron_control::design::{Controller, beyond};
 use hysteron_control::expected::{Report, half_the_stroke};
 use hysteron_control::on_model::on_model;
 use hysteron_identify::covered::Beyond;
@@ -22,7 +22,7 @@ pub(super) fn track(
 ) -> Result<Done, CliError> {
     let model = load::model(path)?;
     let range_um = given_um.unwrap_or_else(|| half_the_stroke(controller));
-    let beyond = within_records(args, range_um, controller)?;
+    let beyond = beyond::simulated(controller, range_um, args.beyond_records)?;
     let report = on_model(&model, controller, range_um)?;
     answer(args, &format!("MODEL {}", path.display()), (&report, &beyond))
 }

@@ -148,7 +148,7 @@ fn on_stage(
 ) -> Result<Done, CliError> {
     let stage = stage(name)?;
     let range_um = given_um.unwrap_or(usual_um(&stage));
-    let beyond = within_records(args, range_um, controller)?;
+    let beyond = beyond::simulated(controller, range_um, args.beyond_records)?;
     let bench = bench(&stage, args.seed, range_um, controller);
     if args.robustness {
         return changed::stages(args, (name, &bench), controller, &beyond);
@@ -209,22 +209,6 @@ fn ended(report: &TrackReport) -> Done {
     } else {
         Done::Unstable
     }
-}
-
-/// Refuses references that the records do not cover; what leaves them where that is granted, and every frequency above them.
-pub(super) fn within_records(
-    args: &TrackArgs,
-    range_um: [f64; 2],
-    controller: &Controller,
-) -> Result<Vec<Beyond>, CliError> {
-    let mut left = beyond::references(controller, range_um, args.beyond_records)?;
-    // Said, and run all the same: there is no stage to be hurt.
-    left.extend(
-        beyond::frequencies(controller, range_um)
-            .into_iter()
-            .map(|(_, beyond)| beyond),
-    );
-    Ok(left)
 }
 
 fn is_own(controller: &ControllerFigures) -> bool {
