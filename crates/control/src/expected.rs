@@ -76,6 +76,8 @@ pub struct Plan<'a> {
     controller: &'a Controller,
     range_um: [f64; 2],
     expected: Vec<Predicted>,
+    /// References above the frequencies of the records.
+    beyond: Vec<(&'static str, Beyond)>,
 }
 
 impl<'a> Plan<'a> {
@@ -88,6 +90,7 @@ impl<'a> Plan<'a> {
             controller,
             range_um,
             expected: predict(controller, range_um[1] - range_um[0], None)?,
+            beyond: frequencies(controller, range_um),
         })
     }
 
@@ -145,9 +148,10 @@ impl<'a> Plan<'a> {
                 true => error.closed_percent,
                 false => Some(error.open_percent),
             }),
-            beyond: frequencies(self.controller, self.range_um)
-                .into_iter()
-                .find_map(|(left, beyond)| (left == reference).then_some(beyond)),
+            beyond: self
+                .beyond
+                .iter()
+                .find_map(|(left, beyond)| (*left == reference).then_some(*beyond)),
             found_percent,
             stable,
             adapted,

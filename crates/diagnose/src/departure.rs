@@ -1,6 +1,7 @@
 //! How far a free shape departs from the model's own plays between the loops that were recorded, where nothing says which of them is right.
 
 use hysteron_data::{Dataset, Role};
+use hysteron_identify::family::{peak_to_peak, range};
 use hysteron_identify::{InitialState, Model};
 
 /// A free shape may depart by so many times the error that the model's own plays leave: it takes no more than that error.
@@ -40,14 +41,14 @@ fn departure_percent(dataset: &Dataset, own: &Model, shaped: &Model) -> Option<f
     let n = between.len() as f64;
     let mean = between.iter().sum::<f64>() / n;
     let rms = (between.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / n).sqrt();
-    let (low, high) = ends(own.iter().copied());
-    (high > low).then(|| 100.0 * rms / (high - low))
+    let stroke_um = peak_to_peak(&own);
+    (stroke_um > 0.0).then(|| 100.0 * rms / stroke_um)
 }
 
 /// A triangle from the lowest of the fitted voltages on, whose ends go to the middle.
 fn decaying(dataset: &Dataset) -> Vec<f64> {
     let fitted = dataset.with_role(Role::Identify);
-    let (low, high) = ends(fitted.flat_map(|record| record.voltage_v.iter().copied()));
+    let (low, high) = range(fitted.flat_map(|record| record.voltage_v.iter().copied()));
     let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
     let mut from = low;
     let mut drive = Vec::with_capacity(TURNS * SAMPLES);
@@ -58,12 +59,6 @@ fn decaying(dataset: &Dataset) -> Vec<f64> {
         from = to;
     }
     drive
-}
-
-fn ends(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-        (low.min(v), high.max(v))
-    })
 }
 
 #[cfg(test)]
@@ -114,7 +109,7 @@ mod tests {
         assert_eq!(departure_percent(&dataset, &own, &own), Some(0.0));
         let drive = decaying(&dataset);
         assert_eq!(drive.len(), TURNS * SAMPLES);
-        let (low, high) = ends(drive.iter().copied());
+        let (low, high) = range(drive.iter().copied());
         assert!(low >= 0.0 && high <= 100.0 && high - low > 95.0);
     }
 }

@@ -58,11 +58,7 @@ pub fn examine(
     progress(0.0, "model");
     let fitted_to = as_fitted(dataset);
     let dataset = fitted_to.as_ref().unwrap_or(dataset);
-    let step = present_step(dataset, model);
-    let before = Before {
-        identify_percent: step.identify_percent,
-        validate_percent: step.validate_percent,
-    };
+    let before = Before::of(&present_step(dataset, model));
     let known_delay_s = controllers_delay_s(dataset, model);
     let late = known_delay_s.map(|delay_s| as_late_as_the_controller(dataset, delay_s));
     let seen_by_stage = late.as_ref().unwrap_or(dataset);

@@ -2,7 +2,7 @@
 
 use crate::odds::Odds;
 use hysteron_acquisition::{Finding, NoiseFloor};
-use hysteron_identify::{EffectId, EffectName};
+use hysteron_identify::{EffectId, EffectName, Step};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt::Write;
 
@@ -151,6 +151,14 @@ pub struct Before {
 }
 
 impl Before {
+    /// Of a step of a model's history.
+    pub(crate) fn of(step: &Step) -> Self {
+        Self {
+            identify_percent: step.identify_percent,
+            validate_percent: step.validate_percent,
+        }
+    }
+
     /// The error that counts: on records that were not fitted, else on those that were.
     pub fn counts(&self) -> Option<f64> {
         self.validate_percent.or(self.identify_percent)

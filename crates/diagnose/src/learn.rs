@@ -163,7 +163,7 @@ fn go_on(
         climb.shape(&investigation);
     }
     let of_records = OfRecords {
-        before: before_of(&start, dataset),
+        before: Before::of(&last_step(&start, dataset)),
         fails: fails(dataset, &start),
         rig: rig.kinds(),
     };
@@ -181,7 +181,7 @@ fn go_on(
         climb.shape(&investigation);
     }
     climb.prune();
-    diagnosis.before = before_of(&climb.model, dataset);
+    diagnosis.before = Before::of(&climb.last_step());
     after_all(&mut diagnosis, &climb.model);
     let stop = match stop {
         Stop::NothingMissing if diagnosis.verdict != Verdict::Nothing => Stop::Unknown {
@@ -216,21 +216,9 @@ fn named(diagnosis: &Diagnosis) -> Vec<EffectName> {
         .collect()
 }
 
-fn before_of(model: &Model, dataset: &Dataset) -> Before {
+fn last_step(model: &Model, dataset: &Dataset) -> Step {
     let last = model.history.last().cloned();
-    errors_of(&last.unwrap_or_else(|| present_step(dataset, model)))
-}
-
-fn errors_of(step: &Step) -> Before {
-    Before {
-        identify_percent: step.identify_percent,
-        validate_percent: step.validate_percent,
-    }
-}
-
-/// The error over all records, percent of peak to peak.
-fn pooled(step: &Step) -> Option<f64> {
-    errors_of(step).pooled()
+    last.unwrap_or_else(|| present_step(dataset, model))
 }
 
 /// The model on its way up, and how it came about.
@@ -333,25 +321,21 @@ impl<'a> Climb<'a> {
             keep_family: false,
             ..self.adding()
         };
-        let added = match add(self.dataset, &self.model, &of_effect, adding, &|_| ()) {
-            Ok(added) if shapes && self.departs(&added.model) => {
-                match add(self.dataset, &self.model, &of_effect, self.adding(), &|_| ()) {
-                    Ok(around_own) => around_own,
-                    Err(_) => added,
-                }
-            }
-            Ok(added) if shapes => added,
-            _ => told(
-                self.dataset,
-                &self.model,
-                &investigation.search,
-                &effect,
-                before.clone(),
-            ),
+        let anew = |adding: Adding| add(self.dataset, &self.model, &of_effect, adding, &|_| ()).ok();
+        let shaped = if shapes { anew(adding) } else { None };
+        let added = if shaped.as_ref().is_some_and(|shaped| self.departs(&shaped.model)) {
+            anew(self.adding()).or(shaped)
+        } else {
+            shaped
         };
+        let of_search = || {
+            let search = &investigation.search;
+            told(self.dataset, &self.model, search, &effect, before.clone())
+        };
+        let added = added.unwrap_or_else(of_search);
         let (was, is) = (percent(&before), percent(&added.after));
         let spoils = was.zip(is).is_some_and(|(was, is)| is > MOST_RISE * was);
-        if spoils || pooled(&added.after) > pooled(&before) {
+        if spoils || Before::of(&added.after).pooled() > Before::of(&before).pooled() {
             self.note(&effect, rivals, (&before, &added.after), false, uncertain);
             return;
         }
@@ -426,8 +410,7 @@ impl<'a> Climb<'a> {
     }
 
     fn last_step(&self) -> Step {
-        let last = self.model.history.last().cloned();
-        last.unwrap_or_else(|| present_step(self.dataset, &self.model))
+        last_step(&self.model, self.dataset)
     }
 
     fn note(

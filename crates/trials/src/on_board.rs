@@ -110,8 +110,7 @@ pub fn track(
     progress: &dyn Fn(&str, f64),
 ) -> Result<BoardReport, TrialError> {
     let range_um = asked.range_um;
-    let mut beyond = beyond::references(controller, range_um, asked.beyond_records)?;
-    beyond.extend(beyond::granted_frequencies(controller, range_um, asked.beyond_records)?);
+    let beyond = beyond::real(controller, range_um, asked.beyond_records)?;
     let loops: &[(&str, bool)] = match controller.feedback {
         Some(_) => &[("open", false), ("closed", true)],
         None => &[("open", false)],

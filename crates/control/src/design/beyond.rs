@@ -113,20 +113,13 @@ pub fn unknown(beyond: &Beyond) -> String {
     format!("{beyond}: nothing is known there; {}", beyond.field.widen())
 }
 
-/// Refuses references of [`SHAPES`] whose frequency leaves the records of a controller, where a stage is there that can be hurt; where
-/// that is granted, what leaves them.
+/// Refuses references of [`SHAPES`] that leave the records of a controller in position or frequency, where a stage is there that can be
+/// hurt; where that is granted, what leaves them.
 ///
 /// # Errors
 /// [`ControlError::Wish`] for references that leave the records without being granted.
-pub fn granted_frequencies(
-    controller: &Controller,
-    range_um: [f64; 2],
-    beyond_records: bool,
-) -> Result<Vec<Beyond>, ControlError> {
-    let left: Vec<Beyond> = frequencies(controller, range_um)
-        .into_iter()
-        .map(|(_, beyond)| beyond)
-        .collect();
+pub fn real(controller: &Controller, range_um: [f64; 2], beyond_records: bool) -> Result<Vec<Beyond>, ControlError> {
+    let left = simulated(controller, range_um, beyond_records)?;
     match left.first() {
         Some(first) if !beyond_records => Err(ControlError::Wish(format!(
             "{}; --beyond-records plays such references all the same, and the answer says so",

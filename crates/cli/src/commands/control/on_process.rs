@@ -21,9 +21,8 @@ pub(super) fn track(
     controller: &Controller,
 ) -> Result<Done, CliError> {
     let range_um = given_um.unwrap_or_else(|| half_the_stroke(controller));
-    let mut left = beyond::references(controller, range_um, args.beyond_records)?;
     // Behind a process there may be a stage.
-    left.extend(beyond::granted_frequencies(controller, range_um, args.beyond_records)?);
+    let left = beyond::real(controller, range_um, args.beyond_records)?;
     let stage = stage(command, args.timeout)?;
     let bar = progress::bar("on the process");
     let report = on_process(&stage, controller, range_um, &|share| progress::advance(&bar, share))?;
