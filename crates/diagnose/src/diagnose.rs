@@ -130,6 +130,7 @@ pub(crate) fn go_round(investigation: &mut Investigation<'_>, progress: &(dyn Fn
 }
 
 /// What the records show without a search.
+#[derive(Clone)]
 pub(crate) struct OfRecords {
     /// Errors of the given model.
     pub before: Before,
@@ -158,7 +159,7 @@ pub(crate) fn conclude(
         noise_percent: evidence.noise_percent,
         locked_to: courses(investigation, &residuals).locks(),
     };
-    let next_record = next_record::choose(investigation, &decision);
+    let next_record = next_record::choose(investigation, &decision, &odds);
     let Decision {
         verdict,
         set,
@@ -187,6 +188,11 @@ pub(crate) fn conclude(
         unexplained,
     };
     (diagnosis, evidence)
+}
+
+/// The probabilities on what an investigation has tried so far.
+pub(crate) fn odds(model: &Model, investigation: &Investigation<'_>, of_records: &OfRecords) -> Odds {
+    Odds::of(&evidence(model, investigation, of_records.clone()))
 }
 
 /// Residuals of the records, run-in included, beside what they may go with.

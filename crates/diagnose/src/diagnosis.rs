@@ -1,6 +1,6 @@
 //! What a diagnosis says, in numbers and names.
 
-use crate::odds::Odds;
+use crate::odds::{Likely, Odds};
 use hysteron_acquisition::{Finding, NoiseFloor};
 use hysteron_identify::{EffectId, EffectName, Step};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -186,10 +186,8 @@ impl Before {
 pub struct NextRecord {
     /// What to play, in words.
     pub excitation: String,
-    /// What it separates.
-    pub separates: Vec<EffectName>,
-    /// Expected difference, in units of what is left unexplained.
-    pub expected_sigma: f64,
+    /// The explanations that it separates: each with the probability that it would have after the record, where it is the right one.
+    pub expected: Vec<Likely>,
     /// Where it was written.
     pub file: Option<String>,
     /// Its sample period, seconds.
@@ -197,15 +195,23 @@ pub struct NextRecord {
     /// The voltage, one value a sample.
     #[serde(skip)]
     pub voltage_v: Vec<f64>,
+    /// The voltage of the other axis, where the rig has one.
+    #[serde(skip)]
+    pub voltage2_v: Option<Vec<f64>>,
 }
 
 impl NextRecord {
     /// The record to play as a native CSV without a position.
     pub fn csv(&self) -> String {
-        let mut text = "time_s,voltage_v\n".to_owned();
+        let other = self.voltage2_v.as_deref();
+        let mut text = format!("time_s,voltage_v{}\n", if other.is_some() { ",voltage2_v" } else { "" });
         for (k, v) in self.voltage_v.iter().enumerate() {
             // Writing to a String does not fail.
-            let _ = writeln!(text, "{:.6},{v:.5}", k as f64 * self.sample_period_s);
+            let _ = write!(text, "{:.6},{v:.5}", k as f64 * self.sample_period_s);
+            if let Some(v2) = other.and_then(|other| other.get(k)) {
+                let _ = write!(text, ",{v2:.5}");
+            }
+            text.push('\n');
         }
         text
     }

@@ -7,6 +7,7 @@ use crate::witness::traces::{self, Traces};
 use crate::witness::{hum, rails, ringing};
 use hysteron_data::Dataset;
 use hysteron_identify::effects::{Effect, Mark, UserEffect, catalogue};
+use hysteron_identify::family::range;
 use hysteron_identify::search::{Search, Shape, Trial};
 use hysteron_identify::{EffectId, EffectName, Family, IdentifyError, Model, one_loop};
 use std::sync::Arc;
@@ -27,6 +28,8 @@ pub(crate) struct Investigation<'a> {
     pub base_excess: f64,
     /// Trials of the first round's candidates, for what is asked of them later.
     pub first_trials: Vec<(EffectName, Trial)>,
+    /// The chain that they were tried on.
+    pub base_trial: Option<Trial>,
     dataset: &'a Dataset,
     family: Family,
     effects: Vec<Arc<dyn Effect>>,
@@ -35,6 +38,8 @@ pub(crate) struct Investigation<'a> {
     skewed: bool,
     one_loop: bool,
     traces: Traces,
+    /// Lowest and highest recorded position.
+    position_um: [f64; 2],
     /// What was left of every record before anything was taken.
     at_first: Vec<Vec<f64>>,
 }
@@ -105,12 +110,14 @@ impl<'a> Investigation<'a> {
             base,
             base_excess,
             first_trials: Vec::new(),
+            base_trial: None,
             dataset: search.dataset(),
             family: model.family,
             effects,
             one_sine: reasons.contains(&Reason::OneSine),
             skewed: reasons.contains(&Reason::PositionLeads),
             one_loop: one_loop(search.dataset()),
+            position_um: range(search.dataset().records.iter().flat_map(|r| &r.position_um).copied()).into(),
             traces,
             at_first: Vec::new(),
             search,
@@ -189,12 +196,10 @@ impl<'a> Investigation<'a> {
         judged.sort_by(|a, b| self.order(first, &a.candidate, &b.candidate));
         self.by_likelihood(first, &mut judged);
         self.simplest_first(first, &mut judged);
-        if self.rounds.is_empty() {
-            let kept = judged
-                .iter()
-                .take(4)
-                .map(|best| (best.effect.name(), best.trial.clone()));
+        if first {
+            let kept = judged.iter().map(|best| (best.effect.name(), best.trial.clone()));
             self.first_trials = kept.collect();
+            self.base_trial = Some(self.search.standing().clone());
         }
         self.rounds.push(Round {
             candidates: judged.iter().map(|best| best.candidate.clone()).collect(),
@@ -312,7 +317,10 @@ impl<'a> Investigation<'a> {
         let starts_still = |um_per_k| !traces::moves_the_zero(&self.traces, um_per_k);
         let refuted = on_bound.iter().any(|parameter| effect.refuted_on_bound(parameter))
             || effect.rails_v(&values).is_some_and(beyond_rails)
-            || !values.is_empty() && effect.zero_um_per_k(&values).is_some_and(starts_still);
+            || !values.is_empty()
+                && effect
+                    .zero_um_per_k(&values, self.position_um)
+                    .is_some_and(starts_still);
         refuted.then_some(Against::Physics)
     }
 }

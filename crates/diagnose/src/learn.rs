@@ -1,12 +1,13 @@
 //! Learns a model by itself: fits, tries every candidate, takes what records not fitted confirm, until nothing is gained any more.
 
 use crate::departure::departs;
-use crate::diagnose::{OfRecords, conclude, controllers_delay_s, fails};
+use crate::diagnose::{OfRecords, conclude, controllers_delay_s, fails, odds};
 use crate::diagnosis::{Before, Diagnosis, Reason, Unexplained, Verdict};
 use crate::evidence::Against;
 use crate::investigation::{Best, Investigation};
 use crate::ladder::percent;
 use crate::noise::noise_floor;
+use crate::odds::Odds;
 use crate::reasons;
 use crate::rules::Thresholds;
 use hysteron_acquisition::{Kind, inspect};
@@ -18,6 +19,7 @@ use hysteron_identify::{
     present_step, remove,
 };
 use serde::Serialize;
+use std::cell::LazyCell;
 use std::sync::Arc;
 
 /// What `learn` did, and why it stopped.
@@ -79,6 +81,9 @@ const MOST_STEPS: usize = 6;
 
 /// A step that is not named must bring the error that counts below this share: chance and mimics take a tenth.
 const FAR_BETTER: f64 = 0.88;
+
+/// What is likelier than not.
+const LIKELIER: f64 = 0.5;
 
 /// A candidate that leaves less than this share of what the first one leaves goes before it.
 const CLEARLY_LESS: f64 = 0.8;
@@ -158,26 +163,29 @@ fn go_on(
     }
     let mut investigation = Investigation::new(dataset, &climb.model, own, noise_um, &reasons)?;
     let start = climb.model.clone();
-    let mut stop = climb.as_far_as_it_goes(&mut investigation, progress);
-    if investigation.nothing_taken() {
-        climb.shape(&investigation);
-    }
     let of_records = OfRecords {
         before: Before::of(&last_step(&start, dataset)),
         fails: fails(dataset, &start),
         rig: rig.kinds(),
     };
-    let (mut diagnosis, _) = conclude(&start, &investigation, of_records, &|_, _| ());
+    let first_odds = |investigation: &Investigation<'_>| odds(&start, investigation, &of_records);
+    let mut stop = climb.as_far_as_it_goes(&mut investigation, &first_odds, progress);
+    if investigation.nothing_taken() {
+        climb.shape(&investigation);
+    }
+    let (mut diagnosis, _) = conclude(&start, &investigation, of_records.clone(), &|_, _| ());
     // Where the model's own plays stay, its chain is no longer that of the free shape: what helps it is asked of itself.
+    let settled = !climb.model.effects.is_empty();
     if stop != Stop::EnoughSteps
+        && (settled || diagnosis.odds.none < LIKELIER)
         && climb.model.family != investigation.search.standing().family()
         && let Ok(mut around_own) = Investigation::around_own(dataset, &climb.model, own, noise_um, &reasons)
     {
-        if climb.model.effects.is_empty() {
+        if !settled {
             climb.rivals = named(&diagnosis);
             around_own.ask_only(&climb.rivals);
         }
-        stop = climb.as_far_as_it_goes(&mut around_own, progress);
+        stop = climb.as_far_as_it_goes(&mut around_own, &|_| diagnosis.odds.clone(), progress);
         climb.shape(&investigation);
     }
     climb.prune();
@@ -287,6 +295,7 @@ impl<'a> Climb<'a> {
     fn as_far_as_it_goes(
         &mut self,
         investigation: &mut Investigation<'_>,
+        odds: &dyn Fn(&Investigation<'_>) -> Odds,
         progress: &(dyn Fn(&str, f64) + Sync),
     ) -> Stop {
         let told = |share: f64, effect: &str| progress(&format!("is it {effect}?"), share);
@@ -295,7 +304,7 @@ impl<'a> Climb<'a> {
             if self.kept() >= MOST_STEPS {
                 return Stop::EnoughSteps;
             }
-            match chosen(investigation, judged) {
+            match chosen(investigation, judged, odds) {
                 Some(best) => self.climb(investigation, best),
                 None => return Stop::NothingMissing,
             }
@@ -445,19 +454,32 @@ impl<'a> Climb<'a> {
 }
 
 /// The first candidate of a round that is worth a step, unless another one leaves clearly less.
-fn chosen(investigation: &Investigation<'_>, judged: Vec<Best>) -> Option<Best> {
+fn chosen(
+    investigation: &Investigation<'_>,
+    judged: Vec<Best>,
+    odds: &dyn Fn(&Investigation<'_>) -> Odds,
+) -> Option<Best> {
     let search = &investigation.search;
     let left = |best: &Best| search.held_out_percent(&best.trial);
+    let first = LazyCell::new(|| investigation.nothing_taken().then(|| odds(investigation)));
     let mut worth: Vec<Best> = judged
         .into_iter()
-        .filter(|best| is_worth(investigation, best))
+        .filter(|best| {
+            is_worth(investigation, best) && (best.significant || is_likely(best.candidate.against, first.as_ref()))
+        })
         .collect();
     let least = (0..worth.len()).min_by(|&a, &b| left(&worth[a]).total_cmp(&left(&worth[b])))?;
     let clearly = left(&worth[least]) < CLEARLY_LESS * left(&worth[0]);
     Some(worth.swap_remove(if clearly { least } else { 0 }))
 }
 
-/// Whether a candidate is named, or helps so much that it stays without a name: on what took no part in its fit.
+/// Whether a candidate that is not named may be what is missing. `first` are the probabilities where nothing was taken yet: then
+/// something of the catalogue must be likelier than nothing of it.
+fn is_likely(against: Option<Against>, first: Option<&Odds>) -> bool {
+    !matches!(against, Some(Against::OneSine | Against::Skew)) && first.is_none_or(|odds| odds.none < LIKELIER)
+}
+
+/// Whether a candidate leaves less of what took no part in its fit: chance and mimics do so too, and what is not named must do more.
 fn is_worth(investigation: &Investigation<'_>, best: &Best) -> bool {
     let search = &investigation.search;
     let standing = search.standing();
@@ -467,8 +489,7 @@ fn is_worth(investigation: &Investigation<'_>, best: &Best) -> bool {
     }
     let pairs = standing.parts.iter().zip(&best.trial.parts);
     let lower = pairs.filter(|(a, b)| b.held_out_um2 < a.held_out_um2).count();
-    !matches!(best.candidate.against, Some(Against::OneSine | Against::Skew))
-        && best.candidate.statistic > 1.0
+    best.candidate.statistic > 1.0
         && 2 * lower >= best.trial.parts.len()
         && after < FAR_BETTER * before
         && investigation.scale.excess(standing) > 0.05 * investigation.base_excess
@@ -481,4 +502,17 @@ fn rivals(investigation: &Investigation<'_>, best: &Best) -> Vec<EffectName> {
     };
     let close = crate::verdict::close(round, !investigation.shape_determined, &investigation.thresholds);
     close.into_iter().filter(|name| *name != best.effect.name()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bva_a_step_without_a_name_on_both_sides() {
+        let odds = |none: f64| Odds { each: Vec::new(), none };
+        assert!(is_likely(None, Some(&odds(0.49))) && !is_likely(None, Some(&odds(0.51))));
+        assert!(is_likely(None, None) && is_likely(Some(Against::Physics), None));
+        assert!(!is_likely(Some(Against::OneSine), None) && !is_likely(Some(Against::Skew), None));
+    }
 }

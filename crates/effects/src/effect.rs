@@ -415,9 +415,10 @@ pub trait Effect: Send + Sync {
         false
     }
 
-    /// By how much it moves the zero of a record with the temperature, micrometres a kelvin; `None` where it does not.
-    fn zero_um_per_k(&self, values: &[f64]) -> Option<f64> {
-        let _ = values;
+    /// By how much it moves the low end of these positions with the temperature, micrometres a kelvin; `None` where it does not, or does
+    /// so to the high end above all.
+    fn zero_um_per_k(&self, values: &[f64], position_um: [f64; 2]) -> Option<f64> {
+        let _ = (values, position_um);
         None
     }
 

@@ -217,7 +217,12 @@ impl Chain {
             voltage_v.to_vec(),
             vec![0.0; voltage_v.len()],
         );
-        let trace = Trace::new(&record, initial, self.dynamic());
+        self.respond_to_drive(coefficients, &record, initial)
+    }
+
+    /// The response to what drives a record: no effect has a number of the record's own.
+    pub(crate) fn respond_to_drive(&self, coefficients: &[f64], record: &Record, initial: InitialState) -> Vec<f64> {
+        let trace = Trace::new(record, initial, self.dynamic());
         self.respond(coefficients, &trace, &vec![Vec::new(); self.links.len()])
     }
 

@@ -148,7 +148,7 @@ impl Diagnosis {
         plain(py, &self.diagnosis.ranking)
     }
 
-    /// The record to take next: its excitation in words, the voltage `u` in volts and `fs` in hertz; None where none helps.
+    /// The record to take next: its excitation in words, the voltage `u` in volts, `u2` of the other axis where there is one, and `fs` in hertz; None where none helps.
     #[getter]
     fn next_record<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(next) = &self.diagnosis.next_record else {
@@ -158,6 +158,9 @@ impl Diagnosis {
         record.set_item("excitation", &next.excitation)?;
         record.set_item("u", PyArray1::from_slice(py, &next.voltage_v))?;
         record.set_item("fs", 1.0 / next.sample_period_s)?;
+        if let Some(voltage2_v) = &next.voltage2_v {
+            record.set_item("u2", PyArray1::from_slice(py, voltage2_v))?;
+        }
         Ok(Some(record))
     }
 

@@ -2,7 +2,7 @@
 
 use crate::lock_words::left_line;
 use crate::number::significant;
-use hysteron_diagnose::diagnosis::{Diagnosis, Level, RankedEffect, Reason, Verdict};
+use hysteron_diagnose::diagnosis::{Diagnosis, Level, NextRecord, RankedEffect, Reason, Verdict};
 use hysteron_diagnose::{Finding, Kind};
 use hysteron_identify::{EffectId, EffectName};
 
@@ -176,32 +176,39 @@ pub fn odds_in_words(diagnosis: &Diagnosis) -> Option<OddsWords> {
     })
 }
 
-/// Expected difference, in units of the unexplained error, below which a record is no promise.
-const LEAST_APART: f64 = 1.0;
-
-/// The record to take next and what it separates.
+/// The record to take next and what it would tell; where a set remains and no record would part it, this.
 pub(crate) fn next_line(diagnosis: &Diagnosis) -> Option<String> {
-    let next = diagnosis.next_record.as_ref()?;
-    if !next.separates.is_empty() && next.expected_sigma < LEAST_APART {
-        return Some(format!(
-            "No record was found that would separate {} well. The best of those tried: {}.",
-            list(&next.separates, "from"),
-            next.excitation
-        ));
-    }
-    let mut line = format!("Record to take next: {}", next.excitation);
-    if !next.separates.is_empty() {
-        let apart = if next.expected_sigma < 100.0 {
-            format!("{:.1} times", next.expected_sigma)
-        } else {
-            "more than 100 times".to_owned()
-        };
-        let separates = list(&next.separates, "from");
-        line.push_str(&format!(
-            "; it would separate {separates} by {apart} the unexplained error"
-        ));
-    }
-    Some(line + ".")
+    let Some(next) = &diagnosis.next_record else {
+        let named = diagnosis.verdict.effect().into_iter();
+        let open: Vec<EffectName> = named.chain(&diagnosis.also_possible).cloned().collect();
+        return (open.len() > 1).then(|| {
+            format!(
+                "No record that this rig can make would separate {}: its rate, range and slew are those of the records.",
+                list(&open, "from")
+            )
+        });
+    };
+    Some(after_record(next))
+}
+
+/// What a record would tell.
+fn after_record(next: &NextRecord) -> String {
+    let names: Vec<EffectName> = next.expected.iter().map(|likely| likely.effect.clone()).collect();
+    let percent = |probability: f64| (100.0 * probability).round().clamp(1.0, 99.0);
+    let each = next.expected.iter().map(|likely| percent(likely.probability));
+    let (least, most) = each.fold((99.0_f64, 1.0_f64), |(least, most), p| (least.min(p), most.max(p)));
+    let right = if least < most {
+        format!("{least:.0} to {most:.0}")
+    } else {
+        format!("{most:.0}")
+    };
+    let what = if names.len() > 1 {
+        format!("the right one of {}", list(&names, "and"))
+    } else {
+        format!("{}, if that is missing,", list(&names, "and"))
+    };
+    let excitation = &next.excitation;
+    format!("Record to take next: {excitation}; after it {what} would have {right}\u{a0}%.")
 }
 
 /// A drift without a temperature, in words.
@@ -273,7 +280,34 @@ fn list(names: &[EffectName], before_last: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{effect_name, list};
+    use super::*;
+    use hysteron_diagnose::odds::Likely;
+
+    #[test]
+    fn golden_a_record_says_what_it_would_tell() {
+        let of = |each: &[(EffectId, f64)]| {
+            let likely = |&(effect, probability): &(EffectId, f64)| Likely {
+                effect: effect.into(),
+                probability,
+            };
+            after_record(&NextRecord {
+                excitation: "steps".to_owned(),
+                expected: each.iter().map(likely).collect(),
+                file: None,
+                sample_period_s: 1e-3,
+                voltage_v: Vec::new(),
+                voltage2_v: None,
+            })
+        };
+        assert_eq!(
+            of(&[(EffectId::Delay, 0.914), (EffectId::Creep, 0.999)]),
+            "Record to take next: steps; after it the right one of delay and creep would have 91 to 99\u{a0}%."
+        );
+        assert_eq!(
+            of(&[(EffectId::Creep, 0.8)]),
+            "Record to take next: steps; after it creep, if that is missing, would have 80\u{a0}%."
+        );
+    }
 
     #[test]
     fn golden_names_and_lists_read_as_words() {

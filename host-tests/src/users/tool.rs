@@ -76,7 +76,7 @@ pub fn ask(dataset: &Dataset, model: &Model) -> Said {
                 words: next.excitation,
                 period_s: next.sample_period_s,
                 voltage_v: next.voltage_v,
-                other_v: None,
+                other_v: next.voltage2_v,
             }),
     }
 }

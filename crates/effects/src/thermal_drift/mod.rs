@@ -52,6 +52,9 @@ static DESCRIPTION: Description = Description {
     scene: Scene::Hold,
 };
 
+/// A low end that moves less than this share of the high end is moved by the gain.
+const OF_THE_GAIN: f64 = 0.3;
+
 /// Why a drift in time is left out.
 const IN_TIME: &str = "it was fitted against time, not temperature, and time starts anew; record temperature_c, or leave it to the feedback";
 
@@ -64,8 +67,9 @@ impl Effect for ThermalDrift {
         Some(Mark::Temperature)
     }
 
-    fn zero_um_per_k(&self, values: &[f64]) -> Option<f64> {
-        Some(values[2])
+    fn zero_um_per_k(&self, values: &[f64], position_um: [f64; 2]) -> Option<f64> {
+        let [low, high] = position_um.map(|y| values[2] + values[3] * y);
+        (low.abs() > OF_THE_GAIN * high.abs()).then_some(low)
     }
 
     fn description(&self) -> &'static Description {
@@ -199,4 +203,21 @@ fn warmer(values: &[f64], signals: &Signals<'_>, n: usize) -> Vec<f64> {
     };
     let mut state = body.settled_at(first);
     temperature_c.iter().map(|&t| body.step(&mut state, 0.0, t)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A gain about the low end leaves the zero where it is; a shift, and a gain about the middle, move it.
+    #[test]
+    fn bva_what_moves_the_zero_on_both_sides() {
+        let zero = |shift: f64, gain: f64| ThermalDrift.zero_um_per_k(&[20.0, 0.0, shift, gain, 0.0], [5.0, 15.0]);
+        assert_eq!(zero(0.2, 0.0), Some(0.2));
+        assert_eq!(zero(-0.2, 0.04), None);
+        assert!(zero(-0.4, 0.04).is_some_and(|moved| (moved + 0.2).abs() < 1e-12));
+        // 0.31 and 0.29 of what the high end moves.
+        assert!(zero(-0.04 * 5.0 + 0.18, 0.04).is_some());
+        assert!(zero(-0.04 * 5.0 + 0.16, 0.04).is_none());
+    }
 }

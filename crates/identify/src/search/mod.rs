@@ -24,7 +24,7 @@ use crate::model::Model;
 use crate::placement::free_thresholds;
 use crate::start_state::InitialState;
 use fitted::{Descent, Fitted, Levels, Standing};
-use hysteron_data::{Dataset, Role};
+use hysteron_data::{Dataset, Record, Role};
 use rayon::prelude::*;
 use records::Prepared;
 
@@ -130,16 +130,12 @@ impl<'a> Search<'a> {
         self.dataset
     }
 
-    /// A trial's answer to a voltage that was not recorded, from rest at its first value, micrometres; `None` where its effects need
-    /// more than a voltage.
-    pub fn foretell(&self, trial: &Trial, voltage_v: &[f64], period_s: f64) -> Option<Vec<f64>> {
-        let chain = &trial.fitted.chain;
-        let beyond = |link: &&Link| link.effect.needs_columns() && !link.effect.adds_line_spectrum();
-        if chain.links.iter().any(|link| beyond(&link)) {
-            return None;
-        }
-        let coefficients = &trial.fitted.coefficients;
-        Some(chain.respond_to_voltage(coefficients, voltage_v, period_s, InitialState::REST))
+    /// A trial's answer to a record that was not made, from rest at its first voltage, micrometres; its positions do not matter.
+    pub fn foretell(&self, trial: &Trial, record: &Record) -> Vec<f64> {
+        let Fitted {
+            chain, coefficients, ..
+        } = &trial.fitted;
+        chain.respond_to_drive(coefficients, record, InitialState::REST)
     }
 
     /// The chain of a trial run freely over every record, micrometres.

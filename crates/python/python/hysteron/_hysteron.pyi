@@ -6,6 +6,7 @@ from typing import Any, Literal, TypedDict, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import NotRequired
 
 from ._show import Page
 
@@ -29,6 +30,7 @@ class NextRecord(TypedDict):
     excitation: str
     u: Array
     fs: float
+    u2: NotRequired[Array]
 
 class Record:
     """One uniformly sampled run of the stage; its arrays are views that cannot be written to."""
