@@ -5,17 +5,17 @@
 //! is measured.
 
 pub mod case;
-mod elements;
+pub(crate) mod elements;
 pub mod harmless;
 pub mod hidden;
 pub mod loops;
 pub mod practice;
 pub mod programme;
 mod reference;
-mod rig;
+pub(crate) mod rig;
 pub mod score;
 mod signals;
-mod stage;
+pub(crate) mod stage;
 pub mod statistics;
 pub mod tables;
 pub mod tool;

@@ -32,7 +32,7 @@ const LEAST_SLOPE: f64 = 0.2;
 const MARGIN: f64 = 0.05;
 
 /// Rounds of filling in what the structure hides; each leaves some 60 % of what the one before did, less than noise after six.
-const ROUNDS: usize = 6;
+pub(super) const ROUNDS: usize = 6;
 
 /// A record as the inverse sees it: its input, and the command as it was.
 struct Seen<'a> {
@@ -400,8 +400,13 @@ pub(super) fn fit_pairs(series: &[Pairs]) -> (InversePart, f64) {
     Problem::new(&positions_um, &factors).rising(&voltages_v, LEAST_RIDGE_OF_A_MODEL)
 }
 
-/// Fits inverse and lag to records; returns them with the rms of what is left, volts.
-pub(super) fn fit(records: &[&Record], around: &Around<'_>) -> Result<(InversePart, f64, f64), IdentifyError> {
+/// Fits inverse and lag to records; returns them with the rms of what is left, volts. What the structure hides is filled in in so many
+/// rounds, [`ROUNDS`] where all of it is wanted.
+pub(super) fn fit(
+    records: &[&Record],
+    around: &Around<'_>,
+    rounds: usize,
+) -> Result<(InversePart, f64, f64), IdentifyError> {
     let Some(first) = records.first() else {
         return Err(IdentifyError::NothingToFit);
     };
@@ -416,7 +421,7 @@ pub(super) fn fit(records: &[&Record], around: &Around<'_>) -> Result<(InversePa
         seen.par_iter_mut().for_each(|record| record.undo_creep(&creep));
         let inputs: Vec<&[f64]> = seen.iter().map(|s| &s.before_creep_um[..s.to]).collect();
         let found = Problem::new(&inputs, &vec![1.0; inputs.len()]).solve_with_lag(&seen, around.latency_s)?;
-        if round == ROUNDS || around.linear.modes.is_empty() {
+        if round == rounds || around.linear.modes.is_empty() {
             return Ok(found);
         }
         round += 1;

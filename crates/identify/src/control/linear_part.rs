@@ -169,6 +169,8 @@ struct Shape {
 
 /// Relative error that the model is allowed on every line: small loops are not quite linear.
 const MODEL_ERROR: f64 = 5e-3;
+/// What is damped more than this does not ring: it is no mode, whatever it takes of the misfit.
+const OVERDAMPED: f64 = 0.5;
 /// Reference of the creep's slope, rad/s.
 const SLOPE_FROM: f64 = TAU * 100.0;
 
@@ -259,7 +261,8 @@ impl Shape {
 /// Fits lag and modes to a response whose latency is known.
 ///
 /// A constant phase and a gain that falls with frequency stand for hysteresis and creep of small loops; without them the lag
-/// would take both. A second mode is taken where it explains at least a third of what one leaves.
+/// would take both. A second mode is taken where it explains at least a third of what one leaves, rings, and
+/// lies below half the sample rate.
 ///
 /// # Errors
 /// A response that is mostly noise.
@@ -308,7 +311,8 @@ pub fn fit_small_signal(data: &FrequencyResponse, delay_s: f64, period_s: f64) -
     };
     if modes == 1 {
         let two = second_mode(&shape(2), &best.0, data);
-        if two.1 < best.1 * 2.0 / 3.0 {
+        let rings = |mode: &ModeOfStage| mode.frequency_hz < 0.5 / period_s && mode.damping < OVERDAMPED;
+        if two.1 < best.1 * 2.0 / 3.0 && shape(2).linear(&two.0).modes.iter().all(rings) {
             (modes, best) = (2, two);
         }
     }

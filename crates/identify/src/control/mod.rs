@@ -73,15 +73,21 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
     })?;
     let response = frequency_response(frf)?;
     let small_signal = fit_small_signal(&response, latency_s, frf.period_s)?;
-    let creep = creep_fit::fit(&holds)?;
+    let by_holds = creep_fit::fit(&holds)?;
     let mut linear = small_signal.linear;
-    let around = inverse::Around {
-        linear: &linear,
-        creep: &creep,
-        latency_s,
-        gain_um_per_v: small_signal.gain_um_per_v,
+    let fit_through = |creep: &CreepPart, rounds: usize| {
+        let around = inverse::Around {
+            linear: &linear,
+            creep,
+            latency_s,
+            gain_um_per_v: small_signal.gain_um_per_v,
+        };
+        inverse::fit(&large, &around, rounds)
     };
-    let (inverse, lag_s, left_v) = inverse::fit(&large, &around)?;
+    let creep = creep_fit::as_fast_as_loops_say(by_holds, &|creep| {
+        fit_through(creep, 1).map_or(f64::INFINITY, |(_, _, left_v)| left_v)
+    });
+    let (inverse, lag_s, left_v) = fit_through(&creep, inverse::ROUNDS)?;
     linear.lag_s = lag_s;
     let swing_v = large
         .iter()

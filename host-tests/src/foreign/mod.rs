@@ -1,0 +1,164 @@
+//! Tracking on stages that share no law with the simulated stage: a campaign on each, a controller from its records, and the true
+//! position along references.
+
+mod stage;
+
+use hysteron_control::ControlError;
+use hysteron_control::campaign::{Campaign, Command, Protocol};
+use hysteron_control::design::{CompleteLaw, Controller, ReferenceKind};
+use hysteron_control::figures::{Tracked, judge};
+use hysteron_control::reference::{Reference, Shape};
+use hysteron_core::surroundings::LoopInput;
+use hysteron_data::{Dataset, Known, Record, Role};
+use rayon::prelude::*;
+pub use stage::{Foreign, PERIOD_S, STATED_LATENCY_S, Untold};
+
+/// References, hertz.
+pub const HERTZ: [f64; 4] = [10.0, 100.0, 500.0, 1000.0];
+
+/// Seconds of a sine of 10 Hz from which a law may learn the gain before it is judged.
+const LEARNING_S: f64 = 10.0;
+
+/// Most of the gain that a law may learn, a share.
+const GAIN_BOUND: f64 = 0.03;
+
+/// What became of a stage.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// Up to where the feedback helps by its design, hertz; none where there is none.
+    pub helps_to_hz: Option<f64>,
+    /// Rms error of the true position at each of [`HERTZ`], percent of the range, open and closed.
+    pub percent: [Vec<f64>; 2],
+}
+
+/// The outcome on a stage.
+///
+/// # Errors
+/// Records from which the stage cannot be identified, a law that the core refuses.
+///
+/// # Cost
+/// Some twenty seconds.
+pub fn outcome(seed: u64) -> Result<Outcome, ControlError> {
+    let stage = Foreign::new(seed);
+    let Campaign { model, .. } = campaign(&stage, seed)?;
+    let open = Controller::design(&model, ReferenceKind::Previewed)?.adapting(GAIN_BOUND);
+    let closed = open.clone().with_feedback()?;
+    let inverse = &model.inverse;
+    let low_um = inverse.input_min_um.max(0.0);
+    let range_um = [0.15, 0.65].map(|share| model.around.rest_um + low_um + share * (inverse.input_max_um - low_um));
+    let each = |controller: &Controller| -> Result<Vec<f64>, ControlError> {
+        let law = controller.law::<f64>()?;
+        let percent = |hz: &f64| tracked_percent(&stage, &law, range_um, *hz);
+        Ok(HERTZ.iter().map(percent).collect())
+    };
+    Ok(Outcome {
+        helps_to_hz: closed.feedback.as_ref().map(|feedback| feedback.rejection_hz),
+        percent: [each(&open)?, each(&closed)?],
+    })
+}
+
+/// The protocol of a campaign on a stage.
+fn campaign(stage: &Foreign, seed: u64) -> Result<Campaign, ControlError> {
+    let records = Dataset {
+        name: stage.family.name().to_owned(),
+        known: Known {
+            delay_s: Some(STATED_LATENCY_S + 0.5 * PERIOD_S),
+            voltage_min_v: Some(0.0),
+            voltage_max_v: Some(stage.top_v),
+            ..Known::default()
+        },
+        ..Dataset::default()
+    };
+    let protocol = Protocol {
+        period_s: PERIOD_S,
+        top_v: stage.top_v,
+        seed,
+    };
+    let play = |command: Command| {
+        let mut running = stage.at_rest(command.period_s, false, command.seed);
+        let read = |volts: &f64| {
+            let (_, read_um) = running.sample();
+            running.step(*volts);
+            read_um
+        };
+        let mut position_um: Vec<f64> = command.voltage_v.iter().map(read).collect();
+        let mut voltage_v = command.voltage_v;
+        let mut record = Record::new(
+            command.file,
+            Role::Identify,
+            command.period_s,
+            voltage_v.split_off(command.skip),
+            position_um.split_off(command.skip),
+        );
+        record.excitation = command.words;
+        record.reference_um = command.reference_um;
+        record
+    };
+    let take = |commands: Vec<Command>, _: &dyn Fn(f64)| Ok(commands.into_par_iter().map(play).collect());
+    protocol.play::<ControlError>(records, &take, &|_| ())
+}
+
+/// Rms error of the true position along a sine, percent of its range, the mean included.
+fn tracked_percent(stage: &Foreign, law: &CompleteLaw<f64>, range_um: [f64; 2], hz: f64) -> f64 {
+    let shape = |frequency_hz| Shape::Sine { frequency_hz };
+    let judged = shape(hz).reference(range_um, PERIOD_S);
+    let mut reference = Reference::default();
+    if stage.untold == Untold::Gain {
+        // From the rest to the low end once, then periods of 10 Hz, which end there.
+        let slow = shape(10.0);
+        let rise = slow.reference(range_um, PERIOD_S);
+        let periods = (LEARNING_S / PERIOD_S) as usize;
+        let sine = (0..periods).map(|k| {
+            let share = slow.share(k as f64 * PERIOD_S);
+            range_um[0] + (range_um[1] - range_um[0]) * share
+        });
+        let risen = rise.samples_um.iter().take((0.02 / PERIOD_S) as usize);
+        reference.samples_um.extend(risen);
+        reference.samples_um.extend(sine);
+    }
+    let rise = if reference.samples_um.is_empty() {
+        0
+    } else {
+        (0.02 / PERIOD_S) as usize
+    };
+    let from = reference.samples_um.len() + judged.judged_from - rise;
+    reference.samples_um.extend(&judged.samples_um[rise..]);
+    reference.after_um = judged.after_um;
+    let mut running = stage.at_rest(PERIOD_S, true, 77);
+    let ahead = law.ahead();
+    let mut state = law.rest(0.0);
+    let mut command = |running: &mut stage::Running, k: usize| {
+        let (true_um, read_um) = running.sample();
+        let input = LoopInput {
+            reference_ahead: reference.at(k),
+            measured: read_um,
+            ..LoopInput::default()
+        };
+        running.step(law.step(&mut state, input));
+        (true_um, read_um)
+    };
+    for k in 0..ahead {
+        command(&mut running, k);
+    }
+    let (true_um, measured_um): (Vec<f64>, Vec<f64>) = (0..reference.samples_um.len())
+        .map(|k| command(&mut running, k + ahead))
+        .unzip();
+    let run = Tracked {
+        reference_um: reference.samples_um.clone(),
+        measured_um,
+        true_um,
+        ..Tracked::default()
+    };
+    judge(&run.from(from), PERIOD_S).map_or(f64::NAN, |figures| figures.true_percent)
+}
+
+/// The middle one, and the largest.
+pub fn median_and_worst(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    let middle = sorted.len() / 2;
+    [
+        sorted.get(middle).copied().unwrap_or(f64::NAN),
+        sorted.last().copied().unwrap_or(f64::NAN),
+    ]
+}
