@@ -13,6 +13,7 @@ use hysteron_control::reference::SHAPES;
 use hysteron_identify::covered::Beyond;
 use hysteron_plant::StageConfig;
 use hysteron_report::{adapted_text, beyond_text, bounds_text, reference_name};
+use hysteron_table::short;
 use hysteron_tracking::bench::{Bench, ControllerFigures, STAIRCASE, TrackReport, compare};
 use hysteron_tracking::learning::learn_references;
 use hysteron_tracking::scans::{LINES_HZ, ScanFigures};
@@ -335,7 +336,9 @@ pub(super) fn text(report: &TrackReport) -> String {
         "STAGE {} (simulated), {mode}; stroke {} um; errors against the reference at the same instant, {} position\n\
          rms, % of peak to peak; creep: largest error from 5 ms after moves, 10 s holds; step: time until the error after a set-point\n\
          step of a tenth of the range stays below 1 % of it, and overshoot\n",
-        report.stage, report.stroke_um, report.position
+        report.stage,
+        short(report.stroke_um),
+        report.position
     );
     let widest = report.controllers.iter().map(|c| c.name.len()).max().unwrap_or(0);
     let _ = writeln!(
