@@ -441,18 +441,24 @@ fn refuse_to_expect_anything_above_the_frequencies_of_the_records() {
         match row["reference"].as_str().unwrap() {
             "10" | "100" => assert!(expected.is_number() && beyond.is_null(), "{row}"),
             "500" | "503" | "1000" => assert!(expected.is_null() && !beyond.is_null(), "{row}"),
+            // Its third harmonic swings at 300 Hz.
+            "complex-harmonic-100" => assert!(expected.is_null() && beyond["value"] == 300.0, "{row}"),
             _ => assert!(expected.is_null() && beyond.is_null(), "{row}"),
         }
     }
     let said = hysteron(&["track", &out, "--stage", "8k", "--alone", "--range", "3,8"]);
     assert!(said.contains(BEYOND), "{said}");
-    for place in [["--board", "localhost:1"], ["--process", "no-such-program"]] {
-        let track = ["track", &out, place[0], place[1], "--range", "3,8"];
-        refused(
-            &track,
-            &["reference frequency 500 Hz", "--beyond-records plays such references"],
-        );
-        refused(&[&track[..], &["--beyond-records"]].concat(), &[place[1]]);
+    // A stage that can be hurt is asked for those within; for none where all are beyond.
+    let slow = covered.replace("100.0", "5.0");
+    for (covered, is_any_within) in [(covered, true), (slow.as_str(), false)] {
+        std::fs::write(&path, model(RISING, "", &[]) + covered).unwrap();
+        hysteron(&design);
+        for place in [["--board", "localhost:1"], ["--process", "no-such-program"]] {
+            let track = ["track", &out, place[0], place[1], "--range", "3,8"];
+            let none = ["reference frequency 10 Hz", "--beyond-records plays them all the same"];
+            refused(&track, if is_any_within { &place[1..] } else { &none });
+            refused(&[&track[..], &["--beyond-records"]].concat(), &[place[1]]);
+        }
     }
 }
 
@@ -947,6 +953,70 @@ fn val_scans_by_a_board_of_both_axes() {
         "{} {beside}",
         moved(&record.voltage_v)
     );
+}
+
+/// Records that swing to 58 Hz: a board of both axes plays the sine of 10 Hz and holds, and is asked for nothing faster, neither references nor
+/// scans of 100 lines a second.
+#[test]
+fn val_a_board_plays_what_the_records_cover() {
+    let stage = |seed| Box::new(Stage::new(&preset::paper_rate(), seed).unwrap());
+    let from = serving(SmallBoard::at_both([stage(5), stage(6)]), |_| 0);
+    let folder = tempfile::tempdir().unwrap();
+    let [model_file, controller] = ["model.toml", "controller.toml"].map(|name| folder.path().join(name));
+    let (model_file, controller) = (model_file.to_str().unwrap(), controller.to_str().unwrap());
+    let covered = "[covered]\nposition_um = [0.0, 20.0]\nswing_hz = 58.0\n";
+    std::fs::write(model_file, model(RISING, "resonance", &mode(800.0, 0.02)) + covered).unwrap();
+    hysteron(&["design", model_file, "--open", "-o", controller]);
+    let (low, high) = (table::INPUT_MAX_UM * 0.3, table::INPUT_MAX_UM * 0.7);
+    let range = format!("{low},{high}");
+    let track = [
+        "track",
+        controller,
+        "--board",
+        &from,
+        "--range",
+        &range,
+        "--iterations",
+        "1",
+    ];
+    let answer: serde_json::Value = serde_json::from_str(&hysteron(&[&track[..], &["--json"]].concat())).unwrap();
+    let percents = answer["controllers"][0]["rms_percent"].as_object().unwrap();
+    assert_eq!(percents.keys().collect::<Vec<_>>(), ["10"]);
+    assert!(answer["controllers"][0]["creep_peak_percent"].as_f64().unwrap() > 0.0);
+    let learned: Vec<&str> = answer["learned"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|learned| learned["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(learned, ["10"]);
+    assert!(answer["scans"].is_null() && answer["beyond"].is_null(), "{answer:#}");
+    let not_played = answer["not_played"].as_array().unwrap().iter();
+    let not_played: Vec<(&str, f64)> = not_played
+        .map(|left| (left["reference"].as_str().unwrap(), left["value"].as_f64().unwrap()))
+        .collect();
+    assert_eq!(
+        not_played,
+        [
+            ("100", 100.0),
+            ("500", 500.0),
+            ("503", 503.0),
+            ("1000", 1000.0),
+            ("complex-harmonic-100", 300.0),
+            ("triangle-100", 100.0),
+            ("scans", 100.0)
+        ]
+    );
+    let said = hysteron(&track[..6]);
+    assert!(
+        said.contains(
+            "not played: sine 100 Hz, sine 500 Hz, sine 503 Hz, sine 1000 Hz, complex harmonic 100 Hz, triangle 100 Hz, scans; \
+             the records cover references of 0 to 58 Hz. To play them, record a sine over half the range at that frequency and fit \
+             again, or give --beyond-records"
+        ),
+        "{said}"
+    );
+    assert!(!said.contains("NaN"), "{said}");
 }
 
 /// Seven references, open loop and closed, each a run of its own; the board falls to its safe level in between.

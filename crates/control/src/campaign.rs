@@ -11,6 +11,7 @@ use crate::usable::usable;
 use hysteron_data::{Dataset, Known, Record, Role};
 use hysteron_excitation::{BandNoise, Excitation, Multisine, Sine, with_rise};
 use hysteron_identify::control::{self, ControlModel};
+use hysteron_table::short;
 
 /// Passes of training: records along references that the last inverse was asked to follow.
 pub const TRAINING_PASSES: usize = 2;
@@ -221,7 +222,11 @@ impl Protocol {
         }
         Command {
             file: "hold.csv".to_owned(),
-            words: format!("{} V and {} V held for {HOLD_S} s each", levels[1], levels[2]),
+            words: format!(
+                "{} V and {} V held for {HOLD_S} s each",
+                short(levels[1]),
+                short(levels[2])
+            ),
             purpose: Purpose::Creep,
             period_s,
             voltage_v,

@@ -2,11 +2,11 @@
 
 use crate::adapted::{Adaptation, Adapted};
 use crate::design::Controller;
-use crate::design::beyond::frequencies;
+use crate::design::beyond::{NotPlayed, frequencies};
 use crate::design::prediction::{Predicted, predict};
 use crate::error::ControlError;
 use crate::figures::{Tracked, judge};
-use crate::reference::{Reference, SHAPES, Shape};
+use crate::reference::{Reference, Shape};
 use hysteron_identify::EffectName;
 use hysteron_identify::covered::Beyond;
 use serde::Serialize;
@@ -50,6 +50,9 @@ pub struct Report {
     pub adaptation: Option<Adaptation>,
     /// The runs.
     pub rows: Vec<Row>,
+    /// References that were left out.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub not_played: Vec<NotPlayed>,
 }
 
 /// Half of the stroke that the inverse covers, about two fifths of it.
@@ -68,7 +71,7 @@ pub(crate) struct Played {
     pub adapted: Option<Adapted>,
 }
 
-/// A reference of [`SHAPES`], and whether the loop is closed.
+/// A reference that repeats, and whether the loop is closed.
 pub(crate) type Run = ((&'static str, Shape), bool);
 
 /// What is run, and what the design expects of it.
@@ -94,14 +97,17 @@ impl<'a> Plan<'a> {
         })
     }
 
-    /// Every reference, open and, where there is feedback, closed.
-    pub(crate) fn runs(&self) -> Vec<Run> {
+    /// Each of these references, open and, where there is feedback, closed.
+    pub(crate) fn runs(&self, references: &[(&'static str, Shape)]) -> Vec<Run> {
         let loops: &[bool] = match self.controller.feedback {
             Some(_) => &[false, true],
             None => &[false],
         };
-        let of = |shape| loops.iter().map(move |closed| (shape, *closed));
-        SHAPES.into_iter().flat_map(of).collect()
+        let of = |shape: &(&'static str, Shape)| {
+            let shape = *shape;
+            loops.iter().map(move |closed| (shape, *closed))
+        };
+        references.iter().flat_map(of).collect()
     }
 
     /// Plays one of them and judges it.

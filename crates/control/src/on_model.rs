@@ -6,7 +6,7 @@ use crate::design::linear_stage::LinearStage;
 use crate::design::{CompleteLaw, Controller};
 use crate::error::ControlError;
 use crate::expected::{Plan, Played, Report, Row};
-use crate::reference::Reference;
+use crate::reference::{Reference, SHAPES};
 use hysteron_core::surroundings::LoopInput;
 use hysteron_identify::{EffectId, EffectName, IdentifyError, InitialState, Model};
 use rayon::prelude::*;
@@ -28,7 +28,7 @@ pub fn on_model(model: &Model, controller: &Controller, range_um: [f64; 2]) -> R
     let (model, left_out) = determined(model)?;
     let plan = Plan::new(controller, range_um)?;
     let rows: Result<Vec<Row>, ControlError> = plan
-        .runs()
+        .runs(&SHAPES)
         .into_par_iter()
         .map(|run| {
             plan.row(run, &mut |closed, reference| {
@@ -41,6 +41,7 @@ pub fn on_model(model: &Model, controller: &Controller, range_um: [f64; 2]) -> R
         left_out,
         adaptation: controller.adaptation.clone(),
         rows: rows?,
+        not_played: Vec::new(),
     })
 }
 

@@ -3,6 +3,7 @@
 use crate::adapted::Adapted;
 use crate::commands::usual_temperature_c;
 use crate::design::Controller;
+use crate::design::beyond::Programme;
 use crate::error::ControlError;
 use crate::expected::{Plan, Played, Report, Row};
 use crate::reference::Reference;
@@ -254,21 +255,22 @@ pub(crate) fn readings(stage: &ProcessStage, period_s: f64, voltage_v: &[f64]) -
     Ok(position_um)
 }
 
-/// Runs a controller, open and closed, on a stage in a process along the references that repeat; each run starts the process anew.
+/// Runs a controller, open and closed, on a stage in a process along the references of a programme; each run starts the process anew.
 ///
 /// # Errors
 /// A process that cannot be started, falls silent, ends or answers with anything but a number; a law that the core refuses.
 ///
 /// # Cost
-/// 62 000 answers of the process in open loop, and as many in closed loop.
+/// For all references 62 000 answers of the process in open loop, and as many in closed loop.
 pub fn on_process(
     stage: &ProcessStage,
     controller: &Controller,
     range_um: [f64; 2],
+    programme: &Programme,
     progress: &dyn Fn(f64),
 ) -> Result<Report, ControlError> {
     let plan = Plan::new(controller, range_um)?;
-    let runs = plan.runs();
+    let runs = plan.runs(&programme.played);
     let mut rows: Vec<Row> = Vec::with_capacity(runs.len());
     // One after the other: behind the process there may be a stage that is there once.
     for run in &runs {
@@ -282,6 +284,7 @@ pub fn on_process(
         left_out: Vec::new(),
         adaptation: controller.adaptation.clone(),
         rows,
+        not_played: programme.not_played.clone(),
     })
 }
 

@@ -75,6 +75,15 @@ impl Shape {
         }
     }
 
+    /// Highest frequency at which the shape swings over a third of its range, hertz, as records are said to cover one: of the complex
+    /// harmonic its third, which has 0.3 of 0.4333 of the swing. A triangle's third harmonic has a ninth of its first.
+    pub fn swings_hz(self) -> f64 {
+        match self {
+            Self::Sine { frequency_hz } | Self::Triangle { frequency_hz } => frequency_hz,
+            Self::ComplexHarmonic { frequency_hz } => 3.0 * frequency_hz,
+        }
+    }
+
     /// The value at a time, as a share of the range.
     pub fn share(self, time_s: f64) -> f64 {
         match self {

@@ -252,6 +252,23 @@ mod tests {
         }
     }
 
+    /// Blocks of 1 ms: 50 samples at 50 kHz, and 1.6 at 1.6 kHz, of which 2 are 1.25 ms. A swing of 1 nm / 0.05 = 0.02 um is the least.
+    #[test]
+    fn val_coefficients_by_hand() {
+        let of = |time_s, rate_hz| Adaptation::<f64>::new(0.05, 0.1, time_s, 0.001, 0.2, rate_hz).unwrap();
+        for (part, wanted, samples) in [
+            (of(1.0, 50e3), [0.05, 0.1, 0.001, 0.2, 0.02, 0.001, 0.0004], 50),
+            (of(0.5, 1.6e3), [0.05, 0.1, 0.001, 0.2, 0.5, 0.0025, 0.0004], 2),
+            (of(0.5, 400.0), [0.05, 0.1, 0.001, 0.2, 1.0, 0.005, 0.0004], 1),
+        ] {
+            let (found, taken) = part.coefficients();
+            assert_eq!(taken, samples);
+            for (found, wanted) in found.into_iter().zip(wanted) {
+                assert!((found - wanted).abs() < 1e-12, "{found} {wanted}");
+            }
+        }
+    }
+
     #[test]
     fn refuse_bounds_that_are_none() {
         use std::string::ToString;

@@ -632,3 +632,25 @@ fn val_following_keeps_the_states() {
     }
     assert!(farthest_anew > 0.1, "{farthest_anew}");
 }
+
+/// Held at 60 V by somebody else while its reference rests, a law of 1 V a sample goes on from there: 59 V, then 58 V.
+#[test]
+fn val_after_following_the_command_goes_on_from_where_it_was() {
+    let mut numbers = everything();
+    numbers.slew_v_per_s = 50e3;
+    let law = numbers.law::<f64>().unwrap();
+    let mut state = law.rest(20.0);
+    let at_rest = LoopInput {
+        reference_ahead: 0.5,
+        measured: 0.5,
+        temperature_c: 20.0,
+        ..LoopInput::default()
+    };
+    for _ in 0..100 {
+        law.follow(&mut state, at_rest, 60.0);
+    }
+    for wanted in [59.0, 58.0, 57.0] {
+        let command_v = law.step(&mut state, at_rest);
+        assert!((command_v - wanted).abs() < 1e-9, "{command_v} {wanted}");
+    }
+}

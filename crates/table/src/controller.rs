@@ -1,7 +1,7 @@
 //! The complete law of one axis in a table: everything beside the hysteresis, whose inverse the table's own fields hold.
 
 use crate::check::refuse;
-use crate::{Family, Table, TableError};
+use crate::{Family, Table, TableError, short};
 use hysteron_core::biquad::Biquad;
 use hysteron_core::effects::coupling::Coupling;
 use hysteron_core::effects::creep::CreepInverse;
@@ -371,9 +371,11 @@ impl Table {
         for (field, value) in [("input_min_um", range[0]), ("input_max_um", range[1])] {
             if !(part.inverse_min_um..=part.inverse_max_um).contains(&value) {
                 let reason = format!(
-                    "lies {value} um above the rest, outside controller.inverse_min_um to controller.inverse_max_um, {} to {} um; \
+                    "lies {} um above the rest, outside controller.inverse_min_um to controller.inverse_max_um, {} to {} um; \
                      narrow the range with --input-min and --input-max",
-                    part.inverse_min_um, part.inverse_max_um
+                    short(value),
+                    short(part.inverse_min_um),
+                    short(part.inverse_max_um)
                 );
                 return Err(refuse(field, value + part.rest_um, reason));
             }

@@ -1,7 +1,7 @@
 //! What the records behind a table cover: the envelope that travels with it.
 
 use crate::check::refuse;
-use crate::{Table, TableError};
+use crate::{Table, TableError, short};
 use serde::{Deserialize, Serialize};
 
 /// The `[covered]` part of a table; a field that is absent is not known.
@@ -44,10 +44,11 @@ impl Covered {
     /// A line for each field, for the comments of what is made of a table.
     pub(crate) fn lines(&self) -> Vec<String> {
         let pair = |name: &str, ends: Option<[f64; 2]>, unit: &str| {
-            ends.map(|[low, high]| format!("{name} {low} to {high} {unit}"))
+            ends.map(|[low, high]| format!("{name} {} to {} {unit}", short(low), short(high)))
         };
-        let one =
-            |name: &str, value: Option<f64>, unit: &str| value.map(|value| format!("{name} up to {value} {unit}"));
+        let one = |name: &str, value: Option<f64>, unit: &str| {
+            value.map(|value| format!("{name} up to {} {unit}", short(value)))
+        };
         let told_by = self.told_by.as_deref().unwrap_or("nothing");
         let mut lines: Vec<String> = [
             pair("voltage", self.voltage_v, "V"),
@@ -57,7 +58,7 @@ impl Covered {
             pair("temperature", self.temperature_c, "degC"),
             one("sample rate", self.sample_rate_hz, "Hz"),
             self.told_to_hz
-                .map(|hz| format!("small signals up to {hz} Hz, by {told_by}")),
+                .map(|hz| format!("small signals up to {} Hz, by {told_by}", short(hz))),
         ]
         .into_iter()
         .flatten()
@@ -116,6 +117,19 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn val_lines_have_no_tails_of_binary_fractions() {
+        let covered = Covered {
+            position_um: Some([0.0, 12.300_000_000_000_001]),
+            sample_rate_hz: Some(1.0 / 20.3e-6),
+            ..Covered::default()
+        };
+        assert_eq!(
+            covered.lines(),
+            ["position 0 to 12.3 um", "sample rate up to 49261.1 Hz"]
+        );
+    }
 
     #[test]
     fn refuse_ends_that_do_not_ascend_and_text_that_ends_a_comment() {

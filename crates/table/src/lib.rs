@@ -11,6 +11,7 @@ mod controller;
 mod covered;
 pub mod gains;
 mod inverse;
+mod short;
 mod supervision;
 
 pub use banks::{MOST_BANKS, constants_of_banks};
@@ -19,6 +20,7 @@ pub use check::Sweep;
 pub use controller::{Adaptation, Controller, Feedback, Hum, Trust};
 pub use covered::Covered;
 pub use inverse::Inverse;
+pub use short::short;
 pub use supervision::LEAST_TRUST;
 
 use serde::{Deserialize, Serialize};

@@ -9,7 +9,7 @@ use hysteron_control::design::Controller;
 use hysteron_control::learning::{
     Iteration, LEARNED, LearnedReference, Learning, Run, band_hz, corrected, learn, whole_period,
 };
-use hysteron_control::reference::{self, SHAPES};
+use hysteron_control::reference;
 use hysteron_plant::StageConfig;
 
 /// What is learned, and how.
@@ -20,6 +20,8 @@ pub(crate) struct Plan<'a> {
     pub range_um: [f64; 2],
     /// Corrections of each reference, at most.
     pub most: usize,
+    /// The references that are played; those that can be learned are.
+    pub references: &'a [(&'static str, reference::Shape)],
 }
 
 impl Plan<'_> {
@@ -31,7 +33,7 @@ impl Plan<'_> {
     ) -> Result<Vec<LearnedReference>, TrialError> {
         let band_hz = band_hz(self.controller)?;
         let mut all = Vec::new();
-        for (name, shape) in SHAPES.into_iter().filter(|(name, _)| LEARNED.contains(name)) {
+        for &(name, shape) in self.references.iter().filter(|(name, _)| LEARNED.contains(name)) {
             let Some(samples) = whole_period(shape, period_s) else {
                 continue;
             };

@@ -10,12 +10,12 @@ use hysteron_board::upload::Upload;
 use hysteron_board::{BoardError, Mode, Request, TABLE_POINTS};
 use hysteron_control::adapted::Adaptation;
 use hysteron_control::design::Controller;
-use hysteron_control::design::beyond;
+use hysteron_control::design::beyond::{self, NotPlayed};
 use hysteron_control::learning::{LEARNED, LearnedReference};
-use hysteron_control::reference::{Reference, SHAPES, Shape};
+use hysteron_control::reference::{Reference, Shape};
 use hysteron_control::response::Crossing;
 use hysteron_identify::covered::Beyond;
-use hysteron_tracking::scans::ScanFigures;
+use hysteron_tracking::scans::{LINES_HZ, ScanFigures};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -31,6 +31,9 @@ pub const HOLD_S: f64 = 10.0;
 pub(crate) const AFTER_MOVE_S: f64 = 5e-3;
 /// Its errors are averaged over so long, seconds: the sensor's noise is no creep.
 pub(crate) const AVERAGED_S: f64 = 1e-3;
+
+/// Name of the scans among the references that are left out.
+const SCANS: &str = "scans";
 
 /// What is asked of a board.
 #[derive(Debug, Clone, Copy)]
@@ -76,6 +79,9 @@ pub struct BoardReport {
     /// What of the references leaves the records, as was granted.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub beyond: Vec<Beyond>,
+    /// References and scans that were left out since they leave the records.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub not_played: Vec<NotPlayed>,
 }
 
 /// What a loop reached.
@@ -98,19 +104,20 @@ pub struct BoardFigures {
     pub noise_nm: Option<f64>,
 }
 
-/// Runs open and closed loop on every reference, one recording each, and on scans where the board has both axes; then learns, where that
-/// is asked for. Progress gets what runs and the share done, 0 to 1.
+/// Runs open and closed loop on every reference within the records, one recording each, and on scans where the board has both axes; then
+/// learns, where that is asked for. Progress gets what runs and the share done, 0 to 1.
 ///
 /// # Errors
-/// References beyond the records that were not granted, refused before the board is asked for anything; a board that does not answer,
-/// stops, or sends too little.
+/// Positions beyond the records that were not granted, and records without any of the frequencies, refused before the board is asked for
+/// anything; a board that does not answer, stops, or sends too little.
 pub fn track(
     controller: &Controller,
     asked: &Asked<'_>,
     progress: &dyn Fn(&str, f64),
 ) -> Result<BoardReport, TrialError> {
     let range_um = asked.range_um;
-    let beyond = beyond::real(controller, range_um, asked.beyond_records)?;
+    let programme = beyond::real(controller, range_um, asked.beyond_records)?;
+    let scans_beyond = beyond::frequency(controller, range_um, LINES_HZ).filter(|_| !asked.beyond_records);
     let loops: &[(&str, bool)] = match controller.feedback {
         Some(_) => &[("open", false), ("closed", true)],
         None => &[("open", false)],
@@ -126,7 +133,8 @@ pub fn track(
         scans: Vec::new(),
         lost: 0,
         adaptation: controller.adaptation.clone(),
-        beyond,
+        beyond: programme.granted,
+        not_played: programme.not_played,
     };
     // Learning takes about as long as a loop.
     let parts = (loops.len() + usize::from(asked.iterations.is_some())) as f64;
@@ -140,11 +148,23 @@ pub fn track(
         let looped = looped(feedback);
         let progress =
             |what: &str, share: f64| progress(&format!("{what}, {loop_kind} loop"), (l as f64 + share) / parts);
-        let (figures, about) = looped.figures(range_um, loop_kind, &mut report, &progress)?;
+        let (figures, about) = looped.figures((range_um, &programme.played), loop_kind, &mut report, &progress)?;
         report.controllers.push(figures);
-        if about.hello.axes > 1 {
-            let scans = scans::on_board(&looped, range_um, loop_kind, &mut report.lost, &progress)?;
-            report.scans.extend(scans);
+        match scans_beyond {
+            _ if about.hello.axes < 2 => {}
+            None => {
+                let scans = scans::on_board(&looped, range_um, loop_kind, &mut report.lost, &progress)?;
+                report.scans.extend(scans);
+            }
+            Some(beyond) => {
+                let scans = NotPlayed {
+                    reference: SCANS,
+                    beyond,
+                };
+                if !report.not_played.contains(&scans) {
+                    report.not_played.push(scans);
+                }
+            }
         }
         rate_hz = f64::from(about.hello.sample_rate_hz);
     }
@@ -153,6 +173,7 @@ pub fn track(
             controller,
             range_um,
             most,
+            references: &programme.played,
         };
         report.learned = plan.on_board(&looped(false), rate_hz, &mut report.lost, &|name, number| {
             let before = LEARNED.iter().position(|learned| *learned == name).unwrap_or(0) as f64;
@@ -195,16 +216,16 @@ impl Looped<'_> {
     /// All figures of a loop, and the board with the table that ran.
     fn figures(
         &self,
-        range_um: [f64; 2],
+        (range_um, references): ([f64; 2], &[(&'static str, Shape)]),
         loop_kind: &'static str,
         report: &mut BoardReport,
         progress: &dyn Fn(&str, f64),
     ) -> Result<(BoardFigures, About), TrialError> {
         // The references, the small multisine, the rest, and the hold, which takes as long as all of them.
-        let runs = 2.0 * (SHAPES.len() + 2) as f64;
+        let runs = 2.0 * (references.len() + 2) as f64;
         let mut rms_percent = BTreeMap::new();
         let mut said = None;
-        for (r, (name, shape)) in SHAPES.into_iter().enumerate() {
+        for (r, &(name, shape)) in references.iter().enumerate() {
             let judged = Judged::of(shape);
             let request = Request {
                 shape: crate::on_chip::of_the_board(shape),
@@ -228,9 +249,9 @@ impl Looped<'_> {
         report.table_sha256 = hysteron_board::telemetry::hex(&table.hash);
         let small = Small::about(self, &table, range_um);
         let done = |runs_done: usize, part: f64| (runs_done as f64 + part) / runs;
-        let part = |part| progress("small multisine", done(SHAPES.len(), part));
+        let part = |part| progress("small multisine", done(references.len(), part));
         let response = small.response(&mut report.lost, &part)?;
-        let part = |part| progress("at rest", done(SHAPES.len() + 1, part));
+        let part = |part| progress("at rest", done(references.len() + 1, part));
         let noise_nm = small.noise_nm(&mut report.lost, &part)?;
         let part = |part| progress("hold", 0.5 + 0.5 * part);
         let creep_peak_percent = self.hold(range_um, &mut report.lost, &part)?;

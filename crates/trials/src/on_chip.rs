@@ -122,6 +122,7 @@ pub fn track(
                 controller,
                 range_um: bench.range_um,
                 most,
+                references: &SHAPES,
             };
             report.learned = plan.on_chip(&mut running, stage, bench.seed)?;
         }

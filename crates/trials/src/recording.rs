@@ -8,6 +8,7 @@ use hysteron_board::upload::Upload;
 use hysteron_board::{BoardError, Change, Fault, Hello, Machine, Outcome, Recording, Request, budget};
 use hysteron_data::{Dataset, Known, Record, Role};
 use hysteron_plant::{Stage, StageConfig};
+use hysteron_table::short;
 use serde::Serialize;
 use std::path::Path;
 use std::time::Duration;
@@ -119,7 +120,9 @@ fn dataset_of_board(captured: Capture, beside: Option<&Capture>, counted: &Count
         let record = row(Piece {
             file: format!("run-{:03}.csv", i + 1),
             excitation: format!(
-                "reference of the board, {low} to {high} um{}",
+                "reference of the board, {} to {} um{}",
+                short(low.into()),
+                short(high.into()),
                 match several {
                     true => format!(", bank {}, table {}", piece.table.bank, hex(&piece.table.hash)),
                     false => String::new(),
@@ -311,7 +314,9 @@ impl Ran {
             file: "run.csv".to_owned(),
             excitation: format!(
                 "reference {}, {} to {} um{of_the_other}",
-                self.on.excitation, setup.low_um, setup.high_um
+                self.on.excitation,
+                short(setup.low_um.into()),
+                short(setup.high_um.into())
             ),
             start_s: 0.0,
             period_s: stage.sample_period_s,

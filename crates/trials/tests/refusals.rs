@@ -1,8 +1,8 @@
-//! References beyond the records, in position or frequency, are refused before a board is asked for anything and before an image is built.
+//! References beyond the records are refused or left out before a board is asked for anything and before an image is built.
 #![expect(clippy::unwrap_used, reason = "what cannot be made fails the test")]
 
 use hysteron_board::{BoardError, Machine};
-use hysteron_control::design::{Controller, ReferenceKind};
+use hysteron_control::design::{Controller, ReferenceKind, beyond};
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_excitation::{DecayingTriangle, Excitation, Sine};
 use hysteron_identify::control::{RecordedHold, chain_of};
@@ -74,26 +74,86 @@ fn refuse_references_beyond_the_records_on_a_board() {
     for part in ["the records cover", "--range LOW,HIGH", "--beyond-records"] {
         assert!(said.contains(part), "{part}: {said}");
     }
-    // The records swing to 58 Hz, and 10 Hz is within that.
-    let said = run(0.9 * top_um, false).unwrap_err().to_string();
+    // Records that swing to 5 Hz have none of the references.
+    let slower = swinging_to(&controller, 5.0);
+    let error = on_board::track(&slower, &asked(0.9 * top_um, false), &|_, _| ()).unwrap_err();
+    let said = error.to_string();
     for part in [
-        "reference frequency 100 Hz; the records cover 0 to ",
+        "reference frequency 10 Hz; the records cover 0 to 5 Hz",
         "nothing is known there",
         "record a sine over half the range at that frequency",
+        "no reference is slow enough",
         "--beyond-records",
     ] {
         assert!(said.contains(part), "{part}: {said}");
     }
-    // Within them, or with leave, the board is asked.
-    let mut faster = controller.clone();
-    faster.model.covered.swing_hz = Some(1000.0);
-    for (controller, high_um, beyond_records) in [(&faster, 0.9 * top_um, false), (&controller, 1.2 * top_um, true)] {
+    // These records swing to 58 Hz, and 10 Hz is within that: the board is asked, and where all is granted.
+    for (controller, high_um, beyond_records) in [
+        (&controller, 0.9 * top_um, false),
+        (&slower, 0.9 * top_um, true),
+        (&controller, 1.2 * top_um, true),
+    ] {
         let error = on_board::track(controller, &asked(high_um, beyond_records), &|_, _| ()).unwrap_err();
         assert!(
             matches!(error, TrialError::Board(BoardError::Source { .. })),
             "{error:?}"
         );
     }
+}
+
+/// A controller whose records swing as far as this.
+fn swinging_to(controller: &Controller, swing_hz: f64) -> Controller {
+    let mut controller = controller.clone();
+    controller.model.covered.swing_hz = Some(swing_hz);
+    controller
+}
+
+/// Sines of 10, 100, 500, 503 and 1000 Hz, a complex harmonic whose third, 300 Hz, swings over two thirds of the range, and a triangle: each
+/// is played where the records swing as fast, one percent is rounding.
+#[test]
+fn bva_a_real_stage_plays_what_the_records_cover() {
+    let (controller, top_um) = controller();
+    let range_um = [0.3 * top_um, 0.9 * top_um];
+    let all = [
+        "10",
+        "100",
+        "500",
+        "503",
+        "1000",
+        "complex-harmonic-100",
+        "triangle-100",
+    ];
+    for (swing_hz, left_out) in [
+        (990.2, &[][..]),
+        (989.9, &["1000"]),
+        (503.0, &["1000"]),
+        (499.0, &["1000"]),
+        (300.0, &["500", "503", "1000"]),
+        (296.0, &["500", "503", "1000", "complex-harmonic-100"]),
+        (99.1, &["500", "503", "1000", "complex-harmonic-100"]),
+        (
+            98.9,
+            &["100", "500", "503", "1000", "complex-harmonic-100", "triangle-100"],
+        ),
+    ] {
+        let programme = beyond::real(&swinging_to(&controller, swing_hz), range_um, false).unwrap();
+        let played: Vec<&str> = programme.played.iter().map(|(name, _)| *name).collect();
+        let not_played: Vec<&str> = programme.not_played.iter().map(|left| left.reference).collect();
+        assert_eq!(not_played, left_out, "{swing_hz} Hz");
+        let others: Vec<&str> = all.into_iter().filter(|name| !left_out.contains(name)).collect();
+        assert_eq!(played, others, "{swing_hz} Hz");
+        assert!(programme.granted.is_empty());
+        for left in &programme.not_played {
+            assert_eq!(
+                (left.beyond.field, left.beyond.covered),
+                (Field::Frequency, [0.0, swing_hz])
+            );
+        }
+    }
+    let granted = beyond::real(&swinging_to(&controller, 503.0), range_um, true).unwrap();
+    assert_eq!((granted.played.len(), granted.not_played.len()), (7, 0));
+    assert_eq!(granted.granted.len(), 1);
+    assert_eq!(granted.granted[0].value, 1000.0);
 }
 
 #[test]

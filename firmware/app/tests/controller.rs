@@ -19,6 +19,7 @@ struct Lines {
     gains: Option<PiController<f32>>,
     departure_v: f32,
     comes_down: bool,
+    rest_um: f32,
 }
 
 /// What the law has been through.
@@ -114,7 +115,7 @@ impl Law for Lines {
     }
 
     fn rest_um(&self) -> f32 {
-        0.0
+        self.rest_um
     }
 }
 
@@ -125,6 +126,7 @@ const LINES: Lines = Lines {
     gains: None,
     departure_v: 0.0,
     comes_down: false,
+    rest_um: 0.0,
 };
 
 /// 0 to 10 um, 0 to 100 V, safe at 5 V, 0.5 V a sample on the ramp; a code of the sensor is 1 nm less 10 um.
@@ -437,6 +439,39 @@ fn val_what_another_axis_is_told() {
     // The triangle's 2 um in 500 ticks.
     assert!((told.away_um - (told.coming_um - 0.004)).abs() < 1e-5, "{told:?}");
     assert!((told.command_v - 10.0 * told.away_um).abs() < 1e-4, "{told:?}");
+}
+
+/// A stage that rests at 0.5 um, on the way to 2 um, at 2 um of the triangle's beginning and on: another axis is told of what is above the
+/// rest. On a plain ramp down it is told of nothing, since the law takes nothing in.
+#[test]
+fn val_another_axis_is_told_of_what_is_above_the_rest() {
+    let rest_um = 0.5;
+    let mut rig = Rig::new(Lines { rest_um, ..LINES });
+    rig.order(Order::Start);
+    assert_eq!(rig.ticks(9).mode(), Mode::Rising);
+    assert_eq!(rig.controller.beside().coming_um, 1.5);
+    rig.ticks(60);
+    let (told, frame) = (rig.controller.beside(), rig.ticks(1));
+    assert_eq!(frame.mode(), Mode::Running);
+    assert_eq!(told.coming_um, frame.reference_um - 0.5);
+    assert!((told.away_um - (told.coming_um - 0.004)).abs() < 1e-5, "{told:?}");
+    let frame = rig.order(Order::Stop);
+    assert_eq!(frame.mode(), Mode::Falling);
+    assert_eq!(rig.controller.beside().coming_um, 0.0);
+    // One that comes down along its reference takes it in: half of the way from about 2.2 um to the rest after 500 of 1000 ticks.
+    let comes_down = true;
+    let mut rig = Rig::new(Lines {
+        rest_um,
+        comes_down,
+        ..LINES
+    });
+    rig.order(Order::Start);
+    rig.ticks(60);
+    rig.order(Order::Stop);
+    let frame = rig.ticks(499);
+    assert_eq!(frame.mode(), Mode::Falling);
+    assert_eq!(rig.controller.beside().coming_um, frame.reference_um - 0.5);
+    assert!(frame.reference_um > 0.9, "{frame:?}");
 }
 
 /// After a change of table its state is made on the first tick without an order, or on the one that starts.

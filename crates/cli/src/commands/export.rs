@@ -14,7 +14,7 @@ use hysteron_identify::{Direction, Model};
 use hysteron_plant::StageConfig;
 use hysteron_report::law_table_text;
 use hysteron_table::gains::{Design, LoopData, design};
-use hysteron_table::{FORMAT, Family, Table, TableError};
+use hysteron_table::{FORMAT, Family, Table, TableError, short};
 use hysteron_tracking::ends::ends_of;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -326,7 +326,7 @@ fn table(
     let output_min_v = ends.amplifier_v[0].max(ends.dac_v[0]);
     let output_max_v = ends.amplifier_v[1].min(dac_top_v);
     let (rate_hz, from) = rate_hz(stage.as_ref(), model, args)?;
-    ends.told.push(format!("rate {rate_hz} Hz, from {from}"));
+    ends.told.push(format!("rate {} Hz, from {from}", short(rate_hz)));
     let input_min_um = args.input_min.unwrap_or(model.input_min);
     let input_max_um = args.input_max.unwrap_or(model.input_max);
     let covered = ends.covered(

@@ -360,15 +360,17 @@ fn val_a_stage_in_a_process_is_recorded_and_tracked() {
     folder.said(&["design", "records", "--open", "-o", "controller.toml"]);
     let track = ["track", "controller.toml", "--json", "--process", "python3 stage.py"];
     // The campaign's fastest large sine has 907 Hz.
-    folder.refuses(
-        &track,
-        &[
-            "reference frequency 1000 Hz; the records cover 0 to 9",
-            "--beyond-records",
-        ],
-    );
-    let answer = folder.said(&[&track[..], &["--beyond-records"]].concat());
-    let answer: serde_json::Value = serde_json::from_str(&answer).unwrap();
+    let answer = |more: &[&str]| -> serde_json::Value {
+        let answer = folder.said(&[&track[..], more].concat());
+        serde_json::from_str(&answer).unwrap()
+    };
+    let within = answer(&[]);
+    assert_eq!(within["rows"].as_array().unwrap().len(), 6, "{within}");
+    assert_eq!(within["not_played"].as_array().unwrap().len(), 1, "{within}");
+    assert_eq!(within["not_played"][0]["reference"], "1000", "{within}");
+    let answer = answer(&["--beyond-records"]);
+    assert_eq!(answer["rows"].as_array().unwrap().len(), 7, "{answer}");
+    assert!(answer["not_played"].is_null(), "{answer}");
     let slow = &answer["rows"][0];
     assert!(slow["found_percent"].as_f64().unwrap() < 0.5, "{answer}");
 }

@@ -2,9 +2,10 @@
 
 use super::Controller;
 use crate::error::ControlError;
-use crate::reference::SHAPES;
+use crate::reference::{SHAPES, Shape};
 use hysteron_identify::Covered;
 use hysteron_identify::covered::{Beyond, Envelope};
+use serde::Serialize;
 
 /// Values that are asked for, and the option that asks.
 pub struct Asked<'a> {
@@ -81,16 +82,16 @@ pub fn references(
     Ok(covered.beyond)
 }
 
+/// How far a reference of this frequency over a range leaves the records of a controller; none within, or where they do not say.
+pub fn frequency(controller: &Controller, [low_um, high_um]: [f64; 2], frequency_hz: f64) -> Option<Beyond> {
+    let envelope = controller.model.covered.frequency_hz(high_um - low_um)?;
+    envelope.left_by(&[frequency_hz])
+}
+
 /// The references of [`SHAPES`] whose frequency leaves the records of a controller, by name: nothing is known of them.
-pub fn frequencies(controller: &Controller, [low_um, high_um]: [f64; 2]) -> Vec<(&'static str, Beyond)> {
-    let Some(envelope) = controller.model.covered.frequency_hz(high_um - low_um) else {
-        return Vec::new();
-    };
-    let left = SHAPES.iter().filter_map(|(name, shape)| {
-        let beyond = envelope.left_by(&[shape.frequency_hz()])?;
-        Some((*name, beyond))
-    });
-    left.collect()
+pub fn frequencies(controller: &Controller, range_um: [f64; 2]) -> Vec<(&'static str, Beyond)> {
+    let left = |(name, shape): (_, Shape)| Some((name, frequency(controller, range_um, shape.swings_hz())?));
+    SHAPES.into_iter().filter_map(left).collect()
 }
 
 /// Refuses references that leave the positions of a controller's records; what leaves them where that is granted, and every frequency above
@@ -113,18 +114,57 @@ pub fn unknown(beyond: &Beyond) -> String {
     format!("{beyond}: nothing is known there; {}", beyond.field.widen())
 }
 
-/// Refuses references of [`SHAPES`] that leave the records of a controller in position or frequency, where a stage is there that can be
-/// hurt; where that is granted, what leaves them.
+/// A reference that a stage that can be hurt is not asked for.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NotPlayed {
+    /// Its name, as tables and files give it.
+    pub reference: &'static str,
+    /// How far it leaves the records.
+    #[serde(flatten)]
+    pub beyond: Beyond,
+}
+
+/// What a stage that can be hurt is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Programme {
+    /// Those of [`SHAPES`] that are played; at least one.
+    pub played: Vec<(&'static str, Shape)>,
+    /// The others.
+    pub not_played: Vec<NotPlayed>,
+    /// What of the played ones leaves the records, as was granted.
+    pub granted: Vec<Beyond>,
+}
+
+/// The references of [`SHAPES`] for a stage that can be hurt: those whose frequency leaves the records of a controller are left out, unless
+/// they are granted.
 ///
 /// # Errors
-/// [`ControlError::Wish`] for references that leave the records without being granted.
-pub fn real(controller: &Controller, range_um: [f64; 2], beyond_records: bool) -> Result<Vec<Beyond>, ControlError> {
-    let left = simulated(controller, range_um, beyond_records)?;
-    match left.first() {
-        Some(first) if !beyond_records => Err(ControlError::Wish(format!(
-            "{}; --beyond-records plays such references all the same, and the answer says so",
-            unknown(first)
-        ))),
-        _ => Ok(left),
+/// [`ControlError::Wish`] for positions that leave the records without being granted, since every reference goes there, and where every
+/// frequency leaves them.
+pub fn real(controller: &Controller, range_um: [f64; 2], beyond_records: bool) -> Result<Programme, ControlError> {
+    if beyond_records {
+        return Ok(Programme {
+            played: SHAPES.to_vec(),
+            not_played: Vec::new(),
+            granted: simulated(controller, range_um, true)?,
+        });
     }
+    references(controller, range_um, false)?;
+    let left = frequencies(controller, range_um);
+    let is_within = |name: &str| left.iter().all(|(beyond, _)| *beyond != name);
+    let played: Vec<_> = SHAPES.into_iter().filter(|(name, _)| is_within(name)).collect();
+    if let ([], Some((_, first))) = (played.as_slice(), left.first()) {
+        return Err(ControlError::Wish(format!(
+            "{}; no reference is slow enough to be played. --beyond-records plays them all the same, and the answer says so",
+            unknown(first)
+        )));
+    }
+    let not_played = left.into_iter();
+    Ok(Programme {
+        played,
+        not_played: not_played
+            .map(|(reference, beyond)| NotPlayed { reference, beyond })
+            .collect(),
+        granted: Vec::new(),
+    })
 }

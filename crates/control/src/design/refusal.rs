@@ -2,6 +2,7 @@
 
 use crate::error::ControlError;
 use hysteron_identify::control::ControlModel;
+use hysteron_table::short;
 
 /// Longest lag that the core undoes, samples.
 const LONGEST_LAG_SAMPLES: f64 = 1000.0;
@@ -65,7 +66,7 @@ fn modes(model: &ControlModel) -> Result<(), ControlError> {
                     "mode {} at {:.0} Hz has a damping ratio of {}; its inverse needs 0.0001 to 1",
                     i + 1,
                     mode.frequency_hz,
-                    mode.damping
+                    short(mode.damping)
                 ),
                 advice: "record a longer small multisine, so that the width of the peak can be seen",
             });

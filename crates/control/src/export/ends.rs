@@ -5,6 +5,7 @@ use crate::design::beyond::{self, Asked};
 use crate::error::ControlError;
 use hysteron_identify::Covered;
 use hysteron_identify::covered::ToldBy;
+use hysteron_table::short;
 
 /// Converters and amplifier, in volts at the stack and micrometres.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,8 +71,10 @@ impl Ends {
                 Some(([low, high], from)) => {
                     *ends = [low, high];
                     told.push(format!(
-                        "{} {low} to {high} {unit}, from {from}",
-                        name.trim_start_matches('-')
+                        "{} {} to {} {unit}, from {from}",
+                        name.trim_start_matches('-'),
+                        short(low),
+                        short(high)
                     ));
                 }
                 None => missing.push(format!("{option}, {what} ({known} in [known])")),

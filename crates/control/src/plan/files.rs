@@ -2,6 +2,7 @@
 
 use super::{FILE, FORMAT, Pass, Plan, Planned, check, sequence};
 use crate::error::ControlError;
+use hysteron_table::short;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -87,7 +88,8 @@ fn validate(plan: &Plan, pass: &Pass, record: &Planned) -> Result<(), String> {
     if !(record.rate_hz > 0.0 && record.rate_hz <= plan.rate_hz) {
         return wrong(format!(
             "rate_hz = {}: allowed is the plan's, {} Hz, or less",
-            record.rate_hz, plan.rate_hz
+            short(record.rate_hz),
+            short(plan.rate_hz)
         ));
     }
     if record.counts_from < record.lead() || record.counts_from >= record.samples {

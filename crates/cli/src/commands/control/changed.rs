@@ -7,6 +7,7 @@ use crate::output;
 use hysteron_control::design::Controller;
 use hysteron_identify::covered::Beyond;
 use hysteron_report::beyond_text;
+use hysteron_table::short;
 use hysteron_tracking::bench::Bench;
 use hysteron_tracking::robustness::{RobustnessRow, robustness};
 use std::fmt::Write;
@@ -36,9 +37,10 @@ pub(super) fn stages(
 
 fn robustness_text(stage: &str, stroke_um: f64, rows: &[RobustnessRow]) -> String {
     let mut text = format!(
-        "STAGE {} (simulated), changed; the controller is the one designed for it unchanged; stroke {stroke_um} um\n\
+        "STAGE {} (simulated), changed; the controller is the one designed for it unchanged; stroke {} um\n\
          rms against the reference at the same instant, true position, mean included, % of peak to peak\n\n{:<26} {:<6}{}  at rest\n",
         stage,
+        short(stroke_um),
         "",
         "loop",
         heads()

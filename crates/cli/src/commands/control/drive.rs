@@ -11,6 +11,7 @@ use hysteron_control::drive::{Driven, drive};
 use hysteron_data::export::{Column, TableFormat, Values, write_table};
 use hysteron_data::{Reference, read_reference};
 use hysteron_identify::family;
+use hysteron_table::short;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -69,10 +70,10 @@ fn same_rate(args: &DriveArgs, controller: &Controller, reference: &Reference) -
         return Ok(());
     }
     Err(CliError::Option(format!(
-        "{}: sampled at {} Hz, and the controller runs at {:.6} Hz; sample the reference at the controller's rate",
+        "{}: sampled at {} Hz, and the controller runs at {} Hz; sample the reference at the controller's rate",
         args.reference.display(),
-        reference.rate_hz(),
-        1.0 / wanted_s
+        short(reference.rate_hz()),
+        short(1.0 / wanted_s)
     )))
 }
 
@@ -104,8 +105,9 @@ fn text(args: &DriveArgs, controller: &Controller, rate_hz: f64, driven: &Driven
     // Writing to a String does not fail.
     let _ = writeln!(
         text,
-        "{} rows at {rate_hz} Hz, the first {:.3} ms before the reference begins; {low_v:.3} to {high_v:.3} V of {:.3} to {:.3} V",
+        "{} rows at {} Hz, the first {:.3} ms before the reference begins; {low_v:.3} to {high_v:.3} V of {:.3} to {:.3} V",
         driven.command_v.len(),
+        short(rate_hz),
         1e3 * driven.before as f64 * period_s,
         controller.model.voltage_min_v,
         controller.model.voltage_max_v

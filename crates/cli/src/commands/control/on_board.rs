@@ -1,7 +1,7 @@
 //! `hysteron track --board`: the references of the table by a real board, judged by its own sensor.
 
 use crate::commands::control::learning;
-use crate::commands::control::track::{TrackArgs, cells, first_mode, heads, hertz, scan_rows, unsaid};
+use crate::commands::control::track::{TrackArgs, cells, first_mode, heads, hertz, not_played, scan_rows, unsaid};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
@@ -82,6 +82,7 @@ fn text(report: &BoardReport) -> String {
     text.push_str(&unsaid(report.adaptation.as_ref()));
     text.push_str(&learning::text(&report.learned, " on the board"));
     let _ = writeln!(text, "\n{} ticks lost", report.lost);
+    text.push_str(&not_played(&report.not_played));
     text.push_str(&beyond_text(&report.beyond));
     text
 }

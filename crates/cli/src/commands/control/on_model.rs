@@ -1,6 +1,6 @@
 //! `hysteron track --model`: a controller on the user's own identified model.
 
-use crate::commands::control::track::TrackArgs;
+use crate::commands::control::track::{TrackArgs, not_played};
 use crate::commands::load;
 use crate::error::CliError;
 use crate::exit::Done;
@@ -41,7 +41,7 @@ pub(super) fn answer(args: &TrackArgs, title: &str, (report, beyond): (&Report, 
     if args.json {
         output::print_json(&Answer { report, beyond })?;
     } else {
-        output::print(&(tracked_text(title, report) + &beyond_text(beyond)))?;
+        output::print(&(tracked_text(title, report) + &not_played(&report.not_played) + &beyond_text(beyond)))?;
     }
     Ok(if report.rows.iter().all(|row| row.stable) {
         Done::Answered

@@ -22,12 +22,14 @@ pub(super) fn track(
 ) -> Result<Done, CliError> {
     let range_um = given_um.unwrap_or_else(|| half_the_stroke(controller));
     // Behind a process there may be a stage.
-    let left = beyond::real(controller, range_um, args.beyond_records)?;
+    let programme = beyond::real(controller, range_um, args.beyond_records)?;
     let stage = stage(command, args.timeout)?;
     let bar = progress::bar("on the process");
-    let report = on_process(&stage, controller, range_um, &|share| progress::advance(&bar, share))?;
+    let report = on_process(&stage, controller, range_um, &programme, &|share| {
+        progress::advance(&bar, share)
+    })?;
     bar.finish_and_clear();
-    answer(args, &format!("PROCESS {command}"), (&report, &left))
+    answer(args, &format!("PROCESS {command}"), (&report, &programme.granted))
 }
 
 /// A stage in a process as options name it.

@@ -15,6 +15,7 @@ use hysteron_control::plan::skew::Skew;
 use hysteron_control::plan::{self, Plan};
 use hysteron_data::{Dataset, Record, write_dataset};
 use hysteron_identify::control::{ControlModel, identify};
+use hysteron_table::short;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -70,7 +71,8 @@ fn write_pass(plan: &Plan, number: usize, folder: &Path) -> Result<String, CliEr
     let cycle = match number {
         0 => format!(
             "cycle the stage to {} V and back to {} V, then ",
-            plan.cycle_to_v, plan.rest_v
+            short(plan.cycle_to_v),
+            short(plan.rest_v)
         ),
         _ => String::new(),
     };
@@ -79,10 +81,10 @@ fn write_pass(plan: &Plan, number: usize, folder: &Path) -> Result<String, CliEr
         "\n{cycle}play each after its rest at {} V, and record voltage and position from its first sample on; names are free\n\
          or all of it at once, rests and all: {}, {} samples at {} Hz, {:.1} s\n\
          {} knows them by their voltages\n",
-        plan.rest_v,
+        short(plan.rest_v),
         path.display(),
         pass.samples,
-        plan.rate_hz,
+        short(plan.rate_hz),
         pass.samples as f64 / plan.rate_hz,
         file.display()
     );
@@ -237,7 +239,7 @@ fn known(args: &CampaignArgs, plan: &Plan, recorded: &Dataset) -> Result<Dataset
     if let Some(max_v) = known.voltage_max_v.filter(|max_v| *max_v < plan.cycle_to_v) {
         return Err(CliError::Option(format!(
             "the plan goes to {} V, and dataset.toml has voltage_max_v = {max_v}: correct it, or plan with a lower --top-v",
-            plan.cycle_to_v
+            short(plan.cycle_to_v)
         )));
     }
     known.voltage_min_v = known.voltage_min_v.or(Some(plan.rest_v));

@@ -8,11 +8,12 @@ use crate::{output, progress};
 use clap::Args;
 use hysteron_control::adapted::Adaptation;
 use hysteron_control::design::Controller;
-use hysteron_control::design::beyond;
+use hysteron_control::design::beyond::{self, NotPlayed};
 use hysteron_control::reference::SHAPES;
 use hysteron_identify::covered::Beyond;
 use hysteron_plant::StageConfig;
-use hysteron_report::{adapted_text, beyond_text, bounds_text};
+use hysteron_report::{adapted_text, beyond_text, bounds_text, reference_name};
+use hysteron_table::short;
 use hysteron_tracking::bench::{Bench, ControllerFigures, STAIRCASE, TrackReport, compare};
 use hysteron_tracking::learning::learn_references;
 use hysteron_tracking::scans::{LINES_HZ, ScanFigures};
@@ -68,7 +69,7 @@ pub(crate) struct TrackArgs {
     /// Lowest and highest reference, micrometres; without it half the stroke about two fifths of it
     #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 1)]
     pub range: Option<Vec<f64>>,
-    /// References beyond the positions that the records cover and, where a real stage may be, their frequencies; the answer says so
+    /// References beyond the positions that the records cover and, where a real stage may be, faster ones, left out otherwise
     #[arg(long)]
     pub beyond_records: bool,
     /// Write a page with pictures
@@ -298,8 +299,26 @@ pub(super) fn hertz(value: Option<f64>) -> String {
 
 /// Errors by reference under them.
 pub(super) fn cells(rms_percent: &BTreeMap<String, f64>) -> String {
-    let cell = |(key, _): &(&str, _)| format!(" {:>8.3}", rms_percent.get(*key).copied().unwrap_or(f64::NAN));
+    let cell = |(key, _): &(&str, _)| match rms_percent.get(*key) {
+        Some(percent) => format!(" {percent:>8.3}"),
+        None => format!(" {:>8}", "-"),
+    };
     SHAPES.iter().map(cell).collect()
+}
+
+/// References that were left out, why, and what would play them.
+pub(super) fn not_played(left: &[NotPlayed]) -> String {
+    let Some(NotPlayed { beyond, .. }) = left.first() else {
+        return String::new();
+    };
+    let names: Vec<String> = left.iter().map(|left| reference_name(left.reference)).collect();
+    // All of them leave the same ends.
+    let [low, high] = beyond.covered;
+    format!(
+        "not played: {}; the records cover references of {low:.0} to {high:.0} Hz. To play them, {}, or give --beyond-records\n",
+        names.join(", "),
+        beyond.field.widen()
+    )
 }
 
 /// Names of the references of which it is known what was learned on them.
@@ -317,7 +336,9 @@ pub(super) fn text(report: &TrackReport) -> String {
         "STAGE {} (simulated), {mode}; stroke {} um; errors against the reference at the same instant, {} position\n\
          rms, % of peak to peak; creep: largest error from 5 ms after moves, 10 s holds; step: time until the error after a set-point\n\
          step of a tenth of the range stays below 1 % of it, and overshoot\n",
-        report.stage, report.stroke_um, report.position
+        report.stage,
+        short(report.stroke_um),
+        report.position
     );
     let widest = report.controllers.iter().map(|c| c.name.len()).max().unwrap_or(0);
     let _ = writeln!(

@@ -7,6 +7,7 @@ use crate::output;
 use hysteron_control::design::beyond::{self, Asked};
 use hysteron_fmu::{Fmu, FmuError};
 use hysteron_identify::Model;
+use hysteron_table::short;
 
 /// Writes the law of a table whose file is `text`; `said` is what the table's making said.
 pub(super) fn write_law(table: &Table, text: &str, args: &ExportArgs, said: &str) -> Result<Done, CliError> {
@@ -30,10 +31,11 @@ pub(super) fn write_stage(model: &Model, args: &ExportArgs) -> Result<Done, CliE
     )?;
     let unit = Fmu::of_stage(model, &name(args)?, rate_hz);
     let said = format!(
-        "{} with {} plays and {} effects at {rate_hz} Hz, from rest at 0 V\n",
+        "{} with {} plays and {} effects at {} Hz, from rest at 0 V\n",
         model.family,
         model.thresholds.len(),
-        model.effects.len()
+        model.effects.len(),
+        short(rate_hz)
     );
     write(unit, args, &said)
 }
