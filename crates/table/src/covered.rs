@@ -121,13 +121,13 @@ mod tests {
     #[test]
     fn val_lines_have_no_tails_of_binary_fractions() {
         let covered = Covered {
-            position_um: Some([0.0, 12.300_000_000_000_001]),
+            position_um: Some([0.0, 1.1 * 1.1]),
             sample_rate_hz: Some(1.0 / 20.3e-6),
             ..Covered::default()
         };
         assert_eq!(
             covered.lines(),
-            ["position 0 to 12.3 um", "sample rate up to 49261.1 Hz"]
+            ["position 0 to 1.21 um", "sample rate up to 49261.1 Hz"]
         );
     }
 
