@@ -222,3 +222,31 @@ impl<'a> Plan<'a> {
             .unwrap_or(0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is left is least at 0.3 of the fast creep: the three fast elements get it, the slow ones stay. Where nothing bends upwards the
+    /// holds have the last word; beyond one and a half nothing is taken.
+    #[test]
+    fn bva_as_much_fast_creep_as_leaves_least() {
+        let tau_s = time_constants().to_vec();
+        let by_holds = CreepPart {
+            shares: vec![0.01; tau_s.len()],
+            tau_s,
+        };
+        let fast = |left: &(dyn Fn(f64) -> f64 + Sync)| {
+            let found = as_fast_as_loops_say(by_holds.clone(), &|creep| left(creep.shares[0] / 0.01));
+            assert_eq!(found.shares[3..], by_holds.shares[3..]);
+            assert!(found.shares[..3].iter().all(|share| *share == found.shares[0]));
+            found.shares[0] / 0.01
+        };
+        assert!((fast(&|amount| (1.0 + (amount - 0.3).powi(2)).sqrt()) - 0.3).abs() < 1e-9);
+        assert_eq!(fast(&|amount| 2.0 - amount.powi(2)), 1.0);
+        assert_eq!(fast(&|_| f64::INFINITY), 1.0);
+        assert!((fast(&|amount| (1.0 + (amount - 1.49).powi(2)).sqrt()) - 1.49).abs() < 1e-9);
+        assert_eq!(fast(&|amount| (1.0 + (amount - 1.6).powi(2)).sqrt()), 1.5);
+        assert_eq!(fast(&|amount| (1.0 + (amount + 0.2).powi(2)).sqrt()), 0.0);
+    }
+}
