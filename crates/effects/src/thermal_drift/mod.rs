@@ -72,6 +72,11 @@ impl Effect for ThermalDrift {
         (low.abs() > OF_THE_GAIN * high.abs()).then_some(low)
     }
 
+    /// No stage's gain changes by a twentieth a kelvin: what asks for more is something else.
+    fn refuted_on_bound(&self, parameter: &str) -> bool {
+        parameter == "gain"
+    }
+
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -208,6 +213,16 @@ fn warmer(values: &[f64], signals: &Signals<'_>, n: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bva_a_gain_on_its_bound_is_no_drift() {
+        assert!(ThermalDrift.refuted_on_bound("gain"));
+        assert!(
+            !["shift", "tau", "rest_share"]
+                .iter()
+                .any(|name| ThermalDrift.refuted_on_bound(name))
+        );
+    }
 
     /// A gain about the low end leaves the zero where it is; a shift, and a gain about the middle, move it.
     #[test]
