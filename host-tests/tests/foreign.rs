@@ -1,5 +1,4 @@
 //! Tracking on two stages that share no law with the simulated stage.
-#![expect(clippy::unwrap_used, reason = "a stage without a controller has failed the test")]
 
 use host_tests::foreign::{Foreign, HERTZ, Outcome, Untold, outcome};
 use rayon::prelude::*;
