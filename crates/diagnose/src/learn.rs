@@ -173,7 +173,7 @@ fn go_on(
     if investigation.nothing_taken() {
         climb.shape(&investigation);
     }
-    let (mut diagnosis, _) = conclude(&start, &investigation, of_records.clone(), &|_, _| ());
+    let (mut diagnosis, _) = conclude(&start, &investigation, of_records, &|_, _| ());
     // Where the model's own plays stay, its chain is no longer that of the free shape: what helps it is asked of itself.
     let settled = !climb.model.effects.is_empty();
     if stop != Stop::EnoughSteps

@@ -1,5 +1,5 @@
-//! Which record to take next: the explanations that are alive are run on records that this rig can make, and the record on which
-//! the closest two lie farthest apart is the one to take.
+//! Which record to take next: the explanations that are alive are run on records that this rig can make, and the record after which
+//! the right name is likeliest is the one to take.
 
 use crate::diagnosis::{NextRecord, Verdict};
 use crate::investigation::Investigation;
@@ -67,30 +67,20 @@ pub(crate) fn choose(investigation: &Investigation<'_>, decision: &Decision, odd
         .map(|(left, _)| left.sqrt())
         .fold(0.0, f64::max);
     let sigma_um = search.noise_um().hypot(left_um).max(f64::MIN_POSITIVE);
-    let after = |proposal: &Proposal| {
+    let judge = |proposal: Proposal| {
         let outputs: Vec<Vec<f64>> = rivals
             .iter()
             .map(|rival| search.foretell(rival.trial, &proposal.drive))
             .collect();
-        right_after(&rivals, &outputs, sigma_um)
+        let right = right_after(&rivals, &outputs, sigma_um);
+        let each = rivals.iter().zip(&right);
+        let named: f64 = each.map(|(rival, right)| rival.probability * right).sum();
+        (named, right, proposal)
     };
-    let of = |right: &[f64]| -> f64 {
-        rivals
-            .iter()
-            .zip(right)
-            .map(|(rival, right)| rival.probability * right)
-            .sum()
-    };
-    let judged: Vec<(Proposal, Vec<f64>)> = proposals(&rig)
-        .into_par_iter()
-        .map(|proposal| {
-            let right = after(&proposal);
-            (proposal, right)
-        })
-        .collect();
+    let judged: Vec<(f64, Vec<f64>, Proposal)> = proposals(&rig).into_par_iter().map(judge).collect();
     let now: f64 = rivals.iter().map(|rival| rival.probability.powi(2)).sum();
-    let best = judged.into_iter().max_by(|a, b| of(&a.1).total_cmp(&of(&b.1)));
-    let (proposal, right) = best.filter(|(_, right)| of(right) - now > LEAST_GAIN)?;
+    let best = judged.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+    let (_, right, proposal) = best.filter(|(named, ..)| named - now > LEAST_GAIN)?;
     let expected = rivals.iter().zip(right).filter_map(|(rival, probability)| {
         let effect = rival.effect.clone()?;
         Some(Likely { effect, probability })

@@ -144,30 +144,25 @@ pub fn track(
         feedback,
     };
     let mut rate_hz = USUAL_HZ;
+    let mut axes = 1;
     for (l, &(loop_kind, feedback)) in loops.iter().enumerate() {
         let looped = looped(feedback);
         let progress =
             |what: &str, share: f64| progress(&format!("{what}, {loop_kind} loop"), (l as f64 + share) / parts);
         let (figures, about) = looped.figures((range_um, &programme.played), loop_kind, &mut report, &progress)?;
         report.controllers.push(figures);
-        match scans_beyond {
-            _ if about.hello.axes < 2 => {}
-            None => {
-                let scans = scans::on_board(&looped, range_um, loop_kind, &mut report.lost, &progress)?;
-                report.scans.extend(scans);
-            }
-            Some(beyond) => {
-                let scans = NotPlayed {
-                    reference: SCANS,
-                    beyond,
-                };
-                if !report.not_played.contains(&scans) {
-                    report.not_played.push(scans);
-                }
-            }
+        axes = about.hello.axes;
+        if axes > 1 && scans_beyond.is_none() {
+            let scans = scans::on_board(&looped, range_um, loop_kind, &mut report.lost, &progress)?;
+            report.scans.extend(scans);
         }
         rate_hz = f64::from(about.hello.sample_rate_hz);
     }
+    let scans = |beyond| NotPlayed {
+        reference: SCANS,
+        beyond,
+    };
+    report.not_played.extend(scans_beyond.filter(|_| axes > 1).map(scans));
     if let Some(most) = asked.iterations {
         let plan = Plan {
             controller,
