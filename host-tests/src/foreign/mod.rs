@@ -6,8 +6,9 @@ mod stage;
 use hysteron_control::ControlError;
 use hysteron_control::campaign::{Campaign, Command, Protocol};
 use hysteron_control::design::{CompleteLaw, Controller, ReferenceKind};
+use hysteron_control::expected::half_the_stroke;
 use hysteron_control::figures::{Tracked, judge};
-use hysteron_control::reference::{Reference, Shape};
+use hysteron_control::reference::{RISE_S, Reference, Shape};
 use hysteron_core::surroundings::LoopInput;
 use hysteron_data::{Dataset, Known, Record, Role};
 use rayon::prelude::*;
@@ -43,9 +44,7 @@ pub fn outcome(seed: u64) -> Result<Outcome, ControlError> {
     let Campaign { model, .. } = campaign(&stage, seed)?;
     let open = Controller::design(&model, ReferenceKind::Previewed)?.adapting(GAIN_BOUND);
     let closed = open.clone().with_feedback()?;
-    let inverse = &model.inverse;
-    let low_um = inverse.input_min_um.max(0.0);
-    let range_um = [0.15, 0.65].map(|share| model.around.rest_um + low_um + share * (inverse.input_max_um - low_um));
+    let range_um = half_the_stroke(&open);
     let each = |controller: &Controller| -> Result<Vec<f64>, ControlError> {
         let law = controller.law::<f64>()?;
         let percent = |hz: &f64| tracked_percent(&stage, &law, range_um, *hz);
@@ -102,28 +101,21 @@ fn campaign(stage: &Foreign, seed: u64) -> Result<Campaign, ControlError> {
 fn tracked_percent(stage: &Foreign, law: &CompleteLaw<f64>, range_um: [f64; 2], hz: f64) -> f64 {
     let shape = |frequency_hz| Shape::Sine { frequency_hz };
     let judged = shape(hz).reference(range_um, PERIOD_S);
-    let mut reference = Reference::default();
-    if stage.untold == Untold::Gain {
-        // From the rest to the low end once, then periods of 10 Hz, which end there.
-        let slow = shape(10.0);
-        let rise = slow.reference(range_um, PERIOD_S);
-        let periods = (LEARNING_S / PERIOD_S) as usize;
-        let sine = (0..periods).map(|k| {
-            let share = slow.share(k as f64 * PERIOD_S);
-            range_um[0] + (range_um[1] - range_um[0]) * share
-        });
-        let risen = rise.samples_um.iter().take((0.02 / PERIOD_S) as usize);
-        reference.samples_um.extend(risen);
-        reference.samples_um.extend(sine);
-    }
-    let rise = if reference.samples_um.is_empty() {
-        0
+    // From the rest to the low end once; where the gain is to be learned, then whole periods of 10 Hz, which end there.
+    let rise = (RISE_S / PERIOD_S).round() as usize;
+    let learning = if stage.untold == Untold::Gain {
+        (LEARNING_S / PERIOD_S) as usize
     } else {
-        (0.02 / PERIOD_S) as usize
+        0
     };
-    let from = reference.samples_um.len() + judged.judged_from - rise;
-    reference.samples_um.extend(&judged.samples_um[rise..]);
-    reference.after_um = judged.after_um;
+    let [low_um, high_um] = range_um;
+    let slow = |k: usize| low_um + (high_um - low_um) * shape(10.0).share(k as f64 * PERIOD_S);
+    let (risen, periods) = judged.samples_um.split_at(rise);
+    let reference = Reference {
+        samples_um: [risen, &(0..learning).map(slow).collect::<Vec<f64>>(), periods].concat(),
+        judged_from: judged.judged_from + learning,
+        after_um: judged.after_um,
+    };
     let mut running = stage.at_rest(PERIOD_S, true, 77);
     let ahead = law.ahead();
     let mut state = law.rest(0.0);
@@ -149,7 +141,7 @@ fn tracked_percent(stage: &Foreign, law: &CompleteLaw<f64>, range_um: [f64; 2], 
         true_um,
         ..Tracked::default()
     };
-    judge(&run.from(from), PERIOD_S).map_or(f64::NAN, |figures| figures.true_percent)
+    judge(&run.from(reference.judged_from), PERIOD_S).map_or(f64::NAN, |figures| figures.true_percent)
 }
 
 /// The middle one, and the largest.
