@@ -3,7 +3,7 @@
 use host_tests::foreign::{Foreign, HERTZ, Outcome, Untold, outcome};
 use rayon::prelude::*;
 
-/// Closed loops come to 0.02 % at 10 Hz, no loop swings, and where a design says that its feedback helps the feedback does not harm. A
+/// Closed loops come to 0.02 % at 10 Hz, 500 Hz to 0.12 % open and 0.06 % closed, 1 kHz to 0.4 %, no loop swings, and where a design says that its feedback helps the feedback does not harm. A
 /// gain that grew by 1 % after the campaign costs 0.35 % in open loop where nothing learns it.
 #[test]
 fn val_stages_of_other_laws_are_followed() {
@@ -18,6 +18,8 @@ fn val_stages_of_other_laws_are_followed() {
         println!("{seed}: helps to {helps_to_hz:?} Hz, open {open:?}, closed {closed:?}");
         assert!(closed[0] < 0.02, "{seed}: {closed:?}");
         assert!(open[0] < 0.2, "{seed}: {open:?}");
+        assert!(open[2] < 0.12 && closed[2] < 0.06, "{seed}: {open:?} {closed:?}");
+        assert!(open[3] < 0.4 && closed[3] < 0.4, "{seed}: {open:?} {closed:?}");
         assert!(
             open.iter().chain(&closed).all(|percent| *percent < 1.0),
             "{seed}: {open:?} {closed:?}"

@@ -7,7 +7,7 @@ use crate::corner_polynomial::CornerPolynomial;
 use crate::effects::coupling::Coupling;
 use crate::effects::creep::CreepInverse;
 use crate::effects::hum_canceller::HumCanceller;
-use crate::effects::lag::{HeldLagInverse, Lag};
+use crate::effects::lag::{HeldLagInverse, Lag, LagGrowth};
 use crate::effects::thermal::{Heat, Thermal};
 use crate::error::{ParamError, in_range};
 use crate::limiter::Limiter;
@@ -48,6 +48,8 @@ pub struct LawNumbers {
     pub inverse: InverseNumbers,
     /// The amplifier's lag.
     pub lag_s: f64,
+    /// The voltage at which it is that (V), and how much it grows with it (1/V); constant without.
+    pub lag_growth: Option<[f64; 2]>,
     /// Feedback; none in open loop.
     pub feedback: Option<FeedbackNumbers>,
     /// Lowest command.
@@ -172,7 +174,11 @@ impl LawNumbers {
                 second_mode: section(self.second_mode)?,
                 creep: CreepInverse::new(fast, slow, rate_hz, CREEP_DIVIDER)?,
                 hysteresis: self.inverse.inverse(rate_hz)?,
-                lead: HeldLagInverse::new(self.lag_s, rate_hz)?,
+                lead: HeldLagInverse::new(
+                    self.lag_s,
+                    self.lag_growth.map(|[about_v, per_v]| LagGrowth { about_v, per_v }),
+                    rate_hz,
+                )?,
             },
             feedback: match &self.feedback {
                 Some(numbers) => Some(numbers.feedback(rate_hz)?),

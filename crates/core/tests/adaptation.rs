@@ -41,6 +41,7 @@ fn numbers(feedback: bool) -> LawNumbers {
             cubic: [0.0; PLAYS],
         },
         lag_s: 0.0,
+        lag_growth: None,
         feedback: feedback.then_some(FeedbackNumbers {
             integral_v_per_um_s: 2000.0, // a bandwidth of 32 Hz
             series: [identity; 2],

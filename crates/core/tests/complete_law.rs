@@ -52,6 +52,7 @@ fn plain() -> LawNumbers {
             cubic: [0.0; PLAYS],
         },
         lag_s: 0.0,
+        lag_growth: None,
         feedback: None,
         command_min_v: 0.0,
         command_max_v: 100.0,
@@ -103,6 +104,7 @@ fn everything() -> LawNumbers {
         numbers.inverse.cubic[i] = -0.001 + 0.0001 * i as f64;
     }
     numbers.lag_s = 70e-6;
+    numbers.lag_growth = Some([60.0, 2e-3]);
     numbers.feedback = Some(FeedbackNumbers {
         integral_v_per_um_s: 4000.0,
         series: [[1.2, -0.7, 0.3, -0.4, 0.2], [0.9, 0.5, 0.2, 0.3, 0.25]],
@@ -238,6 +240,13 @@ const CHANGES: &[Change] = &[
     ("inverse.quadratic", |n| n.inverse.quadratic[3] *= 1.5),
     ("inverse.cubic", |n| n.inverse.cubic[3] *= 1.5),
     ("lag_s", |n| n.lag_s *= 1.1),
+    ("lag_growth about", |n| {
+        n.lag_growth = n.lag_growth.map(|[about, per]| [about + 10.0, per])
+    }),
+    ("lag_growth per volt", |n| {
+        n.lag_growth = n.lag_growth.map(|[about, per]| [about, 1.5 * per])
+    }),
+    ("no lag_growth", |n| n.lag_growth = None),
     ("command_min_v", |n| n.command_min_v = 40.0),
     ("command_max_v", |n| n.command_max_v = 60.0),
     ("slew_v_per_s", |n| n.slew_v_per_s = 50e3),

@@ -5,7 +5,7 @@ use crate::{Family, Table, TableError, short};
 use hysteron_core::biquad::Biquad;
 use hysteron_core::effects::coupling::Coupling;
 use hysteron_core::effects::creep::CreepInverse;
-use hysteron_core::effects::lag::{HeldLagInverse, Lag};
+use hysteron_core::effects::lag::{HeldLagInverse, Lag, LagGrowth};
 use hysteron_core::error::ParamError;
 use hysteron_core::law_numbers::{
     AdaptationNumbers, CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LARGEST_CROSS, LawNumbers,
@@ -33,6 +33,9 @@ pub struct Controller {
     pub rest_um: f64,
     /// The amplifier's lag.
     pub lag_s: f64,
+    /// The voltage at which it is that (V), and how much it grows with it (1/V).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lag_growth: Option<[f64; 2]>,
     /// The sensor's lag; 0 for none.
     pub sensor_lag_s: f64,
     /// Coefficients of the preview filter, the newest sample's first.
@@ -236,6 +239,7 @@ impl Table {
                 inverse_max_um: law.inverse.max_um,
                 rest_um: law.rest_um,
                 lag_s: law.lag_s,
+                lag_growth: law.lag_growth,
                 sensor_lag_s: law.sensor_lag_s,
                 preview: law.preview.to_vec(),
                 second_mode: law.second_mode,
@@ -298,6 +302,7 @@ impl Table {
             },
             inverse: self.inverse_numbers(part)?,
             lag_s: part.lag_s,
+            lag_growth: part.lag_growth,
             feedback: part.feedback.as_ref().map(|feedback| FeedbackNumbers {
                 integral_v_per_um_s: feedback.integral_v_per_um_s,
                 series: feedback.series,
@@ -411,7 +416,15 @@ impl Controller {
             CREEP_DIVIDER,
         );
         named("controller.creep_shares, controller.creep_tau_s", creep)?;
-        named("controller.lag_s", HeldLagInverse::<f32>::new(self.lag_s, rate_hz))?;
+        named(
+            "controller.lag_s",
+            HeldLagInverse::<f32>::new(self.lag_s, None, rate_hz),
+        )?;
+        let growth = self.lag_growth.map(|[about_v, per_v]| LagGrowth { about_v, per_v });
+        named(
+            "controller.lag_growth",
+            HeldLagInverse::<f32>::new(self.lag_s, growth, rate_hz),
+        )?;
         named("controller.sensor_lag_s", Lag::<f32>::new(self.sensor_lag_s, rate_hz))?;
         if let Some(feedback) = &self.feedback {
             named("controller.feedback.series[1]", section(feedback.series[0]))?;
@@ -478,6 +491,7 @@ impl Controller {
         list("second_mode", &self.second_mode);
         list("creep_shares", &self.creep_shares);
         list("creep_tau_s", &self.creep_tau_s);
+        list("lag_growth", &self.lag_growth.unwrap_or_default());
         list("coupling", &self.coupling.unwrap_or_default());
         list("sensor", &self.sensor.unwrap_or_default());
         list("heat", &self.heat.unwrap_or_default());

@@ -235,6 +235,7 @@ impl Controller {
             creep_slow,
             inverse: model.inverse.numbers()?,
             lag_s: model.linear.lag_s,
+            lag_growth: model.linear.lag_growth,
             feedback: self.feedback.as_ref().map(FeedbackDesign::numbers),
             command_min_v: low_v,
             command_max_v: high_v,
@@ -282,14 +283,11 @@ const ARRIVES: f64 = 0.05;
 /// How early the inverse has to come, seconds: the latency (half a sample of it is the converter's hold), and what lies between
 /// the middle of a held command and the instant at which the position has to be right.
 ///
-/// An amplifier's lag of a sample and more rises all through it and is made to meet its value at the end: half a sample more. A
-/// shorter one has done so earlier, by the mean of its path, `1 / (1 - e^-a) - 1 / a` with a the samples a lag. A mode averages what
-/// the path leaves. Where nothing averages, the position at a sample is one of the steps: whole samples.
+/// Behind an amplifier's lag the voltage meets its value at the end of a held command: half a sample more. On the way it has been ahead of
+/// a straight line, by the mean of its path less a half, `1 / (1 - e^-a) - 1 / a` with a the samples a lag; a mode averages that. Where
+/// nothing averages and nothing lags, the position at a sample is one of the steps: whole samples.
 fn advance_s(model: &ControlModel) -> f64 {
     let (period_s, lag_s) = (model.sample_period_s, model.linear.lag_s);
-    if lag_s >= period_s {
-        return model.latency_s + 0.5 * period_s;
-    }
     let samples_a_lag = period_s / lag_s;
     let mean = if lag_s > 0.0 {
         1.0 / (1.0 - (-samples_a_lag).exp()) - 1.0 / samples_a_lag

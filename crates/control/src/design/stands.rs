@@ -146,6 +146,7 @@ pub(crate) mod tests {
             held_out: Vec::new(),
             linear: LinearPart {
                 lag_s: 0.0,
+                lag_growth: None,
                 modes: Vec::new(),
             },
             creep: CreepPart {

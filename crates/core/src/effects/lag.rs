@@ -105,14 +105,17 @@ impl<T: Real> Block<T> for Lag<T> {
 /// output passes through every `v_k` exactly at the sample. The half sample that the hold costs is paid by knowing
 /// `v_{k+1}`. The wanted outputs come one sample ahead of the command.
 ///
+/// A stack's capacitance grows with its voltage, and the lag with it: the lead is then that of the voltage in the middle between two
+/// wanted outputs, on a straight line through its value at a voltage.
+///
 /// # Units
-/// Time constant in seconds; below a tenth of a sample the wanted output goes through.
+/// Time constant in seconds; below a tenth of a sample the wanted output goes through. Growth in shares a volt.
 /// # Cost
-/// 1 multiply-add and 1 subtraction a step.
+/// 2 multiply-adds, 1 addition and 1 subtraction a step.
 /// # Example
 /// ```
 /// use hysteron_core::effects::lag::HeldLagInverse;
-/// let lead = HeldLagInverse::<f64>::new(60e-6, 50e3)?;
+/// let lead = HeldLagInverse::<f64>::new(60e-6, None, 50e3)?;
 /// let mut last = 0.0;
 /// let command = lead.step(&mut last, 1.0); // from 0 to 1 V in one sample
 /// let after_a_sample = command * (1.0 - (-20.0_f64 / 60.0).exp());
@@ -121,32 +124,61 @@ impl<T: Real> Block<T> for Lag<T> {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeldLagInverse<T> {
-    /// `1 / (1 - exp(-T / tau))`.
+    /// `1 / (1 - exp(-T / tau))`, led back to 0 V.
     lead: T,
+    /// Half of its change a volt.
+    half_change: T,
+}
+
+/// How a lag grows with the voltage: `tau (1 + per_v (v - about_v))`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LagGrowth {
+    /// Where the time constant is what it is said to be, volts.
+    pub about_v: f64,
+    /// Growth, shares a volt.
+    pub per_v: f64,
 }
 
 /// Largest lead of [`HeldLagInverse`] in samples: a lag of a thousand samples asks for a thousand times the change.
 const LONGEST_LAG_SAMPLES: f64 = 1e3;
 
+/// Most that a lag grows in a volt, a share: stacks of 10 V and more double their capacitance at most.
+const LARGEST_GROWTH_PER_V: f64 = 0.1;
+/// Farthest from 0 V that the middle of a range lies, volts.
+const FARTHEST_V: f64 = 1e5;
+
 impl<T: Real> HeldLagInverse<T> {
     /// Builds the inverse.
     ///
     /// # Errors
-    /// A time constant outside 0 to 1000 samples (an inverse that strong would only amplify noise); a sample rate
-    /// outside 1e-3 to 1e7 Hz.
-    pub fn new(tau_s: f64, sample_rate_hz: f64) -> Result<Self, ParamError> {
+    /// A time constant outside 0 to 1000 samples (an inverse that strong would only amplify noise); a growth outside +-0.1 a volt,
+    /// about a voltage outside +-1e5 V; a sample rate outside 1e-3 to 1e7 Hz.
+    #[cold]
+    pub fn new(tau_s: f64, growth: Option<LagGrowth>, sample_rate_hz: f64) -> Result<Self, ParamError> {
         in_range("sample_rate_hz", None, sample_rate_hz, 1e-3, 1e7)?;
         in_range("tau_s", None, tau_s, 0.0, LONGEST_LAG_SAMPLES / sample_rate_hz)?;
+        let LagGrowth { about_v, per_v } = growth.unwrap_or_default();
+        in_range("growth_per_v", None, per_v, -LARGEST_GROWTH_PER_V, LARGEST_GROWTH_PER_V)?;
+        in_range("about_v", None, about_v, -FARTHEST_V, FARTHEST_V)?;
         // Below a tenth of a sample 1 - exp(-10) is 1 to 5e-5.
-        let (approach, _) = coefficients(tau_s * sample_rate_hz);
+        let tau = tau_s * sample_rate_hz;
+        let (approach, _) = coefficients(tau);
+        // d/dtau 1 / (1 - exp(-1 / tau)) = exp(-1 / tau) / (tau (1 - exp(-1 / tau)))^2
+        let of_tau = if tau < 1e-3 {
+            0.0
+        } else {
+            (1.0 - approach) / (tau * approach * (tau * approach))
+        };
+        let change = of_tau * tau * per_v;
         Ok(Self {
-            lead: T::from_f64(1.0 / approach),
+            lead: T::from_f64(1.0 / approach - change * about_v),
+            half_change: T::from_f64(0.5 * change),
         })
     }
 
-    /// How many times a wanted step the command goes.
-    pub fn lead(&self) -> T {
-        self.lead
+    /// How many times a wanted step the command goes at 0 V, and half of its change a volt.
+    pub fn lead(&self) -> [T; 2] {
+        [self.lead, self.half_change]
     }
 
     /// One sample: the command that brings the lag's output from the last wanted value to this one.
@@ -155,7 +187,7 @@ impl<T: Real> HeldLagInverse<T> {
         let before = *last;
         let wanted = admit(wanted, before);
         *last = wanted;
-        before + (wanted - before) * self.lead
+        before + (wanted - before) * (self.lead + self.half_change * (before + wanted))
     }
 }
 
@@ -205,7 +237,7 @@ mod tests {
     #[test]
     fn val_held_inverse_is_exact_at_the_samples() {
         for tau in [0.0, 0.05, 0.7, 3.6, 80.0] {
-            let lead = HeldLagInverse::<f64>::new(tau, 1.0).unwrap();
+            let lead = HeldLagInverse::<f64>::new(tau, None, 1.0).unwrap();
             let decay = if tau == 0.0 { 0.0 } else { (-1.0 / tau).exp() };
             let (mut last, mut output) = (0.0, 0.0);
             for k in 0..200 {
@@ -217,10 +249,46 @@ mod tests {
         }
     }
 
+    /// A lag whose time constant grows with its own output, in steps of a thousandth of a sample, arrives within a thousandth of the
+    /// largest step; told of a lag that does not grow it misses by some percent.
+    #[test]
+    fn val_held_inverse_of_a_lag_that_grows() {
+        let (tau, growth) = (
+            1.4,
+            LagGrowth {
+                about_v: 60.0,
+                per_v: 3e-3,
+            },
+        );
+        let miss = |told: Option<LagGrowth>| {
+            let lead = HeldLagInverse::<f64>::new(tau, told, 1.0).unwrap();
+            let wanted = |k: i32| 60.0 - 50.0 * (0.12 * f64::from(k)).cos();
+            let (mut last, mut output) = (wanted(0), wanted(0));
+            let mut largest = 0.0_f64;
+            for k in 1..200 {
+                let command = lead.step(&mut last, wanted(k));
+                for _ in 0..1000 {
+                    let tau_now = tau * (1.0 + growth.per_v * (output - growth.about_v));
+                    output += 1e-3 * (command - output) / tau_now;
+                }
+                largest = largest.max((output - wanted(k)).abs());
+                output = wanted(k);
+            }
+            largest / 6.0
+        };
+        assert!(miss(Some(growth)) < 2e-3, "{}", miss(Some(growth)));
+        assert!(miss(None) > 0.03, "{}", miss(None));
+    }
+
     #[test]
     fn refuse_a_lag_of_seconds() {
-        let refused = HeldLagInverse::<f32>::new(1.0, 50e3).unwrap_err();
+        let refused = HeldLagInverse::<f32>::new(1.0, None, 50e3).unwrap_err();
         assert_eq!(std::format!("{refused}"), "tau_s = 1 must lie in 0 to 0.02");
-        assert!(HeldLagInverse::<f32>::new(f64::NAN, 50e3).is_err());
+        assert!(HeldLagInverse::<f32>::new(f64::NAN, None, 50e3).is_err());
+        let growing = |about_v, per_v| HeldLagInverse::<f32>::new(1e-5, Some(LagGrowth { about_v, per_v }), 50e3);
+        assert!(growing(100.0, 0.1).is_ok() && growing(-100.0, -0.1).is_ok());
+        let refused = growing(100.0, 0.11).unwrap_err();
+        assert_eq!(std::format!("{refused}"), "growth_per_v = 0.11 must lie in -0.1 to 0.1");
+        assert!(growing(1.1e5, 0.01).is_err() && growing(f64::NAN, 0.0).is_err());
     }
 }

@@ -84,6 +84,7 @@ pub fn chain_of(
         held_out: Vec::new(),
         linear: LinearPart {
             lag_s: 0.0,
+            lag_growth: None,
             modes: Vec::new(),
         },
         creep: no_creep(),
@@ -245,6 +246,7 @@ impl Linear {
         let mut linear = Self {
             part: LinearPart {
                 lag_s: 0.0,
+                lag_growth: None,
                 modes: Vec::new(),
             },
             delay_s: 0.0,

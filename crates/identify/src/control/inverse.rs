@@ -10,7 +10,7 @@ use hysteron_core::model::{AtRest as _, Hysteresis as _};
 use hysteron_core::play;
 use hysteron_core::play_polynomial::INPUT_DEGREE;
 use hysteron_data::Record;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
@@ -43,6 +43,13 @@ struct Seen<'a> {
     before_creep_um: Vec<f64>,
     /// One-past-last sample that the end of the record does not disturb.
     to: usize,
+}
+
+/// What of a timing is fitted: the time constant and its growth, or the latency as well.
+#[derive(Debug, Clone, Copy)]
+enum Free {
+    Lag = 2,
+    LagAndLatency = 3,
 }
 
 /// The rows of a fit, kept so that other lags can be tried on them.
@@ -78,10 +85,12 @@ impl<'a> Seen<'a> {
     /// an antiresonance) the voltage stands in, `gain_um_per_v` micrometres a volt, until [`Self::fill`] knows better.
     fn new(record: &'a Record, around: &Around<'_>, gain_um_per_v: f64) -> Self {
         let behind_v = behind_lag(
-            &record.voltage_v,
-            record.period_s,
-            around.latency_s,
-            around.linear.lag_s,
+            record,
+            Timing {
+                latency_s: around.latency_s,
+                lag: around.linear.into(),
+                averaged: !around.linear.modes.is_empty(),
+            },
         );
         let seen_um = filtered(&record.position_um, record.period_s, |omega, rate_hz| {
             let share = around.linear.usable_share(omega, rate_hz);
@@ -113,10 +122,16 @@ impl<'a> Seen<'a> {
     }
 
     /// Corrects the hidden bands by what the inverse asks for and the command was not.
-    fn fill(&mut self, inverse: &CornerPolynomial<f64, PLAYS>, around: &Around<'_>, lag_s: f64, gain_um_per_v: f64) {
+    fn fill(
+        &mut self,
+        inverse: &CornerPolynomial<f64, PLAYS>,
+        around: &Around<'_>,
+        timing: Timing,
+        gain_um_per_v: f64,
+    ) {
         let (record, period_s) = (self.record, self.record.period_s);
         let mut state = inverse.at_rest(0.0, 0.0);
-        let behind_v = behind_lag(&record.voltage_v, period_s, around.latency_s, lag_s);
+        let behind_v = behind_lag(record, timing);
         let miss_v: Vec<f64> = self
             .before_creep_um
             .iter()
@@ -166,28 +181,114 @@ fn filtered(signal: &[f64], period_s: f64, response: impl Fn(f64, f64) -> Option
     time
 }
 
-/// The voltage behind latency, converter's hold and lag at each sample: exact for a command that is held.
-pub(super) fn behind_lag(voltage_v: &[f64], period_s: f64, latency_s: f64, lag_s: f64) -> Vec<f64> {
-    let whole_and_part = (latency_s / period_s - 0.5).max(0.0);
-    // A rounding below a whole number of samples is the whole number.
-    let whole = (whole_and_part + 1e-9).floor();
-    let late = (whole_and_part - whole).max(0.0) * period_s;
-    let keep = |time_s: f64| if lag_s > 0.0 { (-time_s / lag_s).exp() } else { 0.0 };
-    let (over_late, over_rest) = (keep(late), keep(period_s - late));
+/// The amplifier's lag: a time constant at a voltage behind it, and its growth a volt.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct AmplifierLag {
+    pub tau_s: f64,
+    pub about_v: f64,
+    pub per_v: f64,
+}
+
+/// When a command has its effect: latency, the converter's hold included, and the amplifier's lag.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Timing {
+    pub latency_s: f64,
+    pub lag: AmplifierLag,
+    /// Whether a structure behind it averages what the voltage does between the samples.
+    pub averaged: bool,
+}
+
+impl Timing {
+    /// With another time constant (s), growth (1/V), latency (s).
+    fn moved(self, [tau_s, per_v, latency_s]: [f64; 3]) -> Self {
+        Self {
+            latency_s: self.latency_s + latency_s,
+            lag: AmplifierLag {
+                tau_s: self.lag.tau_s + tau_s,
+                per_v: self.lag.per_v + per_v,
+                ..self.lag
+            },
+            ..self
+        }
+    }
+
+    /// Samples after which a command begins to act, and the time until it does after them, seconds.
+    fn whole_and_late(self, period_s: f64) -> (usize, f64) {
+        let samples = (self.latency_s / period_s - 0.5).max(0.0);
+        // A rounding below a whole number of samples is the whole number.
+        let whole = (samples + 1e-9).floor();
+        (whole as usize, (samples - whole).max(0.0) * period_s)
+    }
+
+    /// How much later the voltage at the sample is than its mean over the steps, seconds: behind a step it approaches the next, so that
+    /// on a ramp it is late by `f T + L T exp(-f T / tau)` at a share f of the step, with `L = 1 / (1 - exp(-T / tau))`, and on average by
+    /// `tau + T / 2`.
+    fn late_at_the_sample_s(self, period_s: f64) -> f64 {
+        let (_, late_s) = self.whole_and_late(period_s);
+        let (since_s, tau_s) = (period_s - late_s, self.lag.tau_s);
+        let decay = |time_s: f64| if tau_s > 0.0 { (-time_s / tau_s).exp() } else { 0.0 };
+        since_s + period_s * decay(since_s) / (1.0 - decay(period_s)) - tau_s - 0.5 * period_s
+    }
+}
+
+impl From<&LinearPart> for AmplifierLag {
+    fn from(linear: &LinearPart) -> Self {
+        let [about_v, per_v] = linear.lag_growth.unwrap_or_default();
+        Self {
+            tau_s: linear.lag_s,
+            about_v,
+            per_v,
+        }
+    }
+}
+
+impl AmplifierLag {
+    /// The least that a time constant shrinks to, a share.
+    const LEAST: f64 = 0.1;
+
+    /// Where a voltage arrives that goes to a command which is held for a time: with the time constant of the way's middle.
+    fn after(self, from_v: f64, to_v: f64, time_s: f64) -> f64 {
+        if self.tau_s <= 0.0 {
+            return to_v;
+        }
+        let with = |at_v: f64| {
+            let grown = (1.0 + self.per_v * (at_v - self.about_v)).max(Self::LEAST);
+            to_v + (from_v - to_v) * (-time_s / (self.tau_s * grown)).exp()
+        };
+        let first_v = with(from_v);
+        if self.per_v == 0.0 {
+            first_v
+        } else {
+            with(0.5 * (from_v + first_v))
+        }
+    }
+}
+
+/// The voltage behind latency, converter's hold and lag at each sample of a record: exact for a command that is held, then averaged where
+/// a structure does.
+fn behind_lag(record: &Record, timing: Timing) -> Vec<f64> {
+    let (voltage_v, period_s, lag) = (&record.voltage_v, record.period_s, timing.lag);
+    let (whole, late) = timing.whole_and_late(period_s);
     let at = |k: usize, behind: usize| k.checked_sub(behind).map_or(0.0, |i| voltage_v[i]);
-    let whole = whole as usize;
     let mut output = 0.0;
-    (0..voltage_v.len())
+    let at_the_samples: Vec<f64> = (0..voltage_v.len())
         .map(|k| {
             let now = output;
             if late > 0.0 {
-                let older = at(k, whole + 1);
-                output = older + (output - older) * over_late;
+                output = lag.after(output, at(k, whole + 1), late);
             }
-            let newer = at(k, whole);
-            output = newer + (output - newer) * over_rest;
+            output = lag.after(output, at(k, whole), period_s - late);
             now
         })
+        .collect();
+    if !timing.averaged {
+        return at_the_samples;
+    }
+    let half_samples = 0.5 * timing.late_at_the_sample_s(period_s) / period_s;
+    let last = at_the_samples.len().saturating_sub(1);
+    let around = |k: usize| at_the_samples[(k + 1).min(last)] - at_the_samples[k.saturating_sub(1)];
+    (0..at_the_samples.len())
+        .map(|k| at_the_samples[k] + half_samples * around(k))
         .collect()
 }
 
@@ -223,45 +324,62 @@ impl Problem {
         problem
     }
 
-    /// Solves for voltages: coefficients and the mean square of what is left, V^2.
-    fn solve<S: AsRef<[f64]>>(&self, targets: &[S], ridge: f64) -> (Vec<f64>, f64) {
-        let mut right = DVector::<f64>::zeros(COLUMNS);
-        for (row, &(record, k)) in self.rows.iter().zip(&self.places) {
-            let target = self.factors[record] * targets[record].as_ref()[k];
-            right.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * target);
-        }
-        let coefficients = self.normal.solve_for(&right, ridge);
-        let squares: f64 = self
-            .rows
-            .iter()
-            .zip(&self.places)
-            .map(|(row, &(record, k))| {
-                let fitted: f64 = row.iter().zip(&coefficients).map(|(x, c)| x * c).sum();
-                (self.factors[record] * targets[record].as_ref()[k] - fitted).powi(2)
-            })
-            .sum();
-        let counted: f64 = self
-            .places
-            .iter()
-            .map(|&(record, _)| self.factors[record].powi(2))
-            .sum();
-        (coefficients, squares / counted.max(f64::MIN_POSITIVE))
-    }
-
-    /// The lag with which the records leave least, by golden section between 0 and 0.4 ms, and the inverse with it.
-    fn solve_with_lag(&self, seen: &[Seen<'_>], latency_s: f64) -> Result<(InversePart, f64, f64), IdentifyError> {
+    /// Refuses too few rows.
+    fn enough(&self) -> Result<(), IdentifyError> {
         if self.rows.len() < 10 * COLUMNS {
             return Err(IdentifyError::TooFewSamples {
                 samples: self.rows.len(),
                 parameters: COLUMNS,
             });
         }
-        let cost = |lag_s: f64| self.solve(&behind(seen, latency_s, lag_s), RIDGE).1;
+        Ok(())
+    }
+
+    /// Solves for voltages: coefficients and what is left of each row, times its factor, V.
+    fn solve<S: AsRef<[f64]>>(&self, targets: &[S], ridge: f64) -> (Vec<f64>, Vec<f64>) {
+        let mut right = DVector::<f64>::zeros(COLUMNS);
+        for (row, &(record, k)) in self.rows.iter().zip(&self.places) {
+            let target = self.factors[record] * targets[record].as_ref()[k];
+            right.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * target);
+        }
+        let coefficients = self.normal.solve_for(&right, ridge);
+        let rows = self.rows.iter().zip(&self.places);
+        let left = rows.map(|(row, &(record, k))| {
+            let fitted: f64 = row.iter().zip(&coefficients).map(|(x, c)| x * c).sum();
+            self.factors[record] * targets[record].as_ref()[k] - fitted
+        });
+        let left = left.collect();
+        (coefficients, left)
+    }
+
+    /// The rms of what is left, volts.
+    fn rms(&self, left: &[f64]) -> f64 {
+        let counted: f64 = self
+            .places
+            .iter()
+            .map(|&(record, _)| self.factors[record].powi(2))
+            .sum();
+        (left.iter().map(|v| v * v).sum::<f64>() / counted.max(f64::MIN_POSITIVE)).sqrt()
+    }
+
+    /// The constant lag with which the records leave least, by golden section between 0 and 0.4 ms.
+    fn constant_lag(&self, seen: &[Seen<'_>], around: &Around<'_>) -> Timing {
+        let (low_v, high_v) = crate::family::range(seen.iter().flat_map(|s| s.record.voltage_v.iter().copied()));
+        let constant = |tau_s: f64| Timing {
+            averaged: !around.linear.modes.is_empty(),
+            latency_s: around.latency_s,
+            lag: AmplifierLag {
+                tau_s,
+                about_v: 0.5 * (low_v + high_v),
+                per_v: 0.0,
+            },
+        };
+        let cost = |tau_s: f64| self.rms(&self.left(seen, constant(tau_s)));
         let (mut low, mut high) = (0.0, LONGEST_LAG_S);
         let golden = 0.5 * (5_f64.sqrt() - 1.0);
         let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
         let (mut cost_a, mut cost_b) = (cost(a), cost(b));
-        while high - low > 1e-8 {
+        while high - low > 1e-6 {
             if cost_a < cost_b {
                 (high, b, cost_b) = (b, a, cost_a);
                 a = high - golden * (high - low);
@@ -272,9 +390,64 @@ impl Problem {
                 cost_b = cost(b);
             }
         }
-        let lag_s = 0.5 * (low + high);
-        let (inverse, left_v) = self.rising(&behind(seen, latency_s, lag_s), RIDGE);
-        Ok((inverse, lag_s, left_v))
+        constant(0.5 * (low + high))
+    }
+
+    /// What the rows leave with a timing, volts.
+    fn left(&self, seen: &[Seen<'_>], timing: Timing) -> Vec<f64> {
+        self.solve(&behind(seen, timing), RIDGE).1
+    }
+
+    /// The timing that leaves least, by steps of Gauss and Newton from another: time constant and growth, and the latency where it is free,
+    /// about the one that is stated.
+    fn refined(&self, seen: &[Seen<'_>], from: Timing, stated_s: f64, free: Free) -> Timing {
+        const STEP: f64 = 1e-3;
+        const STEPS: usize = 5;
+        let period_s = seen.first().map_or(0.0, |s| s.record.period_s);
+        let most_per_v = LARGEST_GROWTH / from.lag.about_v.abs().max(f64::MIN_POSITIVE);
+        let scale = [from.lag.tau_s.max(1e-6), most_per_v, period_s];
+        let free = free as usize;
+        let within = |mut timing: Timing| {
+            let most_s = MOST_OFF * period_s;
+            timing.lag.tau_s = timing.lag.tau_s.clamp(0.0, LONGEST_LAG_S);
+            timing.lag.per_v = timing.lag.per_v.clamp(-most_per_v, most_per_v);
+            timing.latency_s = timing.latency_s.clamp(stated_s - most_s, stated_s + most_s);
+            timing
+        };
+        let (mut timing, mut left) = (from, self.left(seen, from));
+        for _ in 0..STEPS {
+            let moved = |k: usize| timing.moved(std::array::from_fn(|i| if i == k { STEP * scale[i] } else { 0.0 }));
+            let slopes: Vec<Vec<f64>> = (0..free)
+                .into_par_iter()
+                .map(|k| {
+                    self.left(seen, moved(k))
+                        .iter()
+                        .zip(&left)
+                        .map(|(a, b)| (a - b) / STEP)
+                        .collect()
+                })
+                .collect();
+            let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let right = DVector::from_fn(free, |i, _| product(&slopes[i], &left));
+            let normal = DMatrix::from_fn(free, free, |i, j| product(&slopes[i], &slopes[j]));
+            let Some(factor) = normal.cholesky() else {
+                break;
+            };
+            let step = factor.solve(&right);
+            // Half of a scale at most, in the step's own direction; then half of that where it went too far.
+            let whole = (0.5 / step.amax()).min(1.0);
+            let tried = [1.0, 0.5, 0.25].into_iter().find_map(|share| {
+                let by = std::array::from_fn(|i| step.get(i).map_or(0.0, |step| -scale[i] * whole * share * step));
+                let next = within(timing.moved(by));
+                let next_left = self.left(seen, next);
+                (self.rms(&next_left) < self.rms(&left)).then_some((next, next_left))
+            });
+            let Some(next) = tried else {
+                break;
+            };
+            (timing, left) = next;
+        }
+        timing
     }
 
     /// The inverse of the least ridge, from `least` on in decades, that rises everywhere, with the rms of what is left, volts. Where
@@ -284,10 +457,10 @@ impl Problem {
         let mean_slope = (high_v - low_v) / (self.scale.high_um - self.scale.low_um);
         let mut ridge = least;
         loop {
-            let (coefficients, squares) = self.solve(targets, ridge);
+            let (coefficients, left) = self.solve(targets, ridge);
             let inverse = part(self.scale, &coefficients);
             if inverse.smallest_slope_v_per_um() > LEAST_SLOPE * mean_slope || ridge >= LARGEST_RIDGE {
-                return (inverse, squares.sqrt());
+                return (inverse, self.rms(&left));
             }
             ridge *= 10.0;
         }
@@ -295,11 +468,14 @@ impl Problem {
 }
 
 /// The voltages behind latency and lag of each record.
-fn behind(seen: &[Seen<'_>], latency_s: f64, lag_s: f64) -> Vec<Vec<f64>> {
-    seen.iter()
-        .map(|s| behind_lag(&s.record.voltage_v, s.record.period_s, latency_s, lag_s))
-        .collect()
+fn behind(seen: &[Seen<'_>], timing: Timing) -> Vec<Vec<f64>> {
+    seen.iter().map(|s| behind_lag(s.record, timing)).collect()
 }
+
+/// Most that a time constant changes from the middle of the range to its end, a share.
+const LARGEST_GROWTH: f64 = 0.5;
+/// Most that the latency of records is off what is stated, samples.
+const MOST_OFF: f64 = 1.5;
 
 /// Longest lag that is looked for: 50 ohm into 8 uF.
 const LONGEST_LAG_S: f64 = 4e-4;
@@ -400,13 +576,13 @@ pub(super) fn fit_pairs(series: &[Pairs]) -> (InversePart, f64) {
     Problem::new(&positions_um, &factors).rising(&voltages_v, LEAST_RIDGE_OF_A_MODEL)
 }
 
-/// Fits inverse and lag to records; returns them with the rms of what is left, volts. What the structure hides is filled in in so many
-/// rounds, [`ROUNDS`] where all of it is wanted.
+/// Fits inverse and timing to records; returns them with the rms of what is left, volts. What the structure hides is filled in in so many
+/// rounds, [`ROUNDS`] where all of it is wanted. The first round takes the latency as stated.
 pub(super) fn fit(
     records: &[&Record],
     around: &Around<'_>,
     rounds: usize,
-) -> Result<(InversePart, f64, f64), IdentifyError> {
+) -> Result<(InversePart, Timing, f64), IdentifyError> {
     let Some(first) = records.first() else {
         return Err(IdentifyError::NothingToFit);
     };
@@ -416,19 +592,26 @@ pub(super) fn fit(
         .par_iter()
         .map(|record| Seen::new(record, around, around.gain_um_per_v))
         .collect();
-    let mut round = 1;
-    loop {
+    let mut timing = None;
+    for round in 1.. {
         seen.par_iter_mut().for_each(|record| record.undo_creep(&creep));
         let inputs: Vec<&[f64]> = seen.iter().map(|s| &s.before_creep_um[..s.to]).collect();
-        let found = Problem::new(&inputs, &vec![1.0; inputs.len()]).solve_with_lag(&seen, around.latency_s)?;
-        if round == rounds || around.linear.modes.is_empty() {
-            return Ok(found);
+        let problem = Problem::new(&inputs, &vec![1.0; inputs.len()]);
+        problem.enough()?;
+        let found = match timing {
+            None => problem.refined(&seen, problem.constant_lag(&seen, around), around.latency_s, Free::Lag),
+            Some(last) => problem.refined(&seen, last, around.latency_s, Free::LagAndLatency),
+        };
+        let (part, left_v) = problem.rising(&behind(&seen, found), RIDGE);
+        if round == rounds {
+            return Ok((part, found, left_v));
         }
-        round += 1;
-        let inverse = found.0.to_core::<f64>(rate_hz)?;
+        let inverse = part.to_core::<f64>(rate_hz)?;
         seen.par_iter_mut()
-            .for_each(|record| record.fill(&inverse, around, found.1, around.gain_um_per_v));
+            .for_each(|record| record.fill(&inverse, around, found, around.gain_um_per_v));
+        timing = Some(found);
     }
+    Err(IdentifyError::NothingToFit)
 }
 
 #[cfg(test)]
@@ -438,8 +621,26 @@ mod tests {
     /// A step of 1 V behind 1.5 samples of latency (one of computing, half of hold) and a lag.
     #[test]
     fn val_step_behind_the_lag() {
-        let voltage = [1.0; 20];
-        let found = behind_lag(&voltage, 20e-6, 30e-6, 60e-6);
+        let record = Record::new(
+            "step.csv",
+            hysteron_data::Role::Identify,
+            20e-6,
+            vec![1.0; 20],
+            vec![0.0; 20],
+        );
+        let lag = AmplifierLag {
+            tau_s: 60e-6,
+            about_v: 0.0,
+            per_v: 0.0,
+        };
+        let found = behind_lag(
+            &record,
+            Timing {
+                latency_s: 30e-6,
+                lag,
+                averaged: false,
+            },
+        );
         for (k, v) in found.iter().enumerate() {
             let since_s = 20e-6 * (k as f64 - 1.0);
             let wanted = if since_s > 0.0 {
@@ -450,8 +651,68 @@ mod tests {
             assert!((v - wanted).abs() < 1e-12, "{k}: {v} {wanted}");
         }
         // A quarter of a sample later.
-        let found = behind_lag(&voltage, 20e-6, 35e-6, 60e-6);
+        let found = behind_lag(
+            &record,
+            Timing {
+                latency_s: 35e-6,
+                lag,
+                averaged: false,
+            },
+        );
         assert!((found[5] - (1.0 - (-75e-6_f64 / 60e-6).exp())).abs() < 1e-12);
+    }
+
+    /// A staircase of 1 V a sample behind a lag, followed in steps of a thousandth: less its mean over a sample, about the sample.
+    #[test]
+    fn val_at_the_sample_the_voltage_is_later_than_its_mean() {
+        let period_s = 20e-6;
+        for (latency_s, tau_s) in [(30e-6, 60e-6), (40e-6, 25e-6), (35e-6, 8e-6)] {
+            let lag = AmplifierLag {
+                tau_s,
+                about_v: 0.0,
+                per_v: 0.0,
+            };
+            let timing = Timing {
+                latency_s,
+                lag,
+                averaged: true,
+            };
+            let arrives_s = latency_s - 0.5 * period_s;
+            let step_s = 1e-3 * period_s;
+            let mut path = vec![0.0];
+            for k in 1..60_000 {
+                let now_s = f64::from(k) * step_s - 0.5 * step_s;
+                let command = ((now_s - arrives_s) / period_s).floor().max(0.0);
+                let last = path[path.len() - 1];
+                path.push(command + (last - command) * (-step_s / tau_s).exp());
+            }
+            // A ramp of 1 V a sample: volts behind it are samples behind it.
+            let k = 50_000;
+            let mean = path[k - 500..k + 500].iter().sum::<f64>() / 1000.0;
+            let late_s = (mean - path[k]) * period_s;
+            assert!(
+                (timing.late_at_the_sample_s(period_s) - late_s).abs() < 2e-8,
+                "{latency_s} {tau_s}: {late_s} {}",
+                timing.late_at_the_sample_s(period_s)
+            );
+        }
+    }
+
+    /// A lag that grows, in steps of a thousandth of its time.
+    #[test]
+    fn val_a_growing_lag_is_followed() {
+        let lag = AmplifierLag {
+            tau_s: 30e-6,
+            about_v: 50.0,
+            per_v: 4e-3,
+        };
+        let mut exact = 20.0;
+        for _ in 0..20_000 {
+            exact += 1e-9 * (26.0 - exact) / (lag.tau_s * (1.0 + lag.per_v * (exact - lag.about_v)));
+        }
+        assert!((lag.after(20.0, 26.0, 20e-6) - exact).abs() < 2e-3, "{exact}");
+        let constant = AmplifierLag { per_v: 0.0, ..lag };
+        assert!((constant.after(20.0, 26.0, 20e-6) - exact).abs() > 0.1);
     }
 
     #[test]

@@ -28,6 +28,9 @@ pub struct ModeOfStage {
 pub struct LinearPart {
     /// Time constant of the amplifier's lag, seconds.
     pub lag_s: f64,
+    /// The voltage at which it is that (V), the middle of the records', and how much it grows with it (1/V); constant without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lag_growth: Option<[f64; 2]>,
     /// None, one or two modes, lowest first.
     pub modes: Vec<ModeOfStage>,
 }
@@ -188,6 +191,7 @@ impl Shape {
         };
         LinearPart {
             lag_s: p[3].exp(),
+            lag_growth: None,
             modes,
         }
     }

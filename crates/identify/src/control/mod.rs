@@ -75,7 +75,7 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
     let small_signal = fit_small_signal(&response, latency_s, frf.period_s)?;
     let by_holds = creep_fit::fit(&holds)?;
     let mut linear = small_signal.linear;
-    let fit_through = |creep: &CreepPart, rounds: usize| {
+    let fit_through = |creep: &CreepPart, latency_s: f64, rounds: usize| {
         let around = inverse::Around {
             linear: &linear,
             creep,
@@ -84,11 +84,15 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
         };
         inverse::fit(&large, &around, rounds)
     };
+    // Two rounds tell the latency, which fast creep would otherwise be taken for.
+    let (_, timing, _) = fit_through(&by_holds, latency_s, 2)?;
     let creep = creep_fit::as_fast_as_loops_say(by_holds, &|creep| {
-        fit_through(creep, 1).map_or(f64::INFINITY, |(_, _, left_v)| left_v)
+        fit_through(creep, timing.latency_s, 1).map_or(f64::INFINITY, |(_, _, left_v)| left_v)
     });
-    let (inverse, lag_s, left_v) = fit_through(&creep, inverse::ROUNDS)?;
-    linear.lag_s = lag_s;
+    let (inverse, inverse::Timing { lag, latency_s, .. }, left_v) =
+        fit_through(&creep, timing.latency_s, inverse::ROUNDS)?;
+    linear.lag_s = lag.tau_s;
+    linear.lag_growth = (lag.per_v != 0.0).then_some([lag.about_v, lag.per_v]);
     let swing_v = large
         .iter()
         .map(|record| crate::family::peak_to_peak(&record.voltage_v))

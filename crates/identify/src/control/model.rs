@@ -50,7 +50,8 @@ pub struct InversePart {
 pub struct ControlModel {
     /// Sample period of the records and of the controller, seconds.
     pub sample_period_s: f64,
-    /// Latency of the controller, half a sample of hold included, seconds: known, not identified.
+    /// Latency of the controller, half a sample of hold included, seconds: of a campaign, as its records say it, within 1.5 samples of what
+    /// is known.
     pub latency_s: f64,
     /// Lowest command, volts.
     pub voltage_min_v: f64,

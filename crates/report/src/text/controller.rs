@@ -59,6 +59,13 @@ fn identified(text: &mut String, source: &Designed) {
     let _ = writeln!(text, "IDENTIFIED");
     let _ = writeln!(text, "  latency                    {:8.2} us", 1e6 * model.latency_s);
     let _ = writeln!(text, "  amplifier's lag            {:8.2} us", 1e6 * model.linear.lag_s);
+    if let Some([about_v, per_v]) = model.linear.lag_growth {
+        let _ = writeln!(
+            text,
+            "    grows by                 {:8.2} % a volt about {about_v:.1} V",
+            100.0 * per_v
+        );
+    }
     for (i, mode) in model.linear.modes.iter().enumerate() {
         let _ = writeln!(
             text,

@@ -83,7 +83,7 @@ static float feedforward(@name@_state *s, float target) {
     float before = s->wanted_v;
     wanted = admit(wanted, before);
     s->wanted_v = wanted;
-    return before + (wanted - before) * LEAD;
+    return before + (wanted - before) * (LEAD + LEAD_HALF_CHANGE * (before + wanted));
 }
 
 /* Takes in a reference and gives the one that is due. */

@@ -217,7 +217,9 @@ impl Constants {
         self.list("SLOW_APPROACH", &slow_approach);
         self.scalar("SHARE_OF_A_SAMPLE", share_of_a_sample);
         self.hysteresis(hysteresis);
-        self.scalar("LEAD", lead.lead());
+        let [at_zero, half_change] = lead.lead();
+        self.scalar("LEAD", at_zero);
+        self.scalar("LEAD_HALF_CHANGE", half_change);
     }
 
     fn hysteresis(&mut self, hysteresis: &CornerPolynomial<f32, PLAYS>) {

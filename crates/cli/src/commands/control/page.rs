@@ -477,8 +477,11 @@ fn chain(controller: &Controller) -> Table {
         table.row(vec![Cell::text(what), Cell::number(value), Cell::text(unit)])
     };
     let mut table = Table::new("Identified from records alone", &["What", "Value", "Unit"]);
-    table = row(table, "latency of the controller (known)", 1e6 * model.latency_s, "µs");
+    table = row(table, "latency of the controller", 1e6 * model.latency_s, "µs");
     table = row(table, "amplifier's lag", 1e6 * model.linear.lag_s, "µs");
+    if let Some([_, per_v]) = model.linear.lag_growth {
+        table = row(table, "growth of the lag with the voltage", 100.0 * per_v, "%/V");
+    }
     for (i, mode) in model.linear.modes.iter().enumerate() {
         table = row(table, &format!("mode {}", i + 1), mode.frequency_hz, "Hz");
         table = row(table, &format!("its damping ratio (mode {})", i + 1), mode.damping, "–");
