@@ -136,6 +136,11 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
+    /// Eq. 19, percent; none where the output stands still.
+    pub(crate) fn nrmse_percent(&self) -> Option<f64> {
+        self.percent.map(|percent| percent.0)
+    }
+
     /// Of the samples that are none of the clipped values.
     pub(crate) fn new(
         (measured, clipped): (&[f64], &[f64]),

@@ -6,7 +6,8 @@ use hysteron_acquisition::NoiseFloor;
 use hysteron_data::{Dataset, Role};
 use hysteron_identify::effects::{UserEffect, find};
 use hysteron_identify::{
-    Added, Adding, Change, EffectId, EffectName, IdentifyError, Model, RecordError, Step, check_own_effect,
+    Added, Adding, Change, EffectId, EffectName, IdentifyError, MOVED_BY_HAND, Model, RecordError, Step,
+    check_own_effect,
 };
 use serde::Serialize;
 
@@ -55,6 +56,7 @@ impl Rung {
             Change::Fitted => self.step.what.to_string(),
             Change::Added => format!("+ {}", self.step.what),
             Change::Removed => format!("- {}", self.step.what),
+            Change::Moved => MOVED_BY_HAND.to_owned(),
         }
     }
 }

@@ -4,6 +4,7 @@
 
 mod bends;
 mod breakdown;
+pub mod by_hand;
 pub mod compare;
 pub mod comparison;
 mod departure;
@@ -26,6 +27,7 @@ mod swing_map;
 pub mod verdict;
 mod witness;
 
+pub use by_hand::{ByHand, Played, Start};
 pub use compare::compare;
 pub use comparison::{Bin, Breakdown, Comparison, ErrorMap, Pooled, RecordComparison, Series, Spectrum, SwingMap};
 pub use diagnose::{diagnose, diagnose_with, examine};

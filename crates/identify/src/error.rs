@@ -89,6 +89,9 @@ pub enum IdentifyError {
         /// What is missing, and what to do.
         reason: String,
     },
+    /// Parameters that cannot be moved by hand in this way.
+    #[error("{0}")]
+    Moved(String),
     /// A model file that cannot be read.
     #[error("{file}: {reason}")]
     ModelFile {

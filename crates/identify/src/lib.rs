@@ -6,6 +6,7 @@
 
 pub mod add;
 mod basis;
+mod by_hand;
 mod chain;
 mod chain_facts;
 mod chain_trace;
@@ -41,6 +42,7 @@ mod start_state;
 mod uncertainty;
 
 pub use add::{Added, Adding, add, add_held, check_own_effect, remove};
+pub use by_hand::{Knob, Turned};
 pub use chain_facts::facts;
 pub use core_model::CoreModel;
 pub use cover::{SmallSignalResponse, small_signal_response};
@@ -52,7 +54,9 @@ pub use history::{present_step, record_errors};
 pub use hysteron_effects as effects;
 pub use hysteron_effects::{EffectId, EffectName};
 pub use loops::one_loop;
-pub use model::{Change, FittedEffect, Method, Model, Parameter, RecordError, Simulation, Step, StepSubject};
+pub use model::{
+    Change, FittedEffect, MOVED_BY_HAND, Method, Model, Parameter, RecordError, Simulation, Step, StepSubject,
+};
 pub use placement::Placement;
 pub use search::Search;
 pub use start_state::InitialState;

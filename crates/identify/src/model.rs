@@ -153,6 +153,9 @@ impl FittedEffect {
     }
 }
 
+/// What a step of a model's history is called where parameters were moved.
+pub const MOVED_BY_HAND: &str = "moved by hand";
+
 /// What a step of a model's history did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -163,6 +166,8 @@ pub enum Change {
     Added,
     /// An effect was taken out again, everything fitted anew.
     Removed,
+    /// Parameters were moved by hand, nothing was fitted.
+    Moved,
 }
 
 /// What a step was about.

@@ -50,6 +50,22 @@ impl Model {
         self.simulate_from(&design, &run)
     }
 
+    /// As [`Self::simulate`] of a record whose start is known or was found before: one run, and the slow states.
+    pub fn simulate_starting(&self, record: &Record, initial: InitialState) -> Vec<f64> {
+        let Some((chain, coefficients)) = self.chain() else {
+            let mut run = run_of(record, self.direction, None);
+            run.initial = initial;
+            return self.simulate_from(&self.design(), &run).output;
+        };
+        let trace = Trace::new(record, initial, chain.dynamic());
+        let own = chain.settle(&coefficients, &trace);
+        let mut output = chain.respond(&coefficients, &trace, &own);
+        if matches!(initial, InitialState::Remanent { .. }) {
+            remember(&chain, &coefficients, record, &mut output);
+        }
+        output
+    }
+
     /// As [`Self::simulate`] of a record that is known to begin at rest at the low end of its drive.
     pub(crate) fn simulate_from_rest(&self, record: &Record) -> Vec<f64> {
         if let Some((chain, coefficients)) = self.chain() {

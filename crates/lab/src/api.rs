@@ -6,7 +6,7 @@ use crate::error::Refusal;
 use crate::export::{self, Download};
 use crate::guard::{self, Guard};
 use crate::session::Session;
-use crate::{App, assets, bring, grow, jobs, learn, riddle, rungs, state, views, work};
+use crate::{App, assets, bring, grow, hand, jobs, learn, riddle, rungs, state, views, work};
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
 use axum::http::{StatusCode, header};
@@ -54,6 +54,7 @@ pub(crate) fn router(
         .route("/api/words", get(views::words))
         .route("/api/spectrum", get(views::spectrum))
         .route("/api/series", get(views::plotted))
+        .route("/api/by-hand", get(hand::by_hand))
         .route("/api/controller", get(views::controller))
         .route("/api/response", get(views::response))
         .route("/api/correlation", get(views::correlation))
@@ -124,6 +125,7 @@ enum Deed {
     Add { effect: String },
     Refit,
     Learn { model: String, plays: usize },
+    KeepMoved { values: Vec<f64> },
     Remove { step: usize },
     Keep { step: usize },
     Diagnose,
@@ -163,6 +165,7 @@ async fn perform(State(app): Shared, content: Bytes) -> Answer {
         Deed::Add { effect } => work::add(&app, &effect)?,
         Deed::Refit => work::refit(&app)?,
         Deed::Learn { model, plays } => learn::learn(&app, &model, plays)?,
+        Deed::KeepMoved { values } => hand::keep(&app, &values)?,
         Deed::Remove { step } => {
             rungs::remove(&mut app.session(), step)?;
             app.changed();

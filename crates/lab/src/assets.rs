@@ -17,7 +17,7 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: [Asset; 19] = [
+const ASSETS: [Asset; 20] = [
     asset!("app.js", JS),
     asset!("api.js", JS),
     asset!("dom.js", JS),
@@ -26,6 +26,7 @@ const ASSETS: [Asset; 19] = [
     asset!("plots.js", JS),
     asset!("picture.js", JS),
     asset!("map.js", JS),
+    asset!("hand.js", JS),
     asset!("diagnose.js", JS),
     asset!("effects.js", JS),
     asset!("riddle.js", JS),

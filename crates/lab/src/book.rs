@@ -109,7 +109,7 @@ pub(crate) struct Step {
 }
 
 /// What makes a step of the one before: enough to do it again on other data.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize, PartialEq)]
+#[derive(Debug, Clone, Serialize, Deserialize, PartialEq)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum Recipe {
     /// A model of the hysteresis alone, as a new root.
@@ -118,6 +118,18 @@ pub(crate) enum Recipe {
     Add { effect: EffectId },
     /// What learning made of the model of the parent in its step of this number, from 1 on.
     Learned { step: usize },
+    /// Parameters of the model of the parent, moved by hand.
+    Moved { turns: Vec<Turn> },
+}
+
+/// A parameter that was moved by hand.
+#[derive(Debug, Clone, Serialize, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Turn {
+    /// Its name, with its effect's before it.
+    pub(crate) parameter: String,
+    /// Where it stands now.
+    pub(crate) to: f64,
 }
 
 /// A file that was brought.

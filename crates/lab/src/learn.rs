@@ -8,7 +8,7 @@ use crate::session::Fitted;
 use crate::work;
 use hysteron_data::Dataset;
 use hysteron_diagnose::{Learned, learn_from};
-use hysteron_identify::{Change, Family, Model};
+use hysteron_identify::{Change, Family, MOVED_BY_HAND, Model};
 use hysteron_report::{ladder_text, learned_text};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -85,6 +85,7 @@ fn title(model: &Model, from: usize) -> String {
         Change::Fitted => step.what.to_string(),
         Change::Added => format!("+ {}", step.what),
         Change::Removed => format!("\u{2212} {}", step.what),
+        Change::Moved => MOVED_BY_HAND.to_owned(),
     });
     done.collect::<Vec<_>>().join(", ")
 }

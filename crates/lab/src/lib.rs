@@ -19,6 +19,7 @@ mod export;
 mod folder;
 mod grow;
 mod guard;
+mod hand;
 mod jobs;
 mod learn;
 mod own;

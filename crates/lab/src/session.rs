@@ -6,6 +6,7 @@
 use crate::book::{Book, Generation, Recipe, Stands, Step, model_name};
 use crate::error::{LabError, Refusal};
 use crate::folder::{RESULTS, finish_taking, nothing_else_in};
+use crate::hand::InHand;
 use crate::reading::quoted;
 use crate::uploads::{self, Uploads};
 use hysteron_data::Dataset;
@@ -32,6 +33,8 @@ pub(crate) struct Session {
     pub(crate) notices: Vec<String>,
     /// Data as they were, for the step that was looked at last.
     earlier: Option<(usize, Arc<Dataset>)>,
+    /// The model whose parameters are moved, with its step.
+    pub(crate) in_hand: Option<(usize, Arc<InHand>)>,
     comparisons: VecDeque<(usize, Arc<Comparison>)>,
     /// Held as long as the server runs: two servers on one folder would overwrite each other.
     _lock: File,
@@ -71,6 +74,7 @@ impl Session {
             shown: Vec::new(),
             notices: Vec::new(),
             earlier: None,
+            in_hand: None,
             comparisons: VecDeque::new(),
             _lock: lock,
         };
@@ -113,6 +117,7 @@ impl Session {
         self.book = book;
         self.comparisons.clear();
         self.earlier = None;
+        self.in_hand = None;
         self.shown = dataset.records.iter().map(crate::state::record).collect();
         self.dataset = Some(Arc::new(dataset));
         Ok(())
@@ -175,7 +180,7 @@ impl Session {
             let file = model_name(number);
             one.model.write(&self.folder.join(&file)).map_err(Refusal::unusable)?;
             let data = self.data_word(generation);
-            let command = match one.recipe {
+            let command = match &one.recipe {
                 Recipe::Fit { family, plays } => {
                     format!(
                         "hysteron fit {data} --model {} --plays {plays} -o {file}",
@@ -187,7 +192,13 @@ impl Session {
                     format!("hysteron add {effect} {data} {before} -o {file}")
                 }
                 Recipe::Learned { .. } => learn_command(&book, parent, &data, last_learned),
+                Recipe::Moved { .. } => {
+                    let before = model_name(parent.unwrap_or_default());
+                    let said = one.said.as_deref().unwrap_or_default();
+                    format!("cp {before} {file}    # then, in it, {said}")
+                }
             };
+            let is_moved = matches!(one.recipe, Recipe::Moved { .. });
             let made_of = if matches!(one.recipe, Recipe::Fit { .. }) {
                 None
             } else {
@@ -199,7 +210,8 @@ impl Session {
                 command,
                 &one.comparison,
             ));
-            book.learned.extend(one.said.map(|said| (number, said)));
+            book.learned
+                .extend(one.said.filter(|_| !is_moved).map(|said| (number, said)));
             if let Some(parent) = made_of {
                 book.steps[parent].redo = Some(number);
             }
@@ -322,7 +334,7 @@ pub(crate) struct Fitted {
     /// What the page calls the step.
     pub(crate) title: String,
     pub(crate) model: Model,
-    /// What `learn` said, of its last step.
+    /// What `learn` said, of its last step; of a step moved by hand what was moved.
     pub(crate) said: Option<String>,
     pub(crate) comparison: Comparison,
 }
@@ -330,7 +342,7 @@ pub(crate) struct Fitted {
 /// The command that learns a model and leaves it in the file of the last step.
 fn learn_command(book: &Book, parent: Option<usize>, data: &str, last: usize) -> String {
     let root = parent.and_then(|parent| book.way(parent).first().copied());
-    let Some(Recipe::Fit { family, plays }) = root.map(|root| book.steps[root].recipe) else {
+    let Some(Recipe::Fit { family, plays }) = root.map(|root| book.steps[root].recipe.clone()) else {
         return String::new();
     };
     let file = model_name(last);

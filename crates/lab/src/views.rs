@@ -38,7 +38,7 @@ pub(crate) async fn raw(State(app): Shared, Query(parameters): Parameters) -> An
 }
 
 /// The samples between `from` and `to` seconds, with a neighbour on either side; all without them.
-fn window(parameters: &HashMap<String, String>, start_s: f64, period_s: f64, len: usize) -> (usize, usize) {
+pub(crate) fn window(parameters: &HashMap<String, String>, start_s: f64, period_s: f64, len: usize) -> (usize, usize) {
     let at = |name: &str| number::<f64>(parameters, name).ok().filter(|t| t.is_finite());
     let index = |t: f64| ((t - start_s) / period_s).clamp(0.0, len as f64);
     let first = at("from")
@@ -49,7 +49,7 @@ fn window(parameters: &HashMap<String, String>, start_s: f64, period_s: f64, len
 }
 
 /// A record of a comparison, and the samples of it that are asked about: the first and how many.
-fn stretch<'a>(
+pub(crate) fn stretch<'a>(
     comparison: &'a Comparison,
     index: usize,
     parameters: &HashMap<String, String>,

@@ -5,7 +5,7 @@ use crate::book::{Book, Recipe};
 use crate::error::Refusal;
 use crate::jobs::{self, Progress};
 use crate::session::{Fitted, Session};
-use crate::{export, folder, learn, series};
+use crate::{export, folder, hand, learn, series};
 use hysteron_data::Dataset;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_diagnose::{Comparison, Signature, signatures};
@@ -124,7 +124,7 @@ struct Plan {
 impl Plan {
     /// The way to what a step is. A step on the present data that was made in the same way need not be made again.
     fn of(book: &Book, number: usize) -> Self {
-        let recipes: Vec<Recipe> = book.way(number).iter().map(|&k| book.steps[k].recipe).collect();
+        let recipes: Vec<Recipe> = book.way(number).iter().map(|&k| book.steps[k].recipe.clone()).collect();
         let mut there = None;
         let mut known = 0;
         for recipe in &recipes {
@@ -162,7 +162,7 @@ impl Plan {
         let mut learned = false;
         for (k, recipe) in self.missing.into_iter().enumerate() {
             let at = |share: f64, what: &str| progress.at(whole * (k as f64 + share) / count, what);
-            match (recipe, &model) {
+            match (&recipe, &model) {
                 // Learning makes all of its steps at once, and on other data others.
                 (Recipe::Learned { .. }, _) if learned => {}
                 (Recipe::Learned { .. }, Some(before)) => {
@@ -189,8 +189,9 @@ pub(crate) fn perform(
     before: Option<&Model>,
     at: &(dyn Fn(f64, &str) + Sync),
 ) -> Result<Fitted, Refusal> {
-    let (title, model) = match (recipe, before) {
-        (Recipe::Fit { family, plays }, _) => {
+    let (title, model) = match (&recipe, before) {
+        (Recipe::Moved { turns }, Some(before)) => return hand::carry_out(turns, dataset, before, at),
+        (&Recipe::Fit { family, plays }, _) => {
             let options = FitOptions {
                 plays,
                 ..FitOptions::new(family)
@@ -199,11 +200,11 @@ pub(crate) fn perform(
             let title = format!("{}, {plays} plays", family.name());
             (title, fitted.map_err(Refusal::unusable)?.model)
         }
-        (Recipe::Add { effect }, Some(before)) => {
+        (&Recipe::Add { effect }, Some(before)) => {
             let added = hysteron_diagnose::add(dataset, before, effect, &|share| at(0.8 * share, effect.name()));
             (format!("+ {effect}"), added.map_err(Refusal::unusable)?.model)
         }
-        (Recipe::Add { .. } | Recipe::Learned { .. }, _) => {
+        (Recipe::Add { .. } | Recipe::Learned { .. } | Recipe::Moved { .. }, _) => {
             return Err(Refusal::conflict("there is no model yet; fit one first"));
         }
     };

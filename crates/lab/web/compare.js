@@ -5,6 +5,7 @@ import { count, num, percent, quantity, unit } from "./numbers.js";
 import { timePlot, loopPlot, spectrumPlot, correlationPlot, COLOURS } from "./plots.js";
 import { errorMap } from "./map.js";
 import { effectName } from "./effects.js";
+import { byHand, openByHand } from "./hand.js";
 import { staleNotice } from "./stale.js";
 
 /** The record that was chosen, by its file; before that the one that tells most. */
@@ -75,6 +76,8 @@ export async function comparePage(lab) {
   const selection = el("div", { id: "selection", role: "status" }, hint());
   const pooled = (p) => (p ? `of peak to peak; ${quantity(p.rms_um, raw)} rms, ${p.records} records` : "no such record");
   const rows = comparison.records.map((r) => [r.file, r.role, right(percent(r.nrmse_percent)), right(percent(r.fit_percent)), right(quantity(r.rms_um, raw)), right(quantity(r.max_um, raw)), r.noise_ratio, right(count(r.samples)), r.initial_state]);
+  if (location.hash.endsWith("/by-hand")) openByHand();
+  const hand = byHand(lab, inverse ? "voltage" : "position", outputUnit);
   const { error_map: byRate, swing_map: bySwing } = comparison;
   const output = inverse ? "voltage" : "position";
   const page = el("div", { class: "full" },
@@ -91,6 +94,7 @@ export async function comparePage(lab) {
     el("div", { class: "wide-narrow" },
       el("section", { class: "panel" }, el("h3", {}, "Measured and modelled"), choice, hosts.overlay, el("h3", {}, "Error: measured minus modelled"), hosts.residual, selection),
       panel("Loop", hosts.loop)),
+    hand.part,
     el("div", { class: "pair" },
       panel("Error by frequency and amplitude of the swing", errorMap("Error by frequency and amplitude", { name: "frequency", unit: "Hz", edges: bySwing.frequency_edges_hz }, { name: "amplitude", unit: raw, edges: bySwing.amplitude_edges_um }, bySwing.rms_um, raw)),
       panel(`Error by ${output} and rate`, errorMap(`Error by ${output} and rate`, { name: output, unit: raw, edges: byRate.position_edges_um }, { name: "rate", unit: `${raw}/s`, edges: byRate.rate_edges_um_per_s }, byRate.rms_um, raw))),
@@ -145,6 +149,7 @@ export async function comparePage(lab) {
     at = all.at;
     for (const one of [hosts.overlay, hosts.residual, hosts.loop, hosts.own, hosts.drive]) one.replaceChildren();
     selection.replaceChildren(hint());
+    hand.look(shown, comparison.records[shown].file);
     const { file } = comparison.records[shown];
     const follow = { sync: "compare", follow: () => charts.slice(0, 2), at: cursor };
     const count = 2 + beside.length;
@@ -163,6 +168,6 @@ export async function comparePage(lab) {
     correlationPlot(hosts.own, correlation.own, "error with itself", { name: `error with itself ${file}` });
     correlationPlot(hosts.drive, correlation.with_drive, "error with the drive", { name: `error with drive ${file}` });
   }
-  page.addEventListener("shown", () => { show(); spectrumPlot(hosts.spectrum, spectrum, outputUnit, 300, "spectrum"); });
+  page.addEventListener("shown", () => { if (location.hash.endsWith("/by-hand")) hand.part.scrollIntoView(); show(); spectrumPlot(hosts.spectrum, spectrum, outputUnit, 300, "spectrum"); });
   return page;
 }

@@ -62,9 +62,10 @@ async function livePicture(lab, effect) {
   return box;
 }
 
-function slider(p, index, all, draw) {
+/** A parameter that is dragged; `draw` gets the values of all. */
+export function slider(p, index, all, draw, prefix = "parameter") {
   const by = scale(p);
-  const id = `parameter-${index}`;
+  const id = `${prefix}-${index}`;
   const shown = el("output", { for: id }, quantity(p.value, p.unit));
   const input = el("input", { id, type: "range", min: "0", max: "1", step: "0.001", value: by.to(p.value), disabled: p.min === p.max, "aria-valuetext": shown.textContent, input: () => {
     p.value = by.from(Number(input.value));
@@ -72,7 +73,7 @@ function slider(p, index, all, draw) {
     input.setAttribute("aria-valuetext", shown.textContent);
     draw(all.map((one) => one.value));
   } });
-  return el("div", { class: "slider" }, el("label", { for: id }, p.name.replaceAll("_", " ")), shown, input, el("span", { class: "hint" }, `${tidy(p.what)} (${p.min === p.max ? "fixed" : between(p.min, p.max, p.unit)})`));
+  return el("div", { class: "slider" }, el("label", { for: id }, p.label || p.name.replaceAll("_", " ")), shown, input, el("span", { class: "hint" }, `${tidy(p.what)} (${p.min === p.max ? "fixed" : between(p.min, p.max, p.unit)})`));
 }
 
 /** The page of each effect. */

@@ -65,6 +65,7 @@ function offLadder(lab) {
   const off = steps.map((_, k) => k).filter((k) => steps[k].removed);
   return el("p", { class: "row" },
     el("a", { class: "button quiet", href: "#compare" }, `Look at step ${current + 1}`),
+    el("a", { class: "button quiet", href: "#compare/by-hand" }, "Move its parameters by hand"),
     el("button", { type: "button", id: "remove", disabled: job.running, click: () => lab.act({ what: "remove", step: current }) }, `Take step ${current + 1} off the ladder`),
     off.map((k) => el("button", { type: "button", id: `keep-${k}`, disabled: job.running, click: () => lab.act({ what: "keep", step: k }) }, `Put back ${k + 1}: ${steps[k].title}`)));
 }

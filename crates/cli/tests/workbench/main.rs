@@ -9,6 +9,7 @@ mod bring;
 mod browser;
 mod controller;
 mod grow;
+mod hand;
 mod hostile;
 mod learn;
 mod pictures;

@@ -60,6 +60,12 @@ impl Server {
         Self::with(session, Some(data), Share::Some { _guard: guard })
     }
 
+    /// As [`Self::start_with`], when no other test runs one.
+    pub(crate) fn start_alone_with(session: &Path, data: &Path) -> Self {
+        let guard = MACHINE.write().unwrap_or_else(PoisonError::into_inner);
+        Self::with(session, Some(data), Share::All { _guard: guard })
+    }
+
     fn with_share(session: &Path, share: Share) -> Self {
         Self::with(session, None, share)
     }

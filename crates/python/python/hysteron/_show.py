@@ -112,7 +112,10 @@ def plot_ladder(ladder: Any) -> Any:
     answer = ladder.to_dict()
     judged = [step.get("validate_percent", step.get("identify_percent")) for step in answer["steps"]]
     sign = {"fitted": "", "added": "+ ", "removed": "- "}
-    names = [sign[step["change"]] + step["what"] for step in answer["steps"]]
+    names = [
+        "moved by hand" if step["change"] == "moved" else sign[step["change"]] + step["what"]
+        for step in answer["steps"]
+    ]
     figure, axis = pyplot.subplots(figsize=(7, 1.2 + 0.4 * len(names)), layout="constrained")
     axis.barh(range(len(names)), judged)
     axis.set_yticks(range(len(names)), names)
