@@ -398,13 +398,17 @@ impl Header {
     }
 }
 
-/// The table of a slot's bytes, by its form alone: what it holds, [`crate::Image`] and [`Numbers::sweep`] judge.
+/// The table of a slot's bytes, into its place, by its form alone: what it holds, [`crate::Image`] and [`Numbers::sweep`] judge.
 ///
 /// # Errors
 /// What [`Header::read`] refuses, a wrong sum, a family, parts or a number of plays that there is no room for, another length than
 /// that of its parts.
 #[cold]
-pub fn decode<const N: usize>(bytes: &[u8], image: &crate::Image) -> Result<(Header, Numbers<N>), Refusal<'static>> {
+pub fn decode<const N: usize>(
+    bytes: &[u8],
+    image: &crate::Image,
+    table: &mut Numbers<N>,
+) -> Result<Header, Refusal<'static>> {
     let room = bytes.len();
     let header = Header::read(bytes, room)?;
     let bytes = bytes.get(..HEADER_BYTES + header.length).unwrap_or(bytes);
@@ -425,7 +429,7 @@ pub fn decode<const N: usize>(bytes: &[u8], image: &crate::Image) -> Result<(Hea
     if header.length != wanted || plays > N {
         return Err(length(header.length, wanted, room));
     }
-    let mut table = Numbers::empty(family, plays);
+    *table = Numbers::empty(family, plays);
     table.covered = header.covered;
     if header.parts & CHAIN != 0 {
         table.chain = Some(Chain {
@@ -434,13 +438,13 @@ pub fn decode<const N: usize>(bytes: &[u8], image: &crate::Image) -> Result<(Hea
         });
     }
     let mut at = HEADER_BYTES;
-    walk(&mut table, &mut |values| {
+    walk(table, &mut |values| {
         for value in values {
             *value = number(bytes, at);
             at += 8;
         }
     });
-    Ok((header, table))
+    Ok(header)
 }
 
 /// The sum that a table's header should have: over all of it but the magic and the sum itself.

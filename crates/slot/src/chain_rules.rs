@@ -9,7 +9,7 @@ use hysteron_core::effects::lag::{HeldLagInverse, Lag};
 use hysteron_core::error::ParamError;
 use hysteron_core::law_numbers::{LARGEST_CROSS, LawNumbers};
 use hysteron_core::preview::Preview;
-use hysteron_core::surroundings::SensorInverse;
+use hysteron_core::surroundings::{CompleteLaw, SensorInverse};
 use hysteron_core::tracking_law::{CREEP_DIVIDER, CREEP_FAST, CREEP_SLOW, TAPS};
 use hysteron_core::trust::Trust;
 
@@ -18,8 +18,19 @@ fn named<T>(field: &'static str, built: Result<T, ParamError>) -> Checked {
     built.map(|_| ()).map_err(|error| Refusal::of_core(field, error))
 }
 
+/// The law as a chip runs it; one function, so that an image has it once, for its checks and for what it runs.
+///
+/// # Errors
+/// Values that the core refuses.
+#[cold]
+#[inline(never)]
+pub(crate) fn law(numbers: &LawNumbers) -> Result<CompleteLaw<f32>, ParamError> {
+    numbers.law()
+}
+
 impl Chain {
     /// Runs the core's own constructors, each over the fields that its block is made of, then that of the whole law.
+    #[inline(never)]
     pub(crate) fn buildable(&self, numbers: &LawNumbers) -> Checked {
         let rate_hz = numbers.sample_rate_hz;
         let section = |[b0, b1, b2, a1, a2]: [f64; 5]| Biquad::<f32>::new([b0, b1, b2], [a1, a2]);
@@ -66,9 +77,10 @@ impl Chain {
             Some(_) => "controller.hum, controller.feedback",
             None => "controller.feedback",
         };
-        named(left, numbers.law::<f32>())
+        named(left, law(numbers))
     }
 
+    #[inline(never)]
     pub(crate) fn finite(&self) -> Checked {
         number("controller.inverse_min_um", self.inverse_min_um)?;
         number("controller.inverse_max_um", self.inverse_max_um)?;

@@ -27,6 +27,8 @@ pub enum Inverse<const N: usize> {
 impl<const N: usize> Hysteresis<f32> for Inverse<N> {
     type State = PlayState<f32, N>;
 
+    /// Inlined: where the family is known, the others are left out.
+    #[inline(always)]
     fn step(&self, state: &mut Self::State, input: f32) -> f32 {
         match self {
             Self::Mpi(model) => model.step(state, input),
@@ -127,18 +129,20 @@ impl<const N: usize> Numbers<N> {
     /// # Errors
     /// What the core's constructors refuse in `f32`.
     pub fn inverse(&self, at_rest: bool) -> Result<(PlayBank<f32, N>, Inverse<N>), ParamError> {
-        self.inverse_over([self.input_min_um, self.input_max_um], at_rest)
+        self.inverse_over(self.family, [self.input_min_um, self.input_max_um], at_rest)
     }
 
-    /// The same over another range.
+    /// The same over another range, of a family that is known to be the table's.
+    #[inline(always)]
     pub(crate) fn inverse_over(
         &self,
+        family: Family,
         range_um: [f64; 2],
         at_rest: bool,
     ) -> Result<(PlayBank<f32, N>, Inverse<N>), ParamError> {
         let share = if at_rest { 0.0 } else { 1.0 };
         let bank = self.bank_over(range_um)?;
-        let inverse = match self.family {
+        let inverse = match family {
             Family::Pi | Family::Mpi => Inverse::Mpi(Mpi::new(bank, self.coefficients())?),
             Family::Wrpi => {
                 let rate_weights = self.rate_weights().map(|weight| weight * share);

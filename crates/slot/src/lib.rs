@@ -27,5 +27,5 @@ pub use numbers::{Chain, Covered, Family, Numbers};
 pub use refusal::{Refusal, Rule};
 pub use rules::{CORNERS_ABOVE, MOST_PLAYS, Sweep};
 pub use short::short;
-pub use slots::{Chosen, Found, SLOTS, Slots, Verdict, check};
+pub use slots::{Chosen, SLOTS, Slots, Verdict, check};
 pub use supervision::LEAST_TRUST;

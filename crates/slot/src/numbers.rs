@@ -1,8 +1,11 @@
 //! A table as plain numbers of a fixed size: what a file, an image and a slot hold of it.
 
+use crate::chain_rules::law;
+use hysteron_core::error::ParamError;
 use hysteron_core::law_numbers::{
     AdaptationNumbers, CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers,
 };
+use hysteron_core::surroundings::CompleteLaw;
 use hysteron_core::tracking_law::{CREEP_FAST, CREEP_SLOW, PLAYS, TAPS};
 
 /// The families of the core, by their names in files.
@@ -248,5 +251,21 @@ impl<const N: usize> Numbers<N> {
             sensor: chain.sensor,
             adaptation: chain.adaptation,
         })
+    }
+
+    /// The complete law as a chip runs it. By itself: its numbers are on the stack while it is made, and no longer.
+    ///
+    /// # Errors
+    /// Values that the core refuses; a table without such a law.
+    #[cold]
+    #[inline(never)]
+    pub fn law(&self) -> Result<CompleteLaw<f32>, ParamError> {
+        match &self.law_numbers() {
+            Some(numbers) => law(numbers),
+            None => Err(ParamError::Unbounded {
+                name: "a complete law",
+                input: 0.0,
+            }),
+        }
     }
 }

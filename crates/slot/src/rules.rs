@@ -43,6 +43,12 @@ impl<const N: usize> Numbers<N> {
     /// - An output at rest outside what the amplifier may be given, or a command range outside the DAC's.
     #[cold]
     pub fn sweep(&self) -> Checked<Sweep> {
+        self.sweep_as(self.family)
+    }
+
+    /// The same of a family that is known to be the table's.
+    #[inline(always)]
+    pub(crate) fn sweep_as(&self, family: Family) -> Checked<Sweep> {
         self.covered.check()?;
         self.finite()?;
         self.limits()?;
@@ -57,9 +63,10 @@ impl<const N: usize> Numbers<N> {
             None => 0.0,
         };
         // The inverse counts from the stage's rest.
-        self.check_sweep([self.input_min_um - rest_um, self.input_max_um - rest_um])
+        self.check_sweep(family, [self.input_min_um - rest_um, self.input_max_um - rest_um])
     }
 
+    #[inline(never)]
     fn limits(&self) -> Checked {
         ascending("input_max_um", self.input_max_um, "input_min_um", self.input_min_um)?;
         ascending("output_max_v", self.output_max_v, "output_min_v", self.output_min_v)?;
@@ -79,6 +86,7 @@ impl<const N: usize> Numbers<N> {
         within("safe_v", self.safe_v, output.0, output.1)
     }
 
+    #[inline(never)]
     fn finite(&self) -> Checked {
         let single = [
             ("sample_rate_hz", self.sample_rate_hz),
@@ -140,6 +148,7 @@ impl<const N: usize> Numbers<N> {
         Ok(())
     }
 
+    #[inline(never)]
     fn check_plays(&self) -> Checked {
         if self.plays == 0 || self.plays > N.min(MOST_PLAYS) {
             return Err(Refusal::new(Rule::Plays, "thresholds_um", self.plays as f64));
@@ -155,6 +164,7 @@ impl<const N: usize> Numbers<N> {
     }
 
     /// Runs the constructors of what stands around the law.
+    #[inline(never)]
     fn buildable(&self) -> Checked {
         let core = |error: ParamError| Refusal::of_core("", error);
         let rate_hz = self.sample_rate_hz as f32;
@@ -184,29 +194,32 @@ impl<const N: usize> Numbers<N> {
     }
 
     /// Slopes are between neighbouring points.
-    fn check_sweep(&self, range_um: [f64; 2]) -> Checked<Sweep> {
+    #[inline(always)]
+    fn check_sweep(&self, family: Family, range_um: [f64; 2]) -> Checked<Sweep> {
         let core = |error: ParamError| Refusal::of_core("", error);
-        let (bank, inverse) = self.inverse_over(range_um, true).map_err(core)?;
+        let (bank, inverse) = self.inverse_over(family, range_um, true).map_err(core)?;
         // With the rate, too, the core must take it.
-        self.inverse_over(range_um, false).map_err(core)?;
+        self.inverse_over(family, range_um, false).map_err(core)?;
         let [low, high] = range_um.map(|um| um as f32);
         let mut state = PlayState::remanent(&bank, low, 0.0);
-        let mut last = inverse.step(&mut state, low);
-        self.within_amplifier(range_um, low, last)?;
-        let points = (1..=SWEEP_POINTS).map(|k| (k, true));
         let spacing_um = f64::from(high - low) / SWEEP_POINTS as f64;
         let mut slopes = [f64::INFINITY, 0.0_f64];
-        let mut ends = [last, last];
-        for (k, up) in points.chain((0..SWEEP_POINTS).rev().map(|k| (k, false))) {
+        let mut ends = [f32::INFINITY, f32::NEG_INFINITY];
+        let mut last = 0.0;
+        let up = (1..=SWEEP_POINTS).map(|k| (k, Some(true)));
+        let down = (0..SWEEP_POINTS).rev().map(|k| (k, Some(false)));
+        for (k, up) in core::iter::once((0, None)).chain(up).chain(down) {
             let input = low + (high - low) * (k as f32 / SWEEP_POINTS as f32);
             let output = inverse.step(&mut state, input);
             self.within_amplifier(range_um, input, output)?;
-            // Where the plays stand still after the turn, the input's own term has to carry the output.
-            if (up && output <= last) || (!up && output >= last) {
-                return Err(Refusal::new(Rule::Flat, self.input_terms(), f64::from(input)));
+            if let Some(up) = up {
+                // Where the plays stand still after the turn, the input's own term has to carry the output.
+                if (up && output <= last) || (!up && output >= last) {
+                    return Err(Refusal::new(Rule::Flat, self.input_terms(), f64::from(input)));
+                }
+                let slope = f64::from(output - last).abs() / spacing_um;
+                slopes = [slopes[0].min(slope), slopes[1].max(slope)];
             }
-            let slope = f64::from(output - last).abs() / spacing_um;
-            slopes = [slopes[0].min(slope), slopes[1].max(slope)];
             ends = [ends[0].min(output), ends[1].max(output)];
             last = output;
         }
@@ -236,6 +249,7 @@ impl<const N: usize> Numbers<N> {
     }
 
     /// What a table with a complete law must hold beside what every table must.
+    #[inline(never)]
     fn check_chain(&self, chain: &Chain) -> Checked {
         if self.family != Family::PlayPolynomial {
             let family = f64::from(self.family as u8);

@@ -17,45 +17,41 @@ pub struct Slots<F> {
     bytes: u32,
 }
 
-/// A table that has passed every check.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Found<const N: usize> {
-    /// Which slot.
-    pub slot: usize,
-    /// Its header.
-    pub header: Header,
-    /// Its numbers.
-    pub table: Numbers<N>,
-    /// What its sweep has seen.
-    pub sweep: Sweep,
-}
-
 /// What is said of a slot: the sequence of the table that runs, or why it does not.
 pub type Verdict = Result<u32, Refusal<'static>>;
 
 /// What a start finds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Chosen<const N: usize> {
-    /// The table to run with; the compiled-in one where there is none.
-    pub found: Option<Found<N>>,
+pub struct Chosen {
+    /// The slot whose table was taken, and its header; the compiled-in table runs where there is none.
+    pub found: Option<(usize, Header)>,
     /// What is said of each slot.
     pub verdicts: [Verdict; SLOTS],
-    /// The highest sequence of a header that can be read.
+    /// The newest sequence of a header that can be read.
     pub last: Option<u32>,
+    /// The slot for an upload: not the one in use, and one that cannot be read before any other.
+    pub spare: usize,
 }
 
-/// Every check of a slot's bytes: form, sum, version, dimensions, the table's own, the image's converters.
+/// Every check of a slot's bytes: form, sum, version, dimensions, the table's own, the image's converters. The table is put into its place,
+/// for a board has no room for it twice; its header and what its sweep has seen come back.
+///
+/// Inlined: where the image is a constant, the models of other families are left out.
 ///
 /// # Errors
 /// The first that fails.
-#[cold]
-pub fn check<const N: usize>(bytes: &[u8], image: &Image) -> Result<(Header, Numbers<N>, Sweep), Refusal<'static>> {
-    let (header, table) = decode(bytes, image)?;
-    // Numbers that are none come first: no comparison with them says anything.
-    let sweep = table.sweep()?;
-    image.holds(&table)?;
-    image.reaches(&table)?;
-    Ok((header, table, sweep))
+#[inline(always)]
+pub fn check<const N: usize>(
+    bytes: &[u8],
+    image: &Image,
+    table: &mut Numbers<N>,
+) -> Result<(Header, Sweep), Refusal<'static>> {
+    let header = decode(bytes, image, table)?;
+    // Numbers that are none come first: no comparison with them says anything. The family is the image's, as `decode` has seen.
+    let sweep = table.sweep_as(image.family)?;
+    image.holds(table)?;
+    image.reaches(table)?;
+    Ok((header, sweep))
 }
 
 impl<F: NorFlash> Slots<F> {
@@ -73,18 +69,19 @@ impl<F: NorFlash> Slots<F> {
         &mut self.flash
     }
 
-    /// The newest table that passes every check, for an image; `buffer` holds a slot's table, [`crate::most_bytes`] of it.
+    /// The slot with the newest table that `take` takes, which is given the bytes of one and does what [`check`] does; `buffer` holds a
+    /// slot's table, [`crate::most_bytes`] of it.
     ///
     /// `trapped` is a slot that must not be read: on some chips a torn word stops the processor. `reading` is told before a slot is read
     /// and, with none, after: whoever is reset between the two knows.
     #[cold]
-    pub fn choose<const N: usize>(
+    pub fn choose(
         &mut self,
-        image: &Image,
+        take: &mut impl FnMut(&[u8]) -> Result<(), Refusal<'static>>,
         buffer: &mut [u8],
         trapped: Option<usize>,
         reading: &mut impl FnMut(Option<usize>),
-    ) -> Chosen<N> {
+    ) -> Chosen {
         let mut headers = [Err(Refusal::new(Rule::Trapped, "slot", 0.0)); SLOTS];
         for (slot, header) in headers.iter_mut().enumerate() {
             if trapped != Some(slot) {
@@ -94,35 +91,39 @@ impl<F: NorFlash> Slots<F> {
             }
         }
         let mut verdicts = headers.map(|header| header.map(|header| header.sequence));
-        let [first, second] = headers;
-        let second_first = matches!((first, second), (Ok(first), Ok(second)) if second.is_newer_than(&first));
+        let [first, second] = &headers;
+        let second_first = matches!((first, second), (Ok(first), Ok(second)) if second.is_newer_than(first));
         let order = if second_first || first.is_err() { [1, 0] } else { [0, 1] };
-        let mut chosen: Option<Found<N>> = None;
-        let newest = order
-            .into_iter()
-            .find_map(|slot| headers.get(slot).and_then(|header| header.ok()));
+        let mut found: Option<(usize, Header)> = None;
+        let mut last = None;
         for slot in order {
-            let Some(verdict) = verdicts.get_mut(slot).filter(|verdict| verdict.is_ok()) else {
+            let Some((Ok(header), verdict)) = headers.get(slot).zip(verdicts.get_mut(slot)) else {
                 continue;
             };
-            if let Some(found) = &chosen {
-                let sequence = verdict.map_or(0, |sequence| sequence);
-                let older = Refusal::new(Rule::Older, "sequence", f64::from(sequence));
-                *verdict = Err(older.allowed([f64::from(found.header.sequence), 0.0, 0.0]));
+            last = last.or(Some(header.sequence));
+            if let Some((_, newer)) = &found {
+                let older = Refusal::new(Rule::Older, "sequence", f64::from(header.sequence));
+                *verdict = Err(older.allowed([f64::from(newer.sequence), 0.0, 0.0]));
                 continue;
             }
             reading(Some(slot));
-            let found = self.found(slot, image, buffer);
+            let length = buffer.len().min(self.bytes as usize);
+            let bytes = buffer.get_mut(..length).unwrap_or_default();
+            let read = self.read(slot, 0, bytes);
             reading(None);
-            match found {
-                Ok(found) => chosen = Some(found),
+            match read.and_then(|()| take(bytes)) {
+                Ok(()) => found = Some((slot, *header)),
                 Err(refused) => *verdict = Err(refused),
             }
         }
         Chosen {
-            found: chosen,
+            found,
             verdicts,
-            last: newest.map(|header| header.sequence),
+            last,
+            spare: match found {
+                Some((slot, _)) => usize::from(slot == 0),
+                None => trapped.unwrap_or(0),
+            },
         }
     }
 
@@ -132,31 +133,12 @@ impl<F: NorFlash> Slots<F> {
         Header::read(&bytes, self.bytes as usize)
     }
 
-    fn found<const N: usize>(
-        &mut self,
-        slot: usize,
-        image: &Image,
-        buffer: &mut [u8],
-    ) -> Result<Found<N>, Refusal<'static>> {
-        let length = buffer.len().min(self.bytes as usize);
-        let bytes = buffer.get_mut(..length).unwrap_or_default();
-        self.read(slot, 0, bytes)?;
-        let (header, table, sweep) = check(bytes, image)?;
-        Ok(Found {
-            slot,
-            header,
-            table,
-            sweep,
-        })
-    }
-
     fn read(&mut self, slot: usize, place: u32, bytes: &mut [u8]) -> Result<(), Refusal<'static>> {
         let at = self.at.get(slot).ok_or_else(failed)?;
         self.flash.read(at + place, bytes).map_err(|_| failed())
     }
 
-    /// Writes a table, which has passed [`check`], to the slot that is not in use, as the newest; its first word last. Returns the slot and
-    /// the sequence.
+    /// Writes a table, which has passed [`check`], to a slot that is not in use, as the newest; its first word last. Returns its sequence.
     ///
     /// `bytes` is up to a multiple of the flash's word as long as the table or longer. Until the last word is written, a start finds the
     /// slot in use as it was.
@@ -167,13 +149,7 @@ impl<F: NorFlash> Slots<F> {
     /// # Cost
     /// The flash's time to erase a slot and to write the table, in which it blocks.
     #[cold]
-    pub fn write(
-        &mut self,
-        bytes: &mut [u8],
-        in_use: Option<usize>,
-        last: Option<u32>,
-    ) -> Result<(usize, u32), Refusal<'static>> {
-        let slot = usize::from(in_use == Some(0));
+    pub fn write(&mut self, bytes: &mut [u8], slot: usize, last: Option<u32>) -> Result<u32, Refusal<'static>> {
         let sequence = last.map_or(0, |last| last.wrapping_add(1));
         let header = Header::read(bytes, self.bytes as usize)?;
         let all = HEADER_BYTES + header.length;
@@ -193,7 +169,7 @@ impl<F: NorFlash> Slots<F> {
             self.flash.write(at + place as u32, part).map_err(|_| failed())?;
         }
         self.compare(slot, bytes)?;
-        Ok((slot, sequence))
+        Ok(sequence)
     }
 
     fn compare(&mut self, slot: usize, bytes: &[u8]) -> Result<(), Refusal<'static>> {

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{COMPLETE, PAPER, Pair, SLOT, bytes, numbers, slots, start, upload};
-use hysteron_slot::{Chosen, Header, Image, Numbers, Refusal, Rule, bytes_of, decode, encode, most_bytes, seal};
+use hysteron_slot::{Header, Image, Numbers, Refusal, Rule, bytes_of, decode, encode, most_bytes, seal};
 use proptest::prelude::*;
 
 /// Bytes as they lie in a slot, whatever they are.
@@ -31,13 +31,13 @@ fn verdicts(bad: &[u8]) -> [Refusal<'static>; 2] {
     let mut pair = slots::<8>();
     upload(&mut pair, &image, &good()).unwrap();
     lay(&mut pair, 1, bad);
-    let chosen: Chosen<10> = start(&mut pair, &image);
-    assert_eq!(chosen.found.map(|found| found.table), Some(good()), "the other slot");
+    let (found, chosen) = start(&mut pair, &image);
+    assert_eq!(found, Some(good()), "the other slot");
     assert_eq!(chosen.verdicts[0], Ok(0));
     let mut alone = slots::<8>();
     lay(&mut alone, 0, bad);
-    let chosen_alone: Chosen<10> = start(&mut alone, &image);
-    assert_eq!(chosen_alone.found, None, "the compiled-in table");
+    let (found, chosen_alone) = start::<8, 10>(&mut alone, &image);
+    assert_eq!(found, None, "the compiled-in table");
     [&chosen.verdicts[1], &chosen_alone.verdicts[0]].map(|verdict| verdict.unwrap_err())
 }
 
@@ -199,8 +199,8 @@ fn val_the_newer_starts() {
             seal(&mut bytes[..bytes_of(&good())], sequence);
             lay(&mut pair, slot, &bytes);
         }
-        let chosen: Chosen<10> = start(&mut pair, &image);
-        assert_eq!(chosen.found.unwrap().slot, newer);
+        let (_, chosen) = start::<8, 10>(&mut pair, &image);
+        assert_eq!(chosen.found.unwrap().0, newer);
         assert_eq!(chosen.verdicts[1 - newer].unwrap_err().rule, Rule::Older);
     }
 }
@@ -212,7 +212,8 @@ fn val_tables_come_back() {
     let written = bytes(&complete);
     let image = Image::of(&complete);
     assert!(bytes_of(&complete) <= most_bytes(24, true) && bytes_of(&paper()) <= most_bytes(10, false));
-    let (read, back) = decode::<24>(&written, &image).unwrap();
+    let mut back = Numbers::<24>::empty(image.family, 0);
+    let read = decode(&written, &image, &mut back).unwrap();
     assert_eq!(back, complete);
     assert_eq!(read, Header::read(&written, SLOT as usize).unwrap());
     assert_eq!(read.hash, hysteron_table::hash("a file"));
@@ -230,7 +231,8 @@ fn val_tables_come_back() {
     };
     let mut room = vec![0; bytes_of(&full)];
     assert_eq!(encode(&full, &[7; 32], &mut room).unwrap(), room.len());
-    assert_eq!(decode::<24>(&room, &image).unwrap().1, full);
+    decode(&room, &image, &mut back).unwrap();
+    assert_eq!(back, full);
     assert!(encode(&full, &[7; 32], &mut [0; 400]).is_err());
 }
 
@@ -266,9 +268,9 @@ proptest! {
         let image = Image::of(&paper());
         let mut pair = slots::<8>();
         lay(&mut pair, 0, &bytes);
-        let chosen: Chosen<10> = start(&mut pair, &image);
-        if let Some(found) = chosen.found {
-            prop_assert!(found.table.sweep().is_ok() && image.holds(&found.table).is_ok());
+        let (found, chosen) = start::<8, 10>(&mut pair, &image);
+        if let Some(table) = found {
+            prop_assert!(table.sweep().is_ok() && image.holds(&table).is_ok());
         } else {
             prop_assert!(!chosen.verdicts[0].unwrap_err().reason().to_string().is_empty());
         }

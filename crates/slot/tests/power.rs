@@ -3,9 +3,9 @@
 
 mod common;
 
-use common::{COMPLETE, PAPER, Pair, numbers, slots, start, upload};
+use common::{COMPLETE, PAPER, Pair, numbers, slots, start, start_past, upload};
 use hysteron_slot::model::Tear;
-use hysteron_slot::{Chosen, Image, Numbers};
+use hysteron_slot::{Image, Numbers};
 use proptest::prelude::*;
 
 const TEARS: [Tear; 5] = [
@@ -17,8 +17,7 @@ const TEARS: [Tear; 5] = [
 ];
 
 fn table<const WORD: usize, const N: usize>(slots: &mut Pair<WORD>, image: &Image) -> Option<Numbers<N>> {
-    let chosen: Chosen<N> = start(slots, image);
-    chosen.found.map(|found| found.table)
+    start(slots, image).0
 }
 
 /// A slot's pages, then its words: how many operations an upload takes, and after each cut which table starts; then the upload again.
@@ -102,16 +101,27 @@ fn val_a_slot_that_traps_is_passed_over() {
     upload(&mut slots, &image, &a).unwrap();
     upload(&mut slots, &image, &b).unwrap();
     let mut read = Vec::new();
-    let chosen: Chosen<10> = slots.choose(&image, &mut [0; 4096], Some(1), &mut |slot| read.extend(slot));
-    assert_eq!(chosen.found.unwrap().table, a);
+    let (found, chosen) = start_past::<8, 10>(&mut slots, &image, Some(1), &mut |slot| read.extend(slot));
+    assert_eq!(found, Some(a));
     assert_eq!(read, [0, 0], "the second slot is not read");
     assert_eq!(
         chosen.verdicts[1].unwrap_err().to_string(),
         "slot = 0: reading it reset the board: a word of it is torn; upload again"
     );
     // The upload after it goes to that slot, and is the newest.
-    slots.write(&mut common::bytes(&paper), Some(0), chosen.last).unwrap();
+    assert_eq!(chosen.spare, 1);
+    slots
+        .write(&mut common::bytes(&paper), chosen.spare, chosen.last)
+        .unwrap();
     assert_eq!(table(&mut slots, &image), Some(paper));
+}
+
+/// With nothing in the other one, the compiled-in table runs, and an upload goes to the slot that traps.
+#[test]
+fn val_a_slot_that_traps_is_written_first() {
+    let image = Image::of(&numbers::<10>(PAPER));
+    let (found, chosen) = start_past::<8, 10>(&mut slots(), &image, Some(1), &mut |_| {});
+    assert_eq!((found, chosen.spare), (None, 1));
 }
 
 proptest! {

@@ -1,7 +1,7 @@
 //! Tables and slots of the tests.
 
 use hysteron_slot::model::Flash;
-use hysteron_slot::{Chosen, Image, MOST_BYTES, Numbers, Slots, encode};
+use hysteron_slot::{Chosen, Image, MOST_BYTES, Numbers, Slots, check, encode};
 use hysteron_table::{Table, hash};
 
 pub(crate) const PAPER: &str = include_str!("../../../../firmware/tables/paper-rate-mrpi.toml");
@@ -28,8 +28,25 @@ pub(crate) fn bytes<const N: usize>(table: &Numbers<N>) -> Vec<u8> {
     bytes
 }
 
-pub(crate) fn start<const WORD: usize, const N: usize>(slots: &mut Pair<WORD>, image: &Image) -> Chosen<N> {
-    slots.choose(image, &mut [0; MOST_BYTES], None, &mut |_| {})
+/// A start: the table that it takes, and what it says.
+pub(crate) fn start<const WORD: usize, const N: usize>(
+    slots: &mut Pair<WORD>,
+    image: &Image,
+) -> (Option<Numbers<N>>, Chosen) {
+    start_past(slots, image, None, &mut |_| {})
+}
+
+/// The same past a slot that traps.
+pub(crate) fn start_past<const WORD: usize, const N: usize>(
+    slots: &mut Pair<WORD>,
+    image: &Image,
+    trapped: Option<usize>,
+    reading: &mut impl FnMut(Option<usize>),
+) -> (Option<Numbers<N>>, Chosen) {
+    let mut table = Numbers::empty(image.family, 0);
+    let mut take = |bytes: &[u8]| check(bytes, image, &mut table).map(|_| ());
+    let chosen = slots.choose(&mut take, &mut [0; MOST_BYTES], trapped, reading);
+    (chosen.found.map(|_| table), chosen)
 }
 
 /// An upload, as a board does it after a start.
@@ -37,9 +54,8 @@ pub(crate) fn upload<const WORD: usize, const N: usize>(
     slots: &mut Pair<WORD>,
     image: &Image,
     table: &Numbers<N>,
-) -> Result<(usize, u32), String> {
-    let before: Chosen<N> = start(slots, image);
-    let in_use = before.found.map(|found| found.slot);
-    let written = slots.write(&mut bytes(table), in_use, before.last);
+) -> Result<u32, String> {
+    let (_, before) = start::<WORD, N>(slots, image);
+    let written = slots.write(&mut bytes(table), before.spare, before.last);
     written.map_err(|refused| refused.to_string())
 }
