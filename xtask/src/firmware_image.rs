@@ -38,7 +38,7 @@ pub(crate) const EMULATED: Limits = Limits {
     memory: 1_700,
     stack: 1200,
     bank_memory: 380,
-    bank_flash: 3_500,
+    bank_flash: 8_000,
 };
 
 /// The emulator's images with a complete law; 54 kB of flash with every effect in it.

@@ -266,7 +266,7 @@ fn axes(both: &[Collector; 2]) -> usize {
     both[0].axes().unwrap_or(1).clamp(1, both.len())
 }
 
-fn failed(from: &str) -> impl Fn(std::io::Error) -> BoardError {
+pub(crate) fn failed(from: &str) -> impl Fn(std::io::Error) -> BoardError {
     let from = from.to_owned();
     move |source| BoardError::Source {
         from: from.clone(),
@@ -275,9 +275,9 @@ fn failed(from: &str) -> impl Fn(std::io::Error) -> BoardError {
 }
 
 /// What sends, and who can be asked, where it is a server.
-type Opened = (Box<dyn Read + Send>, Option<TcpStream>);
+pub(crate) type Opened = (Box<dyn Read + Send>, Option<TcpStream>);
 
-fn open(from: &str) -> Result<Opened, BoardError> {
+pub(crate) fn open(from: &str) -> Result<Opened, BoardError> {
     if Path::new(from).exists() || !from.contains(':') {
         return Ok((Box::new(File::open(from).map_err(failed(from))?), None));
     }
@@ -295,7 +295,7 @@ fn open(from: &str) -> Result<Opened, BoardError> {
 }
 
 /// Reads in a thread of its own: a device that is silent can be waited for, but not for ever.
-fn chunks(mut source: Box<dyn Read + Send>) -> Receiver<std::io::Result<Vec<u8>>> {
+pub(crate) fn chunks(mut source: Box<dyn Read + Send>) -> Receiver<std::io::Result<Vec<u8>>> {
     let (sender, receiver) = sync_channel(64);
     std::thread::spawn(move || {
         let mut buffer = vec![0; 1 << 16];

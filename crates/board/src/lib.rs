@@ -9,6 +9,7 @@ pub mod host;
 pub mod image;
 mod player;
 pub mod rig;
+pub mod slots;
 pub mod telemetry;
 pub mod two_axes;
 pub mod upload;
@@ -167,6 +168,25 @@ pub enum BoardError {
     /// A stage of one axis at an image of both.
     #[error("the image is of both axes; name the second one's stage as well, or take an image of one axis")]
     TwoAxes,
+    /// A board that does not answer an upload.
+    #[error(
+        "{to}: no answer to {what}; is the board running, is this its RTT channel 1, and does its image have slots (one axis, this \
+         version)? The table in use is still whole"
+    )]
+    NotHeard {
+        /// What was asked for.
+        to: String,
+        /// What was sent.
+        what: &'static str,
+    },
+    /// A table that a board refuses.
+    #[error("{to} refuses the table and keeps the one that it has: {refused}")]
+    TableRefused {
+        /// The board.
+        to: String,
+        /// Why.
+        refused: slots::Refused,
+    },
     /// A source that takes no orders.
     #[error("{0}: a file takes no orders; give HOST:PORT of a server, or start the loop by the board's button")]
     NotAsked(String),

@@ -4,6 +4,7 @@ use crate::{BoardError, Recording};
 use hysteron_core::codes::{AdcCode, Converter};
 pub use hysteron_firmware::telemetry::About;
 use hysteron_firmware::telemetry::{ABOUT_BYTES, Found, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample, find};
+use hysteron_firmware::upload::ANSWER_BYTES;
 use hysteron_firmware::wire::{ACCEPTED, Hello, REFUSED};
 use std::fmt::Write;
 
@@ -135,6 +136,8 @@ impl Collector {
                     }
                     at += ABOUT_BYTES;
                 }
+                // What the board says of its slots is no part of a recording.
+                Found::Answer => at += ANSWER_BYTES,
                 Found::Incomplete if !ended => break,
                 // A board gives no orders.
                 Found::Incomplete | Found::Nothing | Found::Order(_) => {

@@ -1,7 +1,8 @@
 //! Several tables in one image: what they must have in common, and their constants.
 
 use crate::check::refuse;
-use crate::{Table, TableError};
+use crate::{MOST_PLAYS, Table, TableError};
+use hysteron_slot::Image;
 use std::fmt::Write;
 
 /// Most tables in an image: a frame of the firmware has three bits for the one that is in force.
@@ -38,44 +39,8 @@ impl Table {
     /// );
     /// ```
     pub fn fits(&self, first: &Self) -> Result<(), TableError> {
-        let as_in_the_first = |value: &dyn std::fmt::Display| format!("must be {value} as in the image's first table");
-        if self.family != first.family {
-            let reason = as_in_the_first(&first.family.name());
-            return Err(refuse("family", self.family.name(), reason));
-        }
-        let [mine, its] = [self, first].map(|table| table.thresholds_um.len());
-        if mine != its {
-            let reason = as_in_the_first(&its);
-            return Err(refuse("thresholds_um", format!("{mine} values"), reason));
-        }
-        match (&self.controller, &first.controller) {
-            (Some(_), None) => {
-                let reason = "the image's first table has none; give tables with a complete law, or tables without";
-                return Err(refuse("controller", "present", reason));
-            }
-            (None, Some(_)) => {
-                let reason = "the image's first table has one; give tables with a complete law, or tables without";
-                return Err(refuse("controller", "none", reason));
-            }
-            _ => {}
-        }
-        for (field, mine, its) in [
-            ("sample_rate_hz", self.sample_rate_hz, first.sample_rate_hz),
-            ("output_min_v", self.output_min_v, first.output_min_v),
-            ("output_max_v", self.output_max_v, first.output_max_v),
-            ("safe_v", self.safe_v, first.safe_v),
-            ("slew_v_per_s", self.slew_v_per_s, first.slew_v_per_s),
-            ("ramp_v_per_s", self.ramp_v_per_s, first.ramp_v_per_s),
-            ("dac_min_v", self.dac_min_v, first.dac_min_v),
-            ("dac_top_v", self.dac_top_v, first.dac_top_v),
-            ("adc_min_um", self.adc_min_um, first.adc_min_um),
-            ("adc_top_um", self.adc_top_um, first.adc_top_um),
-        ] {
-            if mine as f32 != its as f32 {
-                return Err(refuse(field, mine, as_in_the_first(&its)));
-            }
-        }
-        Ok(())
+        let image = Image::of(&first.numbers::<MOST_PLAYS>());
+        Ok(image.holds(&self.numbers::<MOST_PLAYS>())?)
     }
 }
 

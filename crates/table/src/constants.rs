@@ -1,139 +1,96 @@
 //! A table as Rust constants in `f32`.
 
-use crate::check::refuse;
-use crate::{CORNERS_ABOVE, Family, Table, TableError, hash};
-#[cfg(doc)]
-use hysteron_core::law_numbers::LawNumbers;
+use crate::{CORNERS_ABOVE, Family, MOST_PLAYS, Table, TableError, hash};
+use hysteron_slot::Image;
 use std::fmt::Write;
 
-/// What builds the inverse of each family from the constants.
+/// What builds the inverse of each family from the numbers of a table.
 const MPI: &str = "
 pub type Inverse = hysteron_core::mpi::Mpi<f32, PLAYS>;
-pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
-    Inverse::new(bank()?, coefficients())
+pub fn inverse_of(table: &Numbers<PLAYS>) -> Result<Inverse, ParamError> {
+    Inverse::new(table.bank()?, table.coefficients())
 }
 ";
 const WRPI: &str = "
 pub type Inverse = hysteron_core::wrpi::Wrpi<f32, PLAYS>;
-pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
-    Inverse::new(bank()?, coefficients(), RATE_WEIGHTS_V_S_PER_UM2)
+pub fn inverse_of(table: &Numbers<PLAYS>) -> Result<Inverse, ParamError> {
+    Inverse::new(table.bank()?, table.coefficients(), table.rate_weights())
 }
 ";
 const MRPI: &str = "
 pub type Inverse = hysteron_core::quick_mrpi::QuickMrpi<f32, PLAYS, crate::law::Plays>;
-pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
-    let envelope = hysteron_core::envelope::Envelope { alpha_s: ALPHA_S, beta_s: BETA_S };
-    Ok(Inverse::new(hysteron_core::mrpi::Mrpi::new(bank()?, coefficients(), envelope)?))
+pub fn inverse_of(table: &Numbers<PLAYS>) -> Result<Inverse, ParamError> {
+    let model = hysteron_core::mrpi::Mrpi::new(table.bank()?, table.coefficients(), table.envelope())?;
+    Ok(Inverse::new(model))
 }
 ";
 /// PI, MPI and MRPI of many plays.
 const CORNERS: &str = "
 pub type Inverse = hysteron_core::corner_mrpi::CornerMrpi<f32, PLAYS>;
-pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
-    let envelope = hysteron_core::envelope::Envelope { alpha_s: ALPHA_S, beta_s: BETA_S };
-    Inverse::new(bank()?, coefficients(), envelope)
+pub fn inverse_of(table: &Numbers<PLAYS>) -> Result<Inverse, ParamError> {
+    Inverse::new(table.bank()?, table.coefficients(), table.envelope())
 }
 ";
 const PLAY_POLYNOMIAL: &str = "
 pub type Inverse = hysteron_core::play_polynomial::PlayPolynomial<f32, PLAYS>;
-pub fn inverse() -> Result<Inverse, hysteron_core::error::ParamError> {
-    let input_function =
-        [LINEAR_V_PER_UM, QUADRATIC_V_PER_UM2, CUBIC_V_PER_UM3, QUARTIC_V_PER_UM4, QUINTIC_V_PER_UM5];
-    let coefficients = hysteron_core::play_polynomial::PolynomialCoefficients {
-        offset: OFFSET_V,
-        input_function,
-        linear: WEIGHTS_V_PER_UM,
-        quadratic: WEIGHTS_QUADRATIC_V_PER_UM2,
-        cubic: WEIGHTS_CUBIC_V_PER_UM3,
-    };
-    Inverse::new(bank()?, coefficients)
-}
-";
-const COEFFICIENTS: &str = "
-fn coefficients() -> hysteron_core::mpi::MpiCoefficients<f32, PLAYS> {
-    hysteron_core::mpi::MpiCoefficients {
-        offset: OFFSET_V,
-        cubic: CUBIC_V_PER_UM3,
-        linear: LINEAR_V_PER_UM,
-        weights: WEIGHTS_V_PER_UM,
-    }
-}
-";
-const BANK: &str = "
-pub fn bank() -> Result<hysteron_core::bank::PlayBank<f32, PLAYS>, hysteron_core::error::ParamError> {
-    let thresholds = hysteron_core::thresholds::Thresholds::new(THRESHOLDS_UM)?;
-    hysteron_core::bank::PlayBank::new(thresholds, INPUT_MIN_UM, INPUT_MAX_UM, SAMPLE_RATE_HZ)
+pub fn inverse_of(table: &Numbers<PLAYS>) -> Result<Inverse, ParamError> {
+    Inverse::new(table.bank()?, table.polynomial())
 }
 ";
 
 /// The paper's law around the inverse.
 const PAPER: &str = "
 pub type Law = crate::law::Paper<Inverse>;
+pub fn inverse() -> Result<Inverse, ParamError> {
+    inverse_of(&TABLE)
+}
 #[inline(always)]
-pub fn law() -> Result<Law, hysteron_core::error::ParamError> {
-    let feedback = hysteron_core::pi_controller::PiController::new(
-        PROPORTIONAL_V_PER_UM, INTEGRAL_V_PER_UM_S, SAMPLE_RATE_HZ)?;
-    let limiter = hysteron_core::limiter::Limiter::new(OUTPUT_MIN_V, OUTPUT_MAX_V, SLEW_V_PER_S, SAMPLE_RATE_HZ)?;
-    Ok(Law::new(inverse()?, feedback, limiter))
+pub fn law() -> Result<Law, ParamError> {
+    Law::of(inverse()?, &TABLE)
+}
+pub fn put_law(table: &Numbers<PLAYS>, _: &Sweep, place: &mut Law) -> Result<(), ParamError> {
+    *place = Law::of(inverse_of(table)?, table)?;
+    Ok(())
 }
 ";
 /// The table as the controller takes it. Inlined to where it stays: each call would have all of it on main's stack once more.
 const PARAMETERS: &str = "
 #[inline(always)]
-pub fn parameters() -> Result<crate::parameters::Parameters<Law>, hysteron_core::error::ParamError> {
-    use hysteron_core::codes::Converter;
-    use hysteron_core::limiter::Limiter;
-    Ok(crate::parameters::Parameters {
-        law: law()?,
-        ramp: Limiter::new(OUTPUT_MIN_V, OUTPUT_MAX_V, RAMP_V_PER_S, SAMPLE_RATE_HZ)?,
-        rise_um: RAMP_V_PER_S / SAMPLE_RATE_HZ / SLOPES_V_PER_UM[1],
-        scales: crate::monitor::Scales {
-            range_um: INPUT_MAX_UM - INPUT_MIN_UM,
-            um_per_code: (ADC_TOP_UM - ADC_MIN_UM) / 65_535.0,
-            slopes_v_per_um: SLOPES_V_PER_UM,
-            span_v: SPAN_V,
-            departure_v: DEPARTURE_V,
-            overshoot: OVERSHOOT,
-        },
-        dac: Converter::new(DAC_MIN_V, DAC_TOP_V)?,
-        adc: Converter::new(ADC_MIN_UM, ADC_TOP_UM)?,
-        range_um: [INPUT_MIN_UM, INPUT_MAX_UM],
-        sample_rate_hz: SAMPLE_RATE_HZ,
-        feedback_up_to_hz: FEEDBACK_UP_TO_HZ,
-        safe_v: SAFE_V,
-    })
+pub fn parameters() -> Result<crate::parameters::Parameters<Law>, ParamError> {
+    crate::parameters::Parameters::of(law()?, &TABLE, &SWEEP)
 }
 pub fn hello() -> crate::wire::Hello {
-    crate::wire::Hello {
-        hash: HASH,
-        sample_rate_hz: SAMPLE_RATE_HZ,
-        input_min_um: INPUT_MIN_UM,
-        input_max_um: INPUT_MAX_UM,
-        bank: BANK,
-        banks: BANKS as u8,
-        axes: 1,
-        complete: COMPLETE,
-    }
+    crate::wire::Hello::of(&TABLE, HASH, BANK, BANKS)
 }
 ";
-/// The complete law, which has an inverse of its own; its numbers follow.
+/// The complete law, which has an inverse of its own. The compiled-in one is made of constants, so that what it has no part of is left out.
 const COMPLETE: &str = "
 pub type Law = crate::law::Complete;
 #[inline(always)]
-pub fn law() -> Result<Law, hysteron_core::error::ParamError> {
+pub fn law() -> Result<Law, ParamError> {
     Ok(Law::new(NUMBERS.law()?, SLOPES_V_PER_UM[0]))
 }
-#[allow(unused_imports, reason = \"a law without a part has no numbers of it\")]
+pub fn put_law(table: &Numbers<PLAYS>, sweep: &Sweep, place: &mut Law) -> Result<(), ParamError> {
+    place.put(table, sweep)
+}
+";
+/// Names of what follows.
+const USED: &str = "
+#[allow(unused_imports, reason = \"a table without a part has no numbers of it\")]
 use hysteron_core::law_numbers::{
     AdaptationNumbers, CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers, TrustNumbers,
 };
+use hysteron_core::error::ParamError;
+use hysteron_slot::{Covered, Numbers, Sweep};
+#[allow(unused_imports, reason = \"as above\")]
+use hysteron_slot::{Chain, Family::*};
 ";
 
 impl Table {
     /// The constants that the firmware includes: one `pub const` a field, the functions that build the inverse from them, and the
     /// hash of `text`, the table's file. `BANK` and `BANKS`, which they use, [`crate::constants_of_banks`] adds.
     ///
-    /// Those of a complete law are in `f64`, as [`LawNumbers`] has them, from which the core makes its `f32`.
+    /// All numbers stand in `TABLE` as well, in `f64`, as a slot of a board has them: from them the law is made, whichever of both it is of.
     ///
     /// Values are written by their shortest decimal that gives the same `f32`.
     ///
@@ -141,10 +98,8 @@ impl Table {
     /// As [`Table::check`].
     pub fn constants(&self, text: &str) -> Result<String, TableError> {
         let sweep = self.sweep()?;
-        if self.controller.as_ref().is_some_and(|part| part.heat.is_some()) {
-            let reason = "boards have no thermometer; leave it out";
-            return Err(refuse("controller.heat", "present", reason));
-        }
+        let numbers = self.numbers::<MOST_PLAYS>();
+        Image::of(&numbers).reaches(&numbers)?;
         let slopes = sweep.slopes_v_per_um.map(|slope| slope as f32);
         let mut source = String::new();
         let scalars = [
@@ -202,17 +157,14 @@ impl Table {
             let _ = writeln!(source, "pub const {name}: [f32; PLAYS] = [{}];", values.join(", "));
         }
         let _ = writeln!(source, "pub const COMPLETE: bool = {};", self.controller.is_some());
-        let _ = writeln!(source, "pub const HASH: [u8; 32] = {:?};{PARAMETERS}", hash(text));
+        let _ = writeln!(source, "pub const HASH: [u8; 32] = {:?};{USED}{PARAMETERS}", hash(text));
+        // Numbers as the core's own types print them: the shortest decimals that give the same f64.
+        let _ = writeln!(source, "pub const TABLE: Numbers<PLAYS> = {};", self.as_source());
+        let _ = writeln!(source, "pub const SWEEP: Sweep = {sweep:?};");
         if let Some(numbers) = self.law_numbers()? {
-            // Numbers as the core's own types print them: the shortest decimals that give the same f64.
             let _ = writeln!(source, "{COMPLETE}pub const NUMBERS: LawNumbers = {numbers:?};");
             return Ok(source);
         }
-        source += BANK;
-        source += match self.family {
-            Family::PlayPolynomial => "",
-            _ => COEFFICIENTS,
-        };
         source += match self.family {
             Family::Pi | Family::Mpi | Family::Mrpi if corners => CORNERS,
             Family::Pi | Family::Mpi => MPI,
@@ -222,5 +174,26 @@ impl Table {
         };
         source += PAPER;
         Ok(source)
+    }
+
+    /// Its numbers as Rust, with room for its own plays.
+    fn as_source(&self) -> String {
+        let plays = self.thresholds_um.len();
+        let list = |name: &'static str, values: &[f64]| -> (&str, Vec<f64>) {
+            let zeros = std::iter::repeat(0.0);
+            (name, values.iter().copied().chain(zeros).take(plays).collect())
+        };
+        let lists = [
+            list("thresholds_um", &self.thresholds_um),
+            list("weights_v_per_um", &self.weights_v_per_um),
+            list("rate_weights_v_s_per_um2", &self.rate_weights_v_s_per_um2),
+            list("weights_quadratic_v_per_um2", &self.weights_quadratic_v_per_um2),
+            list("weights_cubic_v_per_um3", &self.weights_cubic_v_per_um3),
+        ];
+        // Without room for plays every list prints as none, and has its numbers put in.
+        let said = format!("{:?}", self.numbers::<0>());
+        lists.into_iter().fold(said, |said, (name, list)| {
+            said.replace(&format!(" {name}: [], "), &format!(" {name}: {list:?}, "))
+        })
     }
 }

@@ -67,32 +67,21 @@ impl Covered {
         lines
     }
 
-    /// Refuses ends that are not numbers or do not ascend, and text that would end a comment.
-    pub(crate) fn check(&self) -> Result<(), TableError> {
-        for (field, ends) in [
-            ("covered.voltage_v", self.voltage_v),
-            ("covered.position_um", self.position_um),
-            ("covered.temperature_c", self.temperature_c),
-        ] {
-            if let Some([low, high]) = ends.filter(|[low, high]| !(low.is_finite() && high.is_finite() && low <= high))
-            {
-                return Err(refuse(
-                    field,
-                    format!("[{low}, {high}]"),
-                    "must be two finite numbers, the lower first",
-                ));
-            }
+    /// Its numbers.
+    pub(crate) fn numbers(&self) -> hysteron_slot::Covered {
+        hysteron_slot::Covered {
+            voltage_v: self.voltage_v,
+            position_um: self.position_um,
+            temperature_c: self.temperature_c,
+            slew_v_per_s: self.slew_v_per_s,
+            swing_hz: self.swing_hz,
+            sample_rate_hz: self.sample_rate_hz,
+            told_to_hz: self.told_to_hz,
         }
-        for (field, value) in [
-            ("covered.slew_v_per_s", self.slew_v_per_s),
-            ("covered.swing_hz", self.swing_hz),
-            ("covered.sample_rate_hz", self.sample_rate_hz),
-            ("covered.told_to_hz", self.told_to_hz),
-        ] {
-            if let Some(value) = value.filter(|value| !(value.is_finite() && *value >= 0.0)) {
-                return Err(refuse(field, value, "must be finite and not negative"));
-            }
-        }
+    }
+
+    /// Refuses text that would end a comment.
+    pub(crate) fn check_texts(&self) -> Result<(), TableError> {
         let texts = self.beyond.iter().chain(&self.told_by);
         for text in texts {
             if text.contains("*/") || text.chars().any(char::is_control) {
@@ -133,7 +122,10 @@ mod tests {
 
     #[test]
     fn refuse_ends_that_do_not_ascend_and_text_that_ends_a_comment() {
-        let refused = |covered: Covered| covered.check().unwrap_err().to_string();
+        let refused = |covered: Covered| {
+            let numbers = covered.numbers().check().map_err(TableError::from);
+            numbers.and(covered.check_texts()).unwrap_err().to_string()
+        };
         let said = refused(Covered {
             voltage_v: Some([3.0, 1.0]),
             ..Covered::default()
@@ -152,6 +144,6 @@ mod tests {
             ..Covered::default()
         });
         assert!(said.contains("without the end of a C comment"), "{said}");
-        assert_eq!(Covered::default().check(), Ok(()));
+        assert_eq!(Covered::default().check_texts(), Ok(()));
     }
 }

@@ -1,6 +1,7 @@
 //! The parameter table that is compiled into the firmware: its file, its checks, its constants.
 //!
-//! `hysteron export` writes it, the firmware's build script reads it; both check it here and nowhere else.
+//! `hysteron export` writes it, the firmware's build script reads it. What a file can get wrong is checked here; what numbers can, by
+//! the rules of `hysteron-slot`, which the board runs as well.
 #![forbid(unsafe_code)]
 
 mod banks;
@@ -10,32 +11,20 @@ mod constants;
 mod controller;
 mod covered;
 pub mod gains;
-mod inverse;
-mod short;
+mod numbers;
 mod supervision;
 
 pub use banks::{MOST_BANKS, constants_of_banks};
 pub use c::CCode;
-pub use check::Sweep;
 pub use controller::{Adaptation, Controller, Feedback, Hum, Trust};
 pub use covered::Covered;
-pub use inverse::Inverse;
-pub use short::short;
-pub use supervision::LEAST_TRUST;
+pub use hysteron_slot::{CORNERS_ABOVE, Family, Inverse, LEAST_TRUST, MOST_PLAYS, Numbers, Refusal, Sweep, short};
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 /// First line of meaning in a table file; another value is another layout.
 pub const FORMAT: &str = "hysteron-table 1";
-
-/// Most plays that a table may have: up to 509 instructions a tick on a Cortex-M4F for PI, MPI and MRPI, which remember corners above
-/// [`CORNERS_ABOVE`] plays, 1300 for the others (`cargo xtask firmware bench`), of the 3400 that 20 us are at 170 MHz.
-pub const MOST_PLAYS: usize = 100;
-
-/// From about this number of plays on it is faster in the worst case to remember corners than to touch the plays that move: 206 + 18
-/// for each play above 10 against 509 on a Cortex-M4F.
-pub const CORNERS_ABOVE: usize = 27;
 
 /// A compensator for one axis: a direct inverse (eq. 13), the PI gains (eq. 14) or a complete law around it, limits and converters.
 ///
@@ -121,35 +110,6 @@ pub struct Table {
     pub covered: Option<Covered>,
 }
 
-/// The families of the core, by their names in files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Family {
-    /// Eq. 5.
-    Pi,
-    /// Eq. 6.
-    Mpi,
-    /// Rate-dependent weights.
-    Wrpi,
-    /// Eq. 10.
-    Mrpi,
-    /// A cubic of each play's output.
-    PlayPolynomial,
-}
-
-impl Family {
-    /// The name used in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Pi => "pi",
-            Self::Mpi => "mpi",
-            Self::Wrpi => "wrpi",
-            Self::Mrpi => "mrpi",
-            Self::PlayPolynomial => "play-polynomial",
-        }
-    }
-}
-
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "the form that serde calls")]
 fn is_zero(value: &f64) -> bool {
     *value == 0.0
@@ -174,6 +134,19 @@ pub enum TableError {
     /// The core refuses the values in `f32`.
     #[error("the core refuses the table in f32: {0}")]
     Core(#[from] hysteron_core::error::ParamError),
+}
+
+impl From<Refusal<'static>> for TableError {
+    fn from(refused: Refusal<'static>) -> Self {
+        match refused.core_error().filter(|_| refused.field.is_empty()) {
+            Some(error) => Self::Core(error),
+            None => Self::Field {
+                field: refused.field().to_string(),
+                value: refused.value().to_string(),
+                reason: refused.reason().to_string(),
+            },
+        }
+    }
 }
 
 impl Table {

@@ -49,8 +49,6 @@ pub mod one {
 
     /// How many.
     pub const AXES: usize = 1;
-    /// Lowest and highest reference of each, micrometres.
-    pub const RANGES_UM: [[f32; 2]; AXES] = [[table::INPUT_MIN_UM, table::INPUT_MAX_UM]];
     /// A description of each of their tables.
     pub type Abouts = [About; table::BANKS];
     /// Their tables, as compiled in.
@@ -85,6 +83,11 @@ pub mod one {
         [(safe, ramp_codes(table::RAMP_V_PER_S, table::SAMPLE_RATE_HZ, range_v))]
     }
 
+    /// Lowest and highest reference of each first table, micrometres.
+    pub fn ranges_um(banks: &Banks) -> [[f32; 2]; AXES] {
+        [banks[0].range_um]
+    }
+
     /// At the safe level.
     #[inline(always)]
     pub fn control(banks: &'static Banks, [setup]: &[Setup; AXES]) -> Control {
@@ -106,11 +109,6 @@ pub mod two {
 
     /// How many.
     pub const AXES: usize = 2;
-    /// Lowest and highest reference of each, micrometres.
-    pub const RANGES_UM: [[f32; 2]; AXES] = [
-        [table::INPUT_MIN_UM, table::INPUT_MAX_UM],
-        [table_y::INPUT_MIN_UM, table_y::INPUT_MAX_UM],
-    ];
     /// A description of each of their tables.
     pub type Abouts = [About; table::BANKS + table_y::BANKS];
     /// Their tables, as compiled in.
@@ -159,6 +157,11 @@ pub mod two {
         );
         let (x, y) = (&banks.x[0], &banks.y[0]);
         [(x.dac.code(x.safe_v), of_x), (y.dac.code(y.safe_v), of_y)]
+    }
+
+    /// Lowest and highest reference of each first table, micrometres.
+    pub fn ranges_um(banks: &Banks) -> [[f32; 2]; AXES] {
+        [banks.x[0].range_um, banks.y[0].range_um]
     }
 
     /// Both at the safe level.

@@ -112,6 +112,9 @@ pub const WATCHDOG_US: u32 = 2000;
 /// safe level feeds it.
 pub const WATCHDOG_START_US: u32 = 200_000;
 
+/// The same while a slot of flash is erased and written, with the sample clock stopped.
+pub const WATCHDOG_FLASH_US: u32 = 10_000_000;
+
 // The loop's time is set by RL alone, while the watchdog counts.
 const _: () = assert!(watchdog(WATCHDOG_US).0 == watchdog(WATCHDOG_START_US).0);
 

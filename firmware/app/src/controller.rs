@@ -478,29 +478,8 @@ fn begin<L: Law>(place: &mut L::State, law: &L, table: Option<&L>, start: &Start
 /// A function of its own, whose arguments do not overlap: otherwise it is a `memmove`, 1.6 kB of the fastest memory.
 #[inline(never)]
 fn adopt<L: Law>(place: &mut Parameters<L>, new: &Parameters<L>) {
-    // All of them by name: a field more is an error here.
-    let Parameters {
-        law,
-        ramp,
-        rise_um,
-        scales,
-        dac,
-        adc,
-        range_um,
-        sample_rate_hz,
-        feedback_up_to_hz,
-        safe_v,
-    } = new;
-    place.law.adopt(law);
-    place.ramp = *ramp;
-    place.rise_um = *rise_um;
-    place.scales = *scales;
-    place.dac = *dac;
-    place.adc = *adc;
-    place.range_um = *range_um;
-    place.sample_rate_hz = *sample_rate_hz;
-    place.feedback_up_to_hz = *feedback_up_to_hz;
-    place.safe_v = *safe_v;
+    place.law.adopt(&new.law);
+    place.set_around(new);
 }
 
 /// Whether a table of this range can be asked for a reference. A NaN fails the comparisons.

@@ -1,12 +1,14 @@
 //! What turns reference and position into a command: the paper's law, or the complete one; the core's own, both of them.
 
 use hysteron_core::control_law::{ControlLaw, ControlState};
+use hysteron_core::error::ParamError;
 use hysteron_core::limiter::Limiter;
 use hysteron_core::model::AtRest;
 use hysteron_core::pi_controller::PiController;
 use hysteron_core::real::Real as _;
 use hysteron_core::surroundings::{CompleteLaw, CompleteState, LoopInput};
 use hysteron_core::tracking_law::Feedback;
+use hysteron_slot::{Numbers, Sweep};
 
 /// How the chip moves and sums the plays of a bank; the bits are the same on all.
 #[cfg(not(all(feature = "max-instruction", target_arch = "arm")))]
@@ -128,6 +130,19 @@ impl<I: AtRest<f32> + Copy> Paper<I> {
     }
 }
 
+impl<I: AtRest<f32> + Copy> Paper<I> {
+    /// Of a table and its inverse.
+    ///
+    /// # Errors
+    /// What the core refuses.
+    #[inline(always)]
+    pub fn of<const N: usize>(inverse: I, table: &Numbers<N>) -> Result<Self, ParamError> {
+        let (proportional, integral) = (table.proportional_v_per_um as f32, table.integral_v_per_um_s as f32);
+        let feedback = PiController::new(proportional, integral, table.sample_rate_hz as f32)?;
+        Ok(Self::new(inverse, feedback, table.limiter(table.slew_v_per_s)?))
+    }
+}
+
 /// State of [`Paper`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PaperState<S> {
@@ -241,6 +256,28 @@ pub struct Complete {
 }
 
 impl Complete {
+    /// The law of a table, whose sweep says how steep its inverse is.
+    ///
+    /// # Errors
+    /// What the core refuses; a table without a complete law.
+    #[inline(always)]
+    pub fn of<const N: usize>(table: &Numbers<N>, sweep: &Sweep) -> Result<Self, ParamError> {
+        Ok(Self::new(table.law()?, sweep.slopes_v_per_um[0] as f32))
+    }
+
+    /// The same into the place of another law: main's stack has no room for it beside that.
+    ///
+    /// # Errors
+    /// As [`Complete::of`]; the place is as it was.
+    #[inline(always)]
+    pub fn put<const N: usize>(&mut self, table: &Numbers<N>, sweep: &Sweep) -> Result<(), ParamError> {
+        self.law = table.law()?;
+        self.feedback = self.law.tracking.feedback;
+        self.v_per_um = sweep.slopes_v_per_um[0] as f32;
+        self.rest = self.law.rest(0.0);
+        Ok(())
+    }
+
     /// Feedforward, and feedback where the law has it; `v_per_um` is the inverse's smallest slope.
     #[cold]
     pub fn new(law: CompleteLaw<f32>, v_per_um: f32) -> Self {

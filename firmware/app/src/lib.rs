@@ -16,12 +16,14 @@ pub mod monitor;
 pub mod parameters;
 pub mod small_stage;
 pub mod start;
+pub mod stored;
 pub mod table;
 pub mod table_y;
 pub mod telemetry;
 pub mod trajectory;
 pub mod tuning;
 pub mod two_axes;
+pub mod upload;
 pub mod watch;
 pub mod wire;
 

@@ -4,6 +4,7 @@
 //! as a whole: the numbers of the frames say how many are missing. What a host asks of a board comes the same way, back.
 
 use crate::axes::two;
+use crate::upload::{ANSWER, ANSWER_BYTES};
 use crate::wire::{FRAME_BYTES, Frame, HELLO_BYTES, Hello, Input, Order};
 use crate::{table, table_y};
 
@@ -70,6 +71,8 @@ pub enum Found {
     About(About),
     /// An order of [`ORDER_BYTES`].
     Order(Order),
+    /// What a board says of its slots, of [`ANSWER_BYTES`]: see [`crate::upload::Answer::from_packet`].
+    Answer,
     /// Perhaps a packet, once more bytes have come.
     Incomplete,
     /// No packet: look one byte further.
@@ -192,6 +195,11 @@ pub fn find(bytes: &[u8]) -> Found {
             Some(packet) if whole(packet) => Found::Order(Input::from_bytes([0, 0, packet[2], packet[3]]).order),
             Some(_) => Found::Nothing,
         },
+        (Some(&MARK), Some(&ANSWER)) => match bytes.first_chunk::<ANSWER_BYTES>() {
+            None => Found::Incomplete,
+            Some(packet) if whole(packet) => Found::Answer,
+            Some(_) => Found::Nothing,
+        },
         _ => Found::Nothing,
     }
 }
@@ -223,14 +231,14 @@ impl Orders {
     }
 }
 
-fn close<const L: usize>(mut packet: [u8; L]) -> [u8; L] {
+pub(crate) fn close<const L: usize>(mut packet: [u8; L]) -> [u8; L] {
     packet[0] = MARK;
     let sum = checksum(&packet[1..L - 2]).to_le_bytes();
     packet[L - 2..].copy_from_slice(&sum);
     packet
 }
 
-fn whole<const L: usize>(packet: &[u8; L]) -> bool {
+pub(crate) fn whole<const L: usize>(packet: &[u8; L]) -> bool {
     checksum(&packet[1..L - 2]).to_le_bytes() == packet[L - 2..]
 }
 

@@ -2,6 +2,7 @@
 
 use crate::monitor::Fault;
 use crate::trajectory::Shape;
+use hysteron_slot::Numbers;
 
 /// First bytes of a hello; another version has others.
 pub const MAGIC: [u8; 8] = *b"HYSTERN8";
@@ -162,6 +163,20 @@ pub struct Summary {
 }
 
 impl Hello {
+    /// Of a table in an image of one axis.
+    pub fn of<const N: usize>(table: &Numbers<N>, hash: [u8; 32], bank: u8, banks: usize) -> Self {
+        Self {
+            hash,
+            sample_rate_hz: table.sample_rate_hz as f32,
+            input_min_um: table.input_min_um as f32,
+            input_max_um: table.input_max_um as f32,
+            bank,
+            banks: banks as u8,
+            axes: 1,
+            complete: table.chain.is_some(),
+        }
+    }
+
     /// The same of a table in an image of both axes.
     #[must_use]
     pub fn of_both(self, complete: bool) -> Self {

@@ -2,6 +2,8 @@
 
 use crate::Dac;
 use crate::ad5683r::Ad5683r;
+#[cfg(not(feature = "two-axes"))]
+use crate::flash::Memory;
 use embassy_stm32::adc::{Adc, AdcChannel, AnyAdcChannel};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::Interrupt;
@@ -11,8 +13,12 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::Timer;
 use embassy_stm32::{Config, Peri, pac, peripherals};
 use hysteron_firmware::ad5683r::{CLOCK_PHASE, CLOCK_POLARITY};
+#[cfg(not(feature = "two-axes"))]
+use hysteron_firmware::chips::WATCHDOG_FLASH_US;
 use hysteron_firmware::chips::{Chip, WATCHDOG_START_US, WATCHDOG_US, smp_place, watchdog};
 use hysteron_firmware::start::Cause;
+#[cfg(not(feature = "two-axes"))]
+use hysteron_slot::Slots;
 
 /// What main has of the board first.
 pub struct Outputs {
@@ -24,6 +30,9 @@ pub struct Outputs {
 pub struct Parts {
     pub button: Input<'static>,
     pub timer: Timer<'static, peripherals::TIM6>,
+    /// Where tables lie in flash, if they may be written there.
+    #[cfg(not(feature = "two-axes"))]
+    pub slots: Option<Slots<Memory>>,
 }
 
 /// Looks at the ST-LINK's clock: 2 ms and more at 64 MHz, of a signal that is there from power-on or not at all.
@@ -36,6 +45,12 @@ const WATCHDOG_LOOKS: u32 = 10_000;
 pub fn guard_the_start() {
     chip::WATCHDOG.kr().write(|w| w.set_key(Key::START));
     guard(WATCHDOG_START_US);
+}
+
+/// While a slot is written: a sector of the STM32H743 takes up to 4 s to erase (DS12110, "Flash memory programming").
+#[cfg(not(feature = "two-axes"))]
+pub fn guard_the_flash() {
+    guard(WATCHDOG_FLASH_US);
 }
 
 /// From here on it is the loop that must go on.
@@ -172,6 +187,12 @@ mod chip {
         }
     }
 
+    /// Two of 1 MB: one can be read while the other is written (RM0433, "Read-while-write").
+    #[cfg(not(feature = "two-axes"))]
+    pub fn has_two_banks() -> bool {
+        true
+    }
+
     /// Forgets it.
     pub fn forget_cause() {
         pac::RCC.rsr().modify(|w| w.set_rmvf(true));
@@ -192,6 +213,8 @@ mod chip {
     pub struct Rest {
         clocked: bool,
         rcc: Peri<'static, peripherals::RCC>,
+        #[cfg(not(feature = "two-axes"))]
+        flash: Peri<'static, peripherals::FLASH>,
         timer: Peri<'static, peripherals::TIM6>,
         button: Input<'static>,
         adc: Peri<'static, peripherals::ADC1>,
@@ -223,6 +246,8 @@ mod chip {
         let rest = Rest {
             clocked,
             rcc: p.RCC,
+            #[cfg(not(feature = "two-axes"))]
+            flash: p.FLASH,
             timer: p.TIM6,
             button: Input::new(p.PC13, Pull::Down),
             adc: p.ADC1,
@@ -258,6 +283,8 @@ mod chip {
             Ok(Parts {
                 button: self.button,
                 timer,
+                #[cfg(not(feature = "two-axes"))]
+                slots: crate::flash::slots(self.flash),
             })
         }
     }
@@ -329,6 +356,11 @@ mod chip {
         }
     }
 
+    /// DBANK of FLASH_OPTR, as the chip is delivered: a bank can be read while the other one is written (RM0440, "Read-while-write").
+    pub fn has_two_banks() -> bool {
+        pac::FLASH.optr().read().dbank()
+    }
+
     /// Forgets it.
     pub fn forget_cause() {
         pac::RCC.csr().modify(|w| w.set_rmvf(true));
@@ -348,6 +380,8 @@ mod chip {
     /// What is left to start once the outputs are safe.
     pub struct Rest {
         rcc: Peri<'static, peripherals::RCC>,
+        #[cfg(not(feature = "two-axes"))]
+        flash: Peri<'static, peripherals::FLASH>,
         timer: Peri<'static, peripherals::TIM6>,
         button: Input<'static>,
         adc: Peri<'static, peripherals::ADC1>,
@@ -368,6 +402,8 @@ mod chip {
         };
         let rest = Rest {
             rcc: p.RCC,
+            #[cfg(not(feature = "two-axes"))]
+            flash: p.FLASH,
             timer: p.TIM6,
             button: Input::new(p.PC13, Pull::Down),
             adc: p.ADC1,
@@ -396,6 +432,8 @@ mod chip {
             Ok(Parts {
                 button: self.button,
                 timer,
+                #[cfg(not(feature = "two-axes"))]
+                slots: crate::flash::slots(self.flash),
             })
         }
     }
@@ -409,4 +447,6 @@ mod chip {
     }
 }
 
+#[cfg(not(feature = "two-axes"))]
+pub use chip::has_two_banks;
 pub use chip::{CHIP, INTERRUPT, cause, forget_cause, resets_below_its_converters, start, supplied};

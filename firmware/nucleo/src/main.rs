@@ -2,7 +2,7 @@
 //!
 //! TIM6 triggers the ADC 50 000 times a second; the loop runs in the interrupt of the end of conversion, in the memory that is fastest
 //! for it, and writes a 16-bit DAC by SPI. The user's button starts and stops it; RTT carries the log (channel 0) and every tick
-//! (channel 1), and orders of the host (channel 1, back). One axis; both with the feature `two-axes`. `docs/boards/` says how to wire and
+//! (channel 1), and orders and tables of the host (channel 1, back). One axis; both with the feature `two-axes`. `docs/boards/` says how to wire and
 //! check it. It runs in a processor model (`cargo xtask firmware starts`); it has not run on a board.
 #![no_std]
 #![no_main]
@@ -12,7 +12,11 @@ mod board;
 mod converter;
 mod critical;
 mod fast;
+#[cfg(not(feature = "two-axes"))]
+mod flash;
 mod samples;
+#[cfg(not(feature = "two-axes"))]
+mod stored;
 
 use ad5683r::Ad5683r;
 use board::{CHIP, Outputs};
@@ -34,11 +38,17 @@ use hysteron_firmware::axes::two as image;
 use hysteron_firmware::button::{Button, Slot};
 use hysteron_firmware::monitor::Fault;
 use hysteron_firmware::start::{Cause, Hardware, settle};
+#[cfg(not(feature = "two-axes"))]
+use hysteron_firmware::stored::{Next, Stored};
 use hysteron_firmware::telemetry::{Orders, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample};
 use hysteron_firmware::trajectory::Shape;
+#[cfg(not(feature = "two-axes"))]
+use hysteron_firmware::upload::{Answer, Message, Messages, Said};
 use hysteron_firmware::watch::Watch;
-use hysteron_firmware::wire::{Frame, Input, Mode, Order, Setup};
+use hysteron_firmware::wire::{Frame, Hello, Input, Mode, Order, Setup};
 use hysteron_firmware::{Board, kept, table, tick};
+#[cfg(not(feature = "two-axes"))]
+use hysteron_slot::{Refusal, Rule};
 use image::{AXES, Banks, Control};
 use rtt_target::{ChannelMode, UpChannel, rtt_init};
 use samples::{Samples, Tick};
@@ -141,6 +151,8 @@ static LOOP: Shared<Loop> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 /// The tables, as compiled in; read alone once the timer runs.
 static BANKS: Shared<Banks> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 static RUNNING: AtomicBool = AtomicBool::new(false);
+/// Whether the last tick left every axis at its safe level.
+static AT_REST: AtomicBool = AtomicBool::new(true);
 
 /// What main asks of the controller. One a tick.
 static ORDERS: Slot = Slot::new();
@@ -148,6 +160,10 @@ static ORDERS: Slot = Slot::new();
 /// Most samples of one of main's rounds: a main slower than the ticks still looks at button and orders. Where the interrupt leaves it 1 % of
 /// the 3400 cycles of a tick, a round at some 1000 cycles a sample takes 20 ms.
 const SAMPLES_A_ROUND: usize = 32;
+
+/// Ticks from the answer that says so to the new start: a debug probe fetches ten times a second.
+#[cfg(not(feature = "two-axes"))]
+const RESTART_TICKS: u32 = 25_000;
 
 /// Main's rounds; while they stand still, main hangs.
 static ROUNDS: AtomicU32 = AtomicU32::new(0);
@@ -160,9 +176,9 @@ static LONGEST: AtomicU32 = AtomicU32::new(0);
 /// Size of the telemetry's buffer: 2900 samples, 58 ms of one axis, 29 ms of both.
 #[cfg(feature = "h743zi")]
 const TELEMETRY_BYTES: usize = 65_536;
-/// As the other board's: 2170 samples, 43 ms. More would leave too little to main's stack, on which a complete law is made.
+/// As the other board's: 2080 samples, 41 ms. More would leave too little to main's stack, on which a complete law is made.
 #[cfg(feature = "g474re")]
-const TELEMETRY_BYTES: usize = 49_152;
+const TELEMETRY_BYTES: usize = 47_104;
 
 /// The cause of the reset, then the watchdog, before anything that could wait; then the outputs, before anything that may be refused.
 #[entry]
@@ -206,20 +222,33 @@ fn main() -> ! {
         Ok(board) => board,
         Err(register) => defmt::panic!("{=str} is not what the figures say", register),
     };
+    #[cfg(not(feature = "two-axes"))]
+    let (mut stored, hello) = match board.slots {
+        Some(slots) => {
+            let (stored, hello) = stored::choose(slots, banks, cause.power);
+            (Some(stored), hello)
+        }
+        None => (None, None),
+    };
+    #[cfg(feature = "two-axes")]
+    let hello: Option<Hello> = None;
     if !board::resets_below_its_converters() {
         defmt::warn!("the brown-out level is below what the converters need: set it as docs/boards says");
     }
     make_loop(outputs, banks, fault);
-    for hello in image::hellos() {
+    for compiled in image::hellos() {
+        let hello = hello.filter(|hello| hello.bank == compiled.bank).unwrap_or(compiled);
         defmt::info!("bank {=u8}: table {=[u8]:02x}", hello.bank, hello.hash);
     }
     board::guard_the_loop();
     converter::start(&board.timer, clock);
 
-    let mut telemetry = Telemetry::new(channels.up.1);
+    let mut telemetry = Telemetry::new(channels.up.1, hello);
     let mut log = Log::default();
     let mut button = Button::default();
     let (mut from_host, mut orders) = (channels.down.1, Orders::default());
+    #[cfg(not(feature = "two-axes"))]
+    let (mut messages, mut restart) = (Messages::default(), None);
     loop {
         ROUNDS.fetch_add(1, Ordering::Relaxed);
         for tick in core::iter::from_fn(|| SAMPLES.pop()).take(SAMPLES_A_ROUND) {
@@ -237,24 +266,41 @@ fn main() -> ! {
             if let Some(order) = orders.push(byte[0]) {
                 ORDERS.offer(order);
             }
+            #[cfg(not(feature = "two-axes"))]
+            if let Some(message) = messages.push(byte[0]) {
+                let mut sample_clock = stored::Clock {
+                    timer: &board.timer,
+                    clock,
+                };
+                if telemetry.answer(stored.as_deref_mut(), message, &mut sample_clock) {
+                    restart = Some(log.seen);
+                }
+            }
+        }
+        // The answer has to be fetched first; whatever began meanwhile goes on.
+        #[cfg(not(feature = "two-axes"))]
+        if let (Some(asked), true) = (restart, ORDERS.is_empty() && AT_REST.load(Ordering::Acquire))
+            && log.seen.wrapping_sub(asked) > RESTART_TICKS
+        {
+            cortex_m::peripheral::SCB::sys_reset();
         }
     }
 }
 
 /// The tables, made and put where they stay. By itself, as [`make_loop`] is, or main would keep what either takes of its stack.
 #[inline(never)]
-fn tables() -> &'static Banks {
+fn tables() -> &'static mut Banks {
     let Ok(banks) = image::banks() else {
         defmt::panic!("a table is refused");
     };
-    // SAFETY: the timer does not run yet, and it is not written again.
+    // SAFETY: the timer does not run yet, and main alone has it until it does.
     unsafe { (*BANKS.0.get()).write(banks) }
 }
 
 /// What the interrupt owns, at the safe levels, with a fault that is to be latched.
 #[inline(never)]
 fn make_loop(outputs: Outputs, banks: &'static Banks, fault: Option<Fault>) {
-    let mut axes = image::control(banks, &image::RANGES_UM.map(setup));
+    let mut axes = image::control(banks, &image::ranges_um(banks).map(setup));
     if let Some(fault) = fault {
         Axes::trip(&mut axes, fault);
     }
@@ -349,10 +395,15 @@ struct Telemetry {
 }
 
 impl Telemetry {
-    fn new(channel: UpChannel) -> Self {
+    /// `hello` is that of a table in flash.
+    fn new(channel: UpChannel, hello: Option<Hello>) -> Self {
+        let mut abouts = image::abouts(CHIP.board);
+        if let (Some(first), Some(hello)) = (abouts.first_mut(), hello) {
+            *first = first.with(hello);
+        }
         Self {
             channel,
-            abouts: image::abouts(CHIP.board),
+            abouts,
             sent: 0,
             waiting: false,
         }
@@ -372,6 +423,37 @@ impl Telemetry {
         let packets: [[u8; SAMPLE_BYTES]; AXES] = tick.map(|sample| sample.to_packet());
         self.write(packets.as_flattened());
         self.sent = self.sent.wrapping_add(1);
+    }
+
+    /// Does what a message asks for, and answers; whether the board is to start anew.
+    #[cfg(not(feature = "two-axes"))]
+    fn answer(
+        &mut self,
+        stored: Option<&mut Stored<flash::Memory>>,
+        message: Message,
+        clock: &mut stored::Clock<'_>,
+    ) -> bool {
+        let Some(stored) = stored else {
+            let answer = Answer {
+                to: Said::Due,
+                number: 0,
+                refused: Some(Refusal::new(Rule::NoSlots, "slot", 0.0)),
+            };
+            self.write(&answer.to_packet());
+            return false;
+        };
+        match stored.take(message, clock) {
+            Next::Say(answer) => self.write(&answer.to_packet()),
+            Next::SaySlots => stored
+                .answers()
+                .iter()
+                .for_each(|answer| self.write(&answer.to_packet())),
+            Next::Restart(answer) => {
+                self.write(&answer.to_packet());
+                return true;
+            }
+        }
+        false
     }
 
     /// Packets as a whole, or nothing of them and no other until there is room.
@@ -453,6 +535,7 @@ fn sample() {
         OVERRUNS.fetch_add(1, Ordering::Relaxed);
     }
     LONGEST.fetch_max(DWT::cycle_count().wrapping_sub(entered), Ordering::Relaxed);
+    AT_REST.store(control.converters.at_rest, Ordering::Release);
     // Fed here and nowhere else.
     if control.watch.feeds(control.converters.at_rest) {
         board::feed();

@@ -16,9 +16,11 @@ mod rig;
 mod scenarios;
 
 use host::Axis;
+use hysteron_board::slots::packed;
 use hysteron_board::two_axes::coupled;
 use hysteron_firmware::chips::{Chip, G474, H743};
 use hysteron_plant::{Stage, preset};
+use hysteron_table::Table;
 use judge::{Row, judge};
 use processor::{Failure, Processor};
 use rig::Rig;
@@ -26,36 +28,59 @@ use scenarios::{SCENARIOS, Scenario, press};
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
+use tempfile::TempDir;
 
 /// An image: its name in the table, its file, the chip, and each axis' table and stage.
+#[derive(Clone, Copy)]
 struct Image {
     label: &'static str,
     file: &'static str,
     chip: Chip,
     axes: &'static [(&'static str, &'static str)],
+    /// Whether a start finds another table than the image's in the first slot of flash.
+    stored: bool,
 }
 
 /// Those that `cargo xtask firmware boards` builds with complete laws.
-const IMAGES: [Image; 3] = [
+const IMAGES: [Image; 5] = [
     Image {
         label: "nucleo-g474re",
         file: "nucleo-g474re-tracking-8k",
         chip: G474,
         axes: &[("tracking-8k", "8k")],
+        stored: false,
     },
     Image {
         label: "nucleo-h743zi",
         file: "nucleo-h743zi-tracking-8k",
         chip: H743,
         axes: &[("tracking-8k", "8k")],
+        stored: false,
     },
     Image {
         label: "nucleo-h743zi, both axes",
         file: "nucleo-h743zi-tracking-x-y",
         chip: H743,
         axes: &[("tracking-x", "8k"), ("tracking-y", "739")],
+        stored: false,
+    },
+    Image {
+        label: "nucleo-g474re, a table in its slot",
+        file: "nucleo-g474re-tracking-8k",
+        chip: G474,
+        axes: &[("tracking-8k", "8k")],
+        stored: true,
+    },
+    Image {
+        label: "nucleo-h743zi, a table in its slot",
+        file: "nucleo-h743zi-tracking-8k",
+        chip: H743,
+        axes: &[("tracking-8k", "8k")],
+        stored: true,
     },
 ];
+/// What a table in a slot has instead of the image's: another range, whose sine other codes belong to.
+const OTHER: (&str, &str) = ("\ninput_max_um = ", "\ninput_max_um = 12.0 # ");
 /// What of the other axis' motion reaches each, as the tables have it.
 const SHARES: [f64; 2] = [0.01, -0.006];
 const SEED: u64 = 7;
@@ -102,11 +127,12 @@ fn print(ran: &[Ran]) {
     );
     println!("|---|---|---|---|---|---|");
     ran.iter().for_each(|of_image| println!("{}", of_image.long));
+    let ran: Vec<&Ran> = ran.iter().filter(|of_image| !of_image.rows.is_empty()).collect();
     let labels: Vec<&str> = ran.iter().map(|of_image| of_image.label).collect();
     println!("\n| start or fault | at most | {} | end |", labels.join(" | "));
     println!("|---|---|{}---|", "---|".repeat(ran.len()));
     for scenario in &SCENARIOS {
-        let of_image = |of_image: &Ran| of_image.rows.iter().position(|row| row.name == scenario.name);
+        let of_image = |of_image: &&Ran| of_image.rows.iter().position(|row| row.name == scenario.name);
         let rows: Vec<Option<&Row>> = ran.iter().map(|all| all.rows.get(of_image(all)?)).collect();
         let at_most = rows.iter().flatten().next().map_or("", |row| row.at_most.as_str());
         let took: Vec<&str> = rows
@@ -126,9 +152,10 @@ fn print(ran: &[Ran]) {
 
 /// All of one image.
 fn run(image: &Image) -> Result<Ran, Failure> {
-    let mut rig = rig(image)?;
+    let (mut rig, _folder) = rig(image)?;
     let (long, is_right) = long_run(&mut rig, image.label)?;
-    let of_board = |scenario: &&Scenario| scenario.board.is_none_or(|board| board == image.chip.board);
+    // Whichever table runs, the starts are the same.
+    let of_board = |scenario: &&Scenario| !image.stored && scenario.board.is_none_or(|board| board == image.chip.board);
     let rows = SCENARIOS
         .iter()
         .filter(of_board)
@@ -141,7 +168,8 @@ fn run(image: &Image) -> Result<Ran, Failure> {
     })
 }
 
-fn rig(image: &Image) -> Result<Rig, Failure> {
+/// The folder is what the model reads at its start.
+fn rig(image: &Image) -> Result<(Rig, TempDir), Failure> {
     let interpreter = std::env::var("HYSTERON_UNICORN")
         .map_err(|_| "HYSTERON_UNICORN names no Python with unicorn; run cargo xtask firmware starts")?;
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../firmware");
@@ -151,9 +179,18 @@ fn rig(image: &Image) -> Result<Rig, Failure> {
     }
     let mut axes = Vec::new();
     let mut configs = Vec::new();
+    let folder = tempfile::tempdir()?;
+    let mut slot = None;
     for (table, stage) in image.axes {
         let path = root.join(format!("tables/{table}.toml"));
-        axes.push(Axis::new(&std::fs::read_to_string(path)?)?);
+        let mut text = std::fs::read_to_string(path)?;
+        if image.stored {
+            text = text.replacen(OTHER.0, OTHER.1, 1);
+            let file = folder.path().join("slot");
+            std::fs::write(&file, packed(&Table::parse(&text)?, &text)?)?;
+            slot = Some(file);
+        }
+        axes.push(Axis::new(&text)?);
         configs.push(preset::named(stage).ok_or("no such stage")?);
     }
     let stages = match configs.as_slice() {
@@ -163,8 +200,8 @@ fn rig(image: &Image) -> Result<Rig, Failure> {
             stages.collect::<Result<_, _>>()?
         }
     };
-    let processor = Processor::start(&interpreter, &file, image.chip.board)?;
-    Ok(Rig::new(processor, image.chip, axes, stages))
+    let processor = Processor::start(&interpreter, &file, image.chip.board, slot.as_deref())?;
+    Ok((Rig::new(processor, image.chip, axes, stages), folder))
 }
 
 /// The closed loop on the stage: every code and every frame is the host's.

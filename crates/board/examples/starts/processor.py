@@ -54,8 +54,8 @@ class Board:
     causes: dict
     # Supply below its level.
     supply: tuple
-    # Brown-out level as delivered from the options: its place, the highest level.
-    brown_out: tuple
+    # Options: their place; the highest brown-out level, and two banks of flash.
+    options: tuple
     # The bus: enable bit of CR1, status and data register.
     spi: tuple
     # Bits that follow others: (register, the one written, the one that says that it is so); the PLL, the outer clock.
@@ -85,7 +85,7 @@ G474 = Board(
     forget=1 << 23,
     causes={"power": 1 << 27 | 1 << 26, "brown-out": 1 << 27 | 1 << 26, "watchdog": 1 << 29 | 1 << 26, "pin": 1 << 26},
     supply=(0x40007014, 11),
-    brown_out=(0x40022020, 0b100 << 8),
+    options=(0x40022020, 0b100 << 8 | 1 << 22),
     spi=(1 << 6, 0x08, 0x0C),
     ready=((0x40021000, 8, 10), (0x40021094, 0, 1), (0x40021098, 0, 1), (0x40021090, 0, 1)),
     pll=(0x40021000, 24, 25),
@@ -117,7 +117,7 @@ H743 = Board(
         "pin": 1 << 22,
     },
     supply=(0x58024804, 4),
-    brown_out=(0x5200201C, 0b11 << 2),
+    options=(0x5200201C, 0b11 << 2),
     spi=(1 << 0, 0x14, 0x20),
     ready=(
         (0x58024400, 0, 2),
@@ -139,7 +139,8 @@ BOARDS = {"nucleo-g474re": G474, "nucleo-h743zi": H743}
 class Processor:
     """One board with one image in its flash."""
 
-    def __init__(self, image, board):
+    def __init__(self, image, board, table=None):
+        """`table` is a file of what an upload has left in the first slot; without it both are erased."""
         self.board = board
         self._connect()
         self.uc = unicorn.Uc(unicorn.UC_ARCH_ARM, board.mode)
@@ -149,6 +150,8 @@ class Processor:
         # The flash's last words, where no image reaches: a handler that returns there has ended, and a branch to itself.
         flash, size = board.memories[0]
         self.ended, self.forever = flash + size - 16, flash + size - 8
+        # As it is delivered.
+        self.uc.mem_write(flash, b"\xff" * size)
         with open(image, "rb") as file:
             elf = ELFFile(file)
             for segment in elf.iter_segments():
@@ -156,6 +159,10 @@ class Processor:
                     self.uc.mem_write(segment["p_paddr"], segment.data())
             symbols = list(elf.get_section_by_name(".symtab").iter_symbols())
         self.symbols = {name: self._symbol(symbols, name) for name in ("ORDERS", "ROUNDS", "KEPT")}
+        if table is not None:
+            slot = next(symbol["st_value"] for symbol in symbols if symbol.name == "__slot_0")
+            with open(table, "rb") as file:
+                self.uc.mem_write(slot, file.read())
         self.rtt = next(symbol["st_value"] for symbol in symbols if symbol.name == "_SEGGER_RTT")
         self.uc.mmio_map(0x40000000, 0x20000000, self._read, None, self._write, None)
         self.uc.mmio_map(0xE0000000, 0x100000, self._read_core, None, self._write_core, None)
@@ -185,7 +192,7 @@ class Processor:
                 if start not in (0x08000000, 0x1FF00000, 0x1FFF0000):
                     self.uc.mem_write(start, noise.randbytes(size))
             self._watch_kept()
-        self.registers = {self.board.brown_out[0]: self.board.brown_out[1]}
+        self.registers = {self.board.options[0]: self.board.options[1]}
         self.core = {}
         # Flags stay until the image forgets them, or power goes.
         before = 0 if cause in ("power", "brown-out") else self.flags
@@ -556,4 +563,4 @@ def serve(processor):
 
 
 if __name__ == "__main__":
-    serve(Processor(sys.argv[1], BOARDS[sys.argv[2]]))
+    serve(Processor(sys.argv[1], BOARDS[sys.argv[2]], *sys.argv[3:]))

@@ -112,12 +112,13 @@ pub(crate) struct Processor {
 
 impl Processor {
     /// Starts a board with an image in its flash.
-    pub(crate) fn start(interpreter: &str, image: &Path, board: &str) -> Result<Self, Failure> {
+    pub(crate) fn start(interpreter: &str, image: &Path, board: &str, table: Option<&Path>) -> Result<Self, Failure> {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/starts/processor.py");
         let mut child = Command::new(interpreter)
             .arg(script)
             .arg(image)
             .arg(board)
+            .args(table)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()

@@ -5,6 +5,7 @@ use crate::processor::{Failure, Line, Processor, Reset, Seen, State, Word};
 use hysteron_board::Fault;
 use hysteron_firmware::chips::Chip;
 use hysteron_firmware::telemetry::{ABOUT_BYTES, Found, SAMPLE_BYTES, find};
+use hysteron_firmware::upload::ANSWER_BYTES;
 use hysteron_firmware::wire::{FRAME_BYTES, Frame, Mode, Order};
 use hysteron_plant::Stage;
 
@@ -403,6 +404,7 @@ impl Rig {
                     SAMPLE_BYTES
                 }
                 Found::About(_) => ABOUT_BYTES,
+                Found::Answer => ANSWER_BYTES,
                 Found::Order(_) | Found::Nothing => return Err("the telemetry holds what is no packet".into()),
             };
         }

@@ -2,13 +2,18 @@
 #![allow(dead_code, reason = "each test asks it for a part")]
 
 use hysteron_firmware::controller::Controller;
+use hysteron_firmware::parameters::Parameters;
 use hysteron_firmware::small_stage::SmallStage;
+use hysteron_firmware::stored::{Next, Pause, Stored};
 use hysteron_firmware::table;
 use hysteron_firmware::telemetry::{About, Orders, Sample};
 use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::two_axes::TwoAxes;
+use hysteron_firmware::upload::{Message, Messages};
 use hysteron_firmware::wire::{Frame, Input, Mode, Order, Setup};
 use hysteron_plant::Stage;
+use hysteron_slot::Slots;
+use hysteron_slot::model::Flash;
 use std::io::{Read, Write};
 use std::net::TcpListener;
 
@@ -60,6 +65,29 @@ pub(crate) struct SmallBoard {
     pub(crate) asked: Vec<Order>,
     /// The reference it ran.
     pub(crate) played: Vec<f32>,
+    /// What each tick's converters had.
+    pub(crate) codes: Vec<[u16; 2]>,
+    /// The slots of its flash, which a new start leaves alone.
+    pub(crate) stored: Stored<Chip>,
+    /// What it says of its first table.
+    about: About,
+    mode: Mode,
+}
+
+/// A flash of two slots of two pages.
+pub(crate) type Chip = Flash<8, 2048, 8192>;
+
+/// A process has no sample clock to stop.
+struct Resting(bool);
+
+impl Pause for Resting {
+    fn at_rest(&self) -> bool {
+        self.0
+    }
+
+    fn stop(&mut self) {}
+
+    fn go_on(&mut self) {}
 }
 
 impl SmallBoard {
@@ -70,12 +98,38 @@ impl SmallBoard {
 
     /// At its safe level.
     pub(crate) fn at(stage: Box<dyn Wired>) -> Self {
-        Self::of(Axes::One(Box::new(controller())), vec![stage])
+        let axes = Axes::One(Box::new(controller(table::parameters().unwrap())));
+        Self::of(axes, vec![stage])
+    }
+
+    /// A new start: with the table of a slot, if there is one that passes every check.
+    pub(crate) fn start(&mut self) {
+        let mut parameters = table::parameters().unwrap();
+        let about = About::of("nucleo-h743zi");
+        self.about = match self.stored.choose(&mut parameters, None, &mut |_| {}) {
+            Some(hello) => about.with(hello),
+            None => about,
+        };
+        self.axes = Axes::One(Box::new(controller(parameters)));
+        self.mode = Mode::Off;
+    }
+
+    /// What it says to a message.
+    fn say(&mut self, message: Message) -> Vec<u8> {
+        match self.stored.take(message, &mut Resting(self.mode == Mode::Off)) {
+            Next::Say(answer) => answer.to_packet().to_vec(),
+            Next::SaySlots => self.stored.answers().map(|answer| answer.to_packet()).concat(),
+            Next::Restart(answer) => {
+                self.start();
+                [answer.to_packet().to_vec(), self.about.to_packet().to_vec()].concat()
+            }
+        }
     }
 
     /// Of both axes, at their safe levels.
     pub(crate) fn at_both(stages: [Box<dyn Wired>; 2]) -> Self {
-        let axes = TwoAxes::new(controller(), controller());
+        let axes = || controller(table::parameters().unwrap());
+        let axes = TwoAxes::new(axes(), axes());
         Self::of(Axes::Two(Box::new(axes)), stages.into())
     }
 
@@ -86,6 +140,10 @@ impl SmallBoard {
             stages,
             asked: Vec::new(),
             played: Vec::new(),
+            codes: Vec::new(),
+            stored: Stored::new(Slots::new(Chip::default(), [0, 4096], 4096)),
+            about: About::of("nucleo-h743zi"),
+            mode: Mode::Off,
         }
     }
 
@@ -105,6 +163,8 @@ impl SmallBoard {
             Axes::One(controller) => vec![controller.step(input(0), false)],
             Axes::Two(axes) => axes.step([input(0), input(1)], false).to_vec(),
         };
+        self.mode = frames[0].mode();
+        self.codes.push([codes[0], frames[0].dac]);
         if frames[0].mode() == Mode::Running {
             self.played.push(frames[0].reference_um);
         }
@@ -131,7 +191,7 @@ impl SmallBoard {
     pub(crate) fn serve_after(&mut self, at_rest: u32, ticks: u32) {
         let (mut connection, _) = self.server.accept().unwrap();
         let abouts = match &self.axes {
-            Axes::One(_) => About::all("nucleo-h743zi").to_vec(),
+            Axes::One(_) => vec![self.about],
             Axes::Two(_) => About::of_both("nucleo-h743zi").to_vec(),
         };
         for about in abouts {
@@ -143,7 +203,7 @@ impl SmallBoard {
                 return;
             }
         }
-        let (mut orders, mut left) = (Orders::default(), 0);
+        let (mut orders, mut messages, mut left) = (Orders::default(), Messages::default(), 0);
         loop {
             let order = if left > 0 {
                 left -= 1;
@@ -153,6 +213,12 @@ impl SmallBoard {
                 // The host closes when it has been told what it wants to know.
                 if connection.read(&mut byte).unwrap_or(0) == 0 {
                     return;
+                }
+                if let Some(message) = messages.push(byte[0]) {
+                    let said = self.say(message);
+                    if connection.write_all(&said).is_err() {
+                        return;
+                    }
                 }
                 let Some(order) = orders.push(byte[0]) else { continue };
                 self.asked.push(order);
@@ -170,16 +236,17 @@ impl SmallBoard {
 }
 
 /// At its safe level.
-fn controller() -> Controller<table::Law> {
+fn controller(parameters: Parameters<table::Law>) -> Controller<table::Law> {
+    let [low_um, high_um] = parameters.range_um;
     let asleep = Setup {
         ticks: 0,
         shape: Shape::Sine,
         phase_step: 1 << 20,
-        low_um: table::INPUT_MIN_UM,
-        high_um: table::INPUT_MAX_UM,
+        low_um,
+        high_um,
         feedforward: true,
         feedback: true,
         clocked: true,
     };
-    Controller::new(table::parameters().unwrap(), &asleep)
+    Controller::new(parameters, &asleep)
 }

@@ -1,7 +1,8 @@
-//! `hysteron board`: recordings of the firmware, in the emulator or on a board.
+//! `hysteron board`: recordings of the firmware, in the emulator or on a board, and tables for a board.
 
 mod record;
 mod run;
+mod upload;
 mod wanted;
 
 pub(crate) use run::EmulatorName;
@@ -16,7 +17,8 @@ use std::path::Path;
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     hysteron board run --emulator mps2-an386 --stage paper-rate --hz 100 -o board\n  \
-    hysteron board record --from localhost:9090 --run --hz 50 --seconds 2 -o recorded")]
+    hysteron board record --from localhost:9090 --run --hz 50 --seconds 2 -o recorded\n  \
+    hysteron board upload table.toml --to localhost:9090 --restart")]
 pub(crate) struct BoardArgs {
     #[command(subcommand)]
     pub command: BoardCommand,
@@ -28,12 +30,15 @@ pub(crate) enum BoardCommand {
     Run(run::RunArgs),
     /// Record what a real board sends of every tick as a dataset
     Record(record::RecordArgs),
+    /// Send a table to a real board, into the slot of its flash that is not in use; no image is built
+    Upload(upload::UploadArgs),
 }
 
 pub(crate) fn run(args: &BoardArgs) -> Result<Done, CliError> {
     match &args.command {
         BoardCommand::Run(args) => run::run(args),
         BoardCommand::Record(args) => record::run(args),
+        BoardCommand::Upload(args) => upload::run(args),
     }
 }
 
