@@ -52,7 +52,7 @@ pub(crate) const COMPLETE: Limits = Limits {
 
 /// The emulator's images of both axes, each with a complete law.
 pub(crate) const BOTH: Limits = Limits {
-    flash: 84_000,
+    flash: 90_000,
     memory: 14_200,
     stack: 3_000,
     bank_memory: 5_600,

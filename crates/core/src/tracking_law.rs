@@ -82,7 +82,8 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         let before_structure = self.second_mode.step(&mut state.second_mode, previewed);
         let before_creep = self.creep.step(&mut state.creep, before_structure);
         let actuator_v = self.hysteresis.step(&mut state.hysteresis, before_creep);
-        self.lead.step(&mut state.wanted_v, actuator_v)
+        // The hysteresis is bounded: its constructor refuses what is not.
+        self.lead.step_admitted(&mut state.wanted_v, actuator_v)
     }
 }
 

@@ -184,8 +184,14 @@ impl<T: Real> HeldLagInverse<T> {
     /// One sample: the command that brings the lag's output from the last wanted value to this one.
     #[inline(always)]
     pub fn step(&self, last: &mut T, wanted: T) -> T {
+        let wanted = admit(wanted, *last);
+        self.step_admitted(last, wanted)
+    }
+
+    /// The same for an output that is known to be finite.
+    #[inline(always)]
+    pub(crate) fn step_admitted(&self, last: &mut T, wanted: T) -> T {
         let before = *last;
-        let wanted = admit(wanted, before);
         *last = wanted;
         before + (wanted - before) * (self.lead + self.half_change * (before + wanted))
     }

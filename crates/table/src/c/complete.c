@@ -81,7 +81,6 @@ static float feedforward(@name@_state *s, float target) {
     float structure = section(SECOND_MODE, &s->second_mode, admit(previewed, 0.0f));
     float wanted = inverse(s, before_creep(s, structure));
     float before = s->wanted_v;
-    wanted = admit(wanted, before);
     s->wanted_v = wanted;
     return before + (wanted - before) * (LEAD + LEAD_HALF_CHANGE * (before + wanted));
 }
