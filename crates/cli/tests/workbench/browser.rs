@@ -17,6 +17,36 @@ struct Driver {
     session: Option<String>,
 }
 
+/// Times that a driver is started: it takes a free port of IPv4, and ends where another program has that of IPv6.
+const STARTS: usize = 5;
+
+impl Driver {
+    fn start() -> Self {
+        let started = (0..STARTS).find_map(|_| {
+            let mut child = Command::new("chromedriver")
+                .arg("--port=0")
+                .stdout(Stdio::piped())
+                .spawn()
+                .unwrap();
+            let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+            let mut driver = Self {
+                child,
+                port: 0,
+                session: None,
+            };
+            let port = lines.map_while(Result::ok).find_map(|line| {
+                line.strip_suffix('.')?
+                    .split("started successfully on port ")
+                    .nth(1)
+                    .map(str::to_owned)
+            })?;
+            driver.port = port.parse().unwrap();
+            Some(driver)
+        });
+        started.expect("chromedriver ended each time before it was ready")
+    }
+}
+
 impl Drop for Driver {
     fn drop(&mut self) {
         if let Some(session) = &self.session {
@@ -62,27 +92,7 @@ pub(crate) fn there() -> bool {
 
 impl Browser {
     pub(crate) async fn open(address: &str, dark: bool) -> Self {
-        let mut child = Command::new("chromedriver")
-            .arg("--port=0")
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        let mut driver = Driver {
-            child,
-            port: 0,
-            session: None,
-        };
-        let port = lines
-            .map_while(Result::ok)
-            .find_map(|line| {
-                line.strip_suffix('.')?
-                    .split("started successfully on port ")
-                    .nth(1)
-                    .map(str::to_owned)
-            })
-            .unwrap();
-        driver.port = port.parse().unwrap();
+        let mut driver = Driver::start();
         let profile = tempfile::tempdir().unwrap();
         let mut arguments = vec![
             "--headless=new".to_owned(),
