@@ -114,7 +114,7 @@ impl Browser {
         capabilities.insert("timeouts".to_owned(), json!({ "script": PATIENCE_MS }));
         let client = ClientBuilder::new(hyper_util::client::legacy::connect::HttpConnector::new())
             .capabilities(capabilities)
-            .connect(&format!("http://127.0.0.1:{port}"))
+            .connect(&format!("http://127.0.0.1:{}", driver.port))
             .await
             .unwrap();
         driver.session = client.session_id().await.unwrap();
