@@ -5,13 +5,11 @@ mod small_board;
 
 use assert_cmd::cargo::CommandCargoExt;
 use hysteron_board::host;
-use hysteron_firmware::controller::Controller;
-use hysteron_firmware::trajectory::Shape;
-use hysteron_firmware::wire::{Input, Order, Setup};
+use hysteron_firmware::wire::{Input, Order};
 use hysteron_slot::model::Tear;
 use hysteron_table::{Table, hash};
 use serde_json::Value;
-use small_board::SmallBoard;
+use small_board::{SmallBoard, controller};
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -64,7 +62,7 @@ fn val_the_board_runs_what_was_uploaded() {
     assert!(dataset.contains(&hex), "{dataset}");
     let table = host::parameters(&Table::parse(OTHER).unwrap()).unwrap();
     let asked = [Order::None; 3000].into_iter();
-    let mut law = Controller::new(table, &asleep(table.range_um));
+    let mut law = controller(table);
     let orders = board.asked.iter().copied().chain(asked);
     let started = board.asked.iter().position(|order| *order == Order::Start).unwrap();
     // Up to the stop every order is in its place: the board ticks for each, then on by itself.
@@ -80,19 +78,6 @@ fn val_the_board_runs_what_was_uploaded() {
     assert_eq!(different, 0, "codes of the host's law");
     let moved = board.codes.iter().map(|[_, dac]| *dac);
     assert_ne!(moved.clone().min(), moved.max(), "it stood still");
-}
-
-fn asleep([low_um, high_um]: [f32; 2]) -> Setup {
-    Setup {
-        ticks: 0,
-        shape: Shape::Sine,
-        phase_step: 1 << 20,
-        low_um,
-        high_um,
-        feedforward: true,
-        feedback: true,
-        clocked: true,
-    }
 }
 
 /// A run that the host asks for, as a dataset's description.

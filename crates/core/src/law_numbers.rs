@@ -174,11 +174,7 @@ impl LawNumbers {
                 second_mode: section(self.second_mode)?,
                 creep: CreepInverse::new(fast, slow, rate_hz, CREEP_DIVIDER)?,
                 hysteresis: self.inverse.inverse(rate_hz)?,
-                lead: HeldLagInverse::new(
-                    self.lag_s,
-                    self.lag_growth.map(|[about_v, per_v]| LagGrowth { about_v, per_v }),
-                    rate_hz,
-                )?,
+                lead: HeldLagInverse::new(self.lag_s, self.lag_growth.map(LagGrowth::from), rate_hz)?,
             },
             feedback: match &self.feedback {
                 Some(numbers) => Some(numbers.feedback(rate_hz)?),

@@ -5,7 +5,7 @@ use crate::effects::EffectName;
 use crate::error::IdentifyError;
 use crate::family::{peak_to_peak, range};
 use crate::history::{present_step, record_errors, step};
-use crate::model::{Change, FittedEffect, MOVED_BY_HAND, Model, StepSubject};
+use crate::model::{Change, FittedEffect, MOVED_BY_HAND, Model, Parameter, StepSubject};
 use hysteron_data::Dataset;
 use std::fmt;
 
@@ -14,11 +14,22 @@ const GAIN: [f64; 2] = [0.5, 2.0];
 /// Largest change of the offset, as a share of the output's peak to peak.
 const OFFSET_SHARE: f64 = 0.5;
 
+/// What a [`Knob`] moves.
+#[derive(Debug, Clone, PartialEq)]
+pub enum KnobPart {
+    /// A factor to the slope and to all weights of the hysteresis.
+    Gain,
+    /// The offset of the hysteresis.
+    Offset,
+    /// A parameter of an effect.
+    Effect(EffectName),
+}
+
 /// A parameter of a model that a person can move.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Knob {
-    /// The effect it belongs to; the hysteresis without.
-    pub effect: Option<EffectName>,
+    /// What it moves.
+    pub part: KnobPart,
     /// Its name, as in `model.toml`; the hysteresis has `gain` and `offset`.
     pub name: String,
     /// Unit; empty for a pure number.
@@ -36,9 +47,17 @@ pub struct Knob {
 impl Knob {
     /// `creep: share_1`, or `gain` of the hysteresis.
     pub fn full_name(&self) -> String {
-        match &self.effect {
+        match self.effect() {
             Some(effect) => format!("{effect}: {}", self.name),
             None => self.name.clone(),
+        }
+    }
+
+    /// The effect it belongs to; none of the hysteresis.
+    pub fn effect(&self) -> Option<&EffectName> {
+        match &self.part {
+            KnobPart::Effect(effect) => Some(effect),
+            KnobPart::Gain | KnobPart::Offset => None,
         }
     }
 }
@@ -77,8 +96,8 @@ impl Model {
         let (low, high) = range(records.flat_map(|record| self.direction.output(record).iter().copied()));
         let most = OFFSET_SHARE * peak_to_peak(&[low, high]);
         let offset = self.coefficients.first().copied().unwrap_or_default();
-        let of_hysteresis = |name: &str, unit: &str, what: &str, [min, max]: [f64; 2], value| Knob {
-            effect: None,
+        let of_hysteresis = |part: KnobPart, name: &str, unit: &str, what: &str, [min, max]: [f64; 2], value| Knob {
+            part,
             name: name.to_owned(),
             unit: unit.to_owned(),
             what: what.to_owned(),
@@ -89,6 +108,7 @@ impl Model {
         let output = self.direction.output_unit();
         let mut knobs = vec![
             of_hysteresis(
+                KnobPart::Gain,
                 "gain",
                 "",
                 "factor to the slope and to all weights of the hysteresis",
@@ -96,6 +116,7 @@ impl Model {
                 1.0,
             ),
             of_hysteresis(
+                KnobPart::Offset,
                 "offset",
                 output,
                 "offset of the hysteresis",
@@ -112,7 +133,7 @@ impl Model {
                 let (min, max) = (b.min.min(parameter.value), b.max.max(parameter.value));
                 if b.fitted && (max - min).is_finite() && max > min {
                     knobs.push(Knob {
-                        effect: Some(fitted.name.clone()),
+                        part: KnobPart::Effect(fitted.name.clone()),
                         name: parameter.name.clone(),
                         unit: parameter.unit.clone(),
                         what: named.get(k).map_or("", |named| named.what).to_owned(),
@@ -157,16 +178,13 @@ impl Model {
     }
 
     fn set(&mut self, knob: &Knob, value: f64) {
-        let Some(effect) = &knob.effect else {
-            let mut coefficients = self.coefficients.iter_mut();
-            match knob.name.as_str() {
-                "gain" => coefficients.skip(1).for_each(|c| *c *= value),
-                _ => coefficients.next().into_iter().for_each(|c| *c = value),
+        let mut coefficients = self.coefficients.iter_mut();
+        match &knob.part {
+            KnobPart::Gain => coefficients.skip(1).for_each(|c| *c *= value),
+            KnobPart::Offset => coefficients.next().into_iter().for_each(|c| *c = value),
+            KnobPart::Effect(effect) => {
+                named(&mut self.effects, effect, &knob.name).for_each(|parameter| parameter.value = value)
             }
-            return;
-        };
-        if let Some(fitted) = self.effects.iter_mut().find(|fitted| fitted.name == *effect) {
-            set_parameter(fitted, &knob.name, value);
         }
     }
 
@@ -203,25 +221,25 @@ impl Model {
     }
 
     fn forget_error(&mut self, knob: &Knob) {
-        let Some(effect) = &knob.effect else {
-            let mut errors = self.standard_errors.iter_mut();
-            match knob.name.as_str() {
-                "gain" => errors.skip(1).for_each(|error| *error = None),
-                _ => errors.next().into_iter().for_each(|error| *error = None),
+        let mut errors = self.standard_errors.iter_mut();
+        match &knob.part {
+            KnobPart::Gain => errors.skip(1).for_each(|error| *error = None),
+            KnobPart::Offset => errors.next().into_iter().for_each(|error| *error = None),
+            KnobPart::Effect(effect) => {
+                named(&mut self.effects, effect, &knob.name).for_each(|parameter| parameter.standard_error = None);
             }
-            return;
-        };
-        let fitted = self.effects.iter_mut().filter(|fitted| fitted.name == *effect);
-        let parameters = fitted.flat_map(|fitted| &mut fitted.parameters);
-        for parameter in parameters.filter(|parameter| parameter.name == knob.name) {
-            parameter.standard_error = None;
         }
     }
 }
 
-fn set_parameter(fitted: &mut FittedEffect, name: &str, value: f64) {
-    let parameters = fitted.parameters.iter_mut();
-    for parameter in parameters.filter(|parameter| parameter.name == name) {
-        parameter.value = value;
-    }
+/// The parameters of an effect that have a name.
+fn named<'a>(
+    effects: &'a mut [FittedEffect],
+    effect: &'a EffectName,
+    name: &'a str,
+) -> impl Iterator<Item = &'a mut Parameter> {
+    let of_it = effects.iter_mut().filter(move |fitted| fitted.name == *effect);
+    of_it
+        .flat_map(|fitted| &mut fitted.parameters)
+        .filter(move |parameter| parameter.name == name)
 }

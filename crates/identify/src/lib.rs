@@ -42,7 +42,7 @@ mod start_state;
 mod uncertainty;
 
 pub use add::{Added, Adding, add, add_held, check_own_effect, remove};
-pub use by_hand::{Knob, Turned};
+pub use by_hand::{Knob, KnobPart, Turned};
 pub use chain_facts::facts;
 pub use core_model::CoreModel;
 pub use cover::{SmallSignalResponse, small_signal_response};

@@ -123,7 +123,7 @@ fn fitted(
 
 fn knob(knob: &Knob) -> Value {
     json!({
-        "effect": knob.effect, "name": knob.name, "unit": knob.unit, "what": knob.what,
+        "effect": knob.effect(), "name": knob.name, "unit": knob.unit, "what": knob.what,
         "min": knob.min, "max": knob.max, "value": knob.value,
     })
 }

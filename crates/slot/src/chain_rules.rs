@@ -49,7 +49,7 @@ impl Chain {
             "controller.lag_s",
             HeldLagInverse::<f32>::new(self.lag_s, None, rate_hz),
         )?;
-        let growth = self.lag_growth.map(|[about_v, per_v]| LagGrowth { about_v, per_v });
+        let growth = self.lag_growth.map(LagGrowth::from);
         let growing = HeldLagInverse::<f32>::new(self.lag_s, growth, rate_hz);
         named("controller.lag_growth", growing)?;
         named("controller.sensor_lag_s", Lag::<f32>::new(self.sensor_lag_s, rate_hz))?;

@@ -23,7 +23,7 @@ pub use bytes::{
 };
 pub use image::Image;
 pub use inverse::Inverse;
-pub use numbers::{Chain, Covered, Family, Numbers};
+pub use numbers::{Chain, Covered, Family, Numbers, first};
 pub use refusal::{Refusal, Rule};
 pub use rules::{CORNERS_ABOVE, MOST_PLAYS, Sweep};
 pub use short::short;

@@ -126,7 +126,7 @@ pub struct Covered {
 }
 
 /// The first numbers of a list, as many as there is room for.
-pub(crate) fn first<const K: usize>(values: &[f64]) -> [f64; K] {
+pub fn first<const K: usize>(values: &[f64]) -> [f64; K] {
     core::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
 }
 

@@ -5,7 +5,7 @@ use hysteron_core::bank::PlayBank;
 use hysteron_core::error::ParamError;
 use hysteron_core::law_numbers::LawNumbers;
 use hysteron_core::tracking_law::PLAYS;
-use hysteron_slot::{Chain, Refusal, Rule};
+use hysteron_slot::{Chain, Refusal, Rule, first};
 
 impl Table {
     /// The table with room for `N` plays; lists that are longer than their room are cut.
@@ -31,11 +31,11 @@ impl Table {
             beta_s: self.beta_s,
             offset_v: self.offset_v,
             input_function: self.input_function(),
-            thresholds_um: list(&self.thresholds_um),
-            weights_v_per_um: list(&self.weights_v_per_um),
-            rate_weights_v_s_per_um2: list(&self.rate_weights_v_s_per_um2),
-            weights_quadratic_v_per_um2: list(&self.weights_quadratic_v_per_um2),
-            weights_cubic_v_per_um3: list(&self.weights_cubic_v_per_um3),
+            thresholds_um: first(&self.thresholds_um),
+            weights_v_per_um: first(&self.weights_v_per_um),
+            rate_weights_v_s_per_um2: first(&self.rate_weights_v_s_per_um2),
+            weights_quadratic_v_per_um2: first(&self.weights_quadratic_v_per_um2),
+            weights_cubic_v_per_um3: first(&self.weights_cubic_v_per_um3),
             chain: self.controller.as_ref().map(chain),
             covered: self.covered.as_ref().map_or(empty.covered, |covered| covered.numbers()),
             ..empty
@@ -84,11 +84,6 @@ impl Table {
     }
 }
 
-/// As many as there is room for.
-fn list<const K: usize>(values: &[f64]) -> [f64; K] {
-    core::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
-}
-
 fn chain(part: &Controller) -> Chain {
     Chain {
         samples_ahead: part.samples_ahead,
@@ -98,10 +93,10 @@ fn chain(part: &Controller) -> Chain {
         lag_s: part.lag_s,
         lag_growth: part.lag_growth,
         sensor_lag_s: part.sensor_lag_s,
-        preview: list(&part.preview),
+        preview: first(&part.preview),
         second_mode: part.second_mode,
-        creep_shares: list(&part.creep_shares),
-        creep_tau_s: list(&part.creep_tau_s),
+        creep_shares: first(&part.creep_shares),
+        creep_tau_s: first(&part.creep_tau_s),
         coupling: part.coupling,
         cross_um_per_um: part.cross_um_per_um,
         sensor: part.sensor,

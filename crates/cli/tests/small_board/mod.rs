@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "each test asks it for a part")]
 
 use hysteron_firmware::controller::Controller;
+use hysteron_firmware::law::Law;
 use hysteron_firmware::parameters::Parameters;
 use hysteron_firmware::small_stage::SmallStage;
 use hysteron_firmware::stored::{Next, Pause, Stored};
@@ -236,7 +237,7 @@ impl SmallBoard {
 }
 
 /// At its safe level.
-fn controller(parameters: Parameters<table::Law>) -> Controller<table::Law> {
+pub(crate) fn controller<L: Law>(parameters: Parameters<L>) -> Controller<L> {
     let [low_um, high_um] = parameters.range_um;
     let asleep = Setup {
         ticks: 0,

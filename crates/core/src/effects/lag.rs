@@ -139,6 +139,12 @@ pub struct LagGrowth {
     pub per_v: f64,
 }
 
+impl From<[f64; 2]> for LagGrowth {
+    fn from([about_v, per_v]: [f64; 2]) -> Self {
+        Self { about_v, per_v }
+    }
+}
+
 /// Largest lead of [`HeldLagInverse`] in samples: a lag of a thousand samples asks for a thousand times the change.
 const LONGEST_LAG_SAMPLES: f64 = 1e3;
 

@@ -84,14 +84,7 @@ impl<'a> Seen<'a> {
     /// Undoes structure and creep in a record's positions. In bands where the structure lets nothing through (beyond a mode, in
     /// an antiresonance) the voltage stands in, `gain_um_per_v` micrometres a volt, until [`Self::fill`] knows better.
     fn new(record: &'a Record, around: &Around<'_>, gain_um_per_v: f64) -> Self {
-        let behind_v = behind_lag(
-            record,
-            Timing {
-                latency_s: around.latency_s,
-                lag: around.linear.into(),
-                averaged: !around.linear.modes.is_empty(),
-            },
-        );
+        let behind_v = behind_lag(record, around.timing(around.linear.into()));
         let seen_um = filtered(&record.position_um, record.period_s, |omega, rate_hz| {
             let share = around.linear.usable_share(omega, rate_hz);
             (share > 0.0).then(|| share / around.linear.structure(omega))
@@ -365,14 +358,12 @@ impl Problem {
     /// The constant lag with which the records leave least, by golden section between 0 and 0.4 ms.
     fn constant_lag(&self, seen: &[Seen<'_>], around: &Around<'_>) -> Timing {
         let (low_v, high_v) = crate::family::range(seen.iter().flat_map(|s| s.record.voltage_v.iter().copied()));
-        let constant = |tau_s: f64| Timing {
-            averaged: !around.linear.modes.is_empty(),
-            latency_s: around.latency_s,
-            lag: AmplifierLag {
+        let constant = |tau_s: f64| {
+            around.timing(AmplifierLag {
                 tau_s,
                 about_v: 0.5 * (low_v + high_v),
                 per_v: 0.0,
-            },
+            })
         };
         let cost = |tau_s: f64| self.rms(&self.left(seen, constant(tau_s)));
         let (mut low, mut high) = (0.0, LONGEST_LAG_S);
@@ -557,6 +548,17 @@ pub(super) struct Around<'a> {
     pub latency_s: f64,
     /// Static gain for small signals, micrometres per volt.
     pub gain_um_per_v: f64,
+}
+
+impl Around<'_> {
+    /// The latency as it is known, with a lag.
+    fn timing(&self, lag: AmplifierLag) -> Timing {
+        Timing {
+            latency_s: self.latency_s,
+            lag,
+            averaged: !self.linear.modes.is_empty(),
+        }
+    }
 }
 
 /// Positions from rest, and the voltages that they stand for.
