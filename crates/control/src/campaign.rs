@@ -47,7 +47,7 @@ pub struct Campaign {
 pub fn on_process(
     stage: &ProcessStage,
     protocol: &Protocol,
-    latency_s: f64,
+    known: Known,
     progress: &dyn Fn(f64),
 ) -> Result<Campaign, ControlError> {
     let records = Dataset {
@@ -57,10 +57,9 @@ pub fn on_process(
             stage.command, protocol.seed
         ),
         known: Known {
-            delay_s: Some(latency_s + 0.5 * protocol.period_s),
             voltage_min_v: Some(0.0),
             voltage_max_v: Some(protocol.top_v),
-            ..Known::default()
+            ..known
         },
         ..Dataset::default()
     };

@@ -121,6 +121,9 @@ pub struct Known {
     /// Sensor noise, micrometres rms.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sensor_noise_um: Option<f64>,
+    /// Bandwidth of the sensor, hertz: where its filter of first order leaves 0.71 (-3 dB).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensor_bandwidth_hz: Option<f64>,
     /// Lowest voltage the amplifier gives, volts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voltage_min_v: Option<f64>,

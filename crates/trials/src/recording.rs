@@ -328,6 +328,7 @@ impl Ran {
             known: Known {
                 delay_s: Some(stage.known_delay_s()),
                 sensor_noise_um: None,
+                sensor_bandwidth_hz: None,
                 voltage_min_v: Some(stage.amplifier.min_v),
                 voltage_max_v: Some(stage.amplifier.max_v),
                 dac_v: stage.dac_v(),

@@ -62,6 +62,7 @@ fn campaign(stage: &Foreign, seed: u64) -> Result<Campaign, ControlError> {
         name: stage.family.name().to_owned(),
         known: Known {
             delay_s: Some(STATED_LATENCY_S + 0.5 * PERIOD_S),
+            sensor_bandwidth_hz: stage.sensor_bandwidth_hz(),
             voltage_min_v: Some(0.0),
             voltage_max_v: Some(stage.top_v),
             ..Known::default()

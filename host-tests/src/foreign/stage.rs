@@ -17,6 +17,9 @@ const STEP_S: f64 = 5e-6;
 /// The latency that the user states, seconds, from a reading to the converter's change.
 pub const STATED_LATENCY_S: f64 = 30e-6;
 
+/// Bandwidth of a sensor that has a filter, hertz.
+const SENSOR_HZ: f64 = 20e3;
+
 /// Creep, share of the motion a decade of time.
 const CREEP_A_DECADE: f64 = 0.015;
 
@@ -30,7 +33,7 @@ pub enum Untold {
     Nothing,
     /// The sensor reads 3 um at rest.
     Zero,
-    /// The sensor ends at 20 kHz.
+    /// The sensor ends at [`SENSOR_HZ`], as its data sheet says.
     Filter,
     /// The converter changes a sample later than stated.
     Later,
@@ -56,7 +59,7 @@ impl Untold {
         match self {
             Self::Nothing => "nothing",
             Self::Zero => "zero of the sensor, 3 um",
-            Self::Filter => "filter of the sensor, 20 kHz",
+            Self::Filter => "nothing; the sensor's bandwidth of 20 kHz is told",
             Self::Later => "a sample later",
             Self::Earlier => "a sample earlier",
             Self::Gain => "gain, 1 % after the campaign",
@@ -76,7 +79,7 @@ pub struct Foreign {
     /// Highest voltage; the lowest is 0 V.
     pub top_v: f64,
     stage: Stage,
-    filter: Option<Element>,
+    has_filter: bool,
     latency_s: f64,
 }
 
@@ -114,24 +117,24 @@ impl Foreign {
             after: vec![creep(), mode, Element::ThermalGain { per_k: 1.0 }],
             sensor: Vec::new(),
         };
-        let filter = Element::Lag {
-            tau_s: 1.0 / (std::f64::consts::TAU * 20e3),
-            lean: [0.0, 1.0],
-            state: 0.0,
-        };
         Self {
             family,
             untold,
             mode_hz,
             top_v,
             stage,
-            filter: (untold == Untold::Filter).then_some(filter),
+            has_filter: untold == Untold::Filter,
             latency_s: match untold {
                 Untold::Later => STATED_LATENCY_S + PERIOD_S,
                 Untold::Earlier => STATED_LATENCY_S - PERIOD_S,
                 _ => STATED_LATENCY_S,
             },
         }
+    }
+
+    /// Bandwidth of the sensor as its data sheet says it, hertz; none of one that is faster than matters.
+    pub fn sensor_bandwidth_hz(&self) -> Option<f64> {
+        self.has_filter.then_some(SENSOR_HZ)
     }
 
     /// The stage cycled, at rest at 0 V, to be stepped at a period; `later` is what changes after the campaign.
@@ -144,7 +147,7 @@ impl Foreign {
         let steps = (period_s / STEP_S).round().clamp(1.0, 20.0) as usize;
         let mut running = Running {
             stage: self.stage.clone(),
-            filter: self.filter.clone(),
+            filter: None,
             noise: Pcg64::seed_from_u64(seed),
             at: At {
                 t_s: 0.0,
@@ -163,10 +166,11 @@ impl Foreign {
         };
         running.stage.loops.condition();
         running.true_um = running.stage.rest(&running.at).reading_um;
-        running.read_um = match &mut running.filter {
-            Some(filter) => filter.rest(running.true_um, &running.at),
-            None => running.true_um,
-        };
+        running.read_um = running.true_um;
+        running.filter = self.has_filter.then_some(Filter {
+            at_um: running.true_um,
+            last_um: running.true_um,
+        });
         running
     }
 }
@@ -184,10 +188,28 @@ fn creep() -> Element {
     }
 }
 
+/// The sensor's filter of first order.
+struct Filter {
+    at_um: f64,
+    last_um: f64,
+}
+
+impl Filter {
+    /// After a step on which the position goes on evenly. Taken as held, it would be half a step, a third of the filter's time constant, off.
+    fn step(&mut self, true_um: f64, dt_s: f64) -> f64 {
+        let steps = std::f64::consts::TAU * SENSOR_HZ * dt_s;
+        let decay = (-steps).exp();
+        let of_the_last = (1.0 - decay) / steps - decay;
+        self.at_um = decay * self.at_um + of_the_last * self.last_um + (1.0 - decay - of_the_last) * true_um;
+        self.last_um = true_um;
+        self.at_um
+    }
+}
+
 /// A stage while it runs.
 pub struct Running {
     stage: Stage,
-    filter: Option<Element>,
+    filter: Option<Filter>,
     noise: Pcg64,
     at: At,
     steps: usize,
@@ -228,7 +250,7 @@ impl Running {
             self.at.t_s += self.at.dt_s;
             self.true_um = self.stage.step(&self.at).reading_um;
             self.read_um = match &mut self.filter {
-                Some(filter) => filter.step(self.true_um, &self.at),
+                Some(filter) => filter.step(self.true_um, self.at.dt_s),
                 None => self.true_um,
             };
         }

@@ -55,7 +55,7 @@ fn nothing_known(known: &Known) -> bool {
 }
 
 const KEYS: &str = "dataset.toml has `format = 1`, `name`, `description`, `[known]` (`delay_s`, `sensor_noise_um`, \
-                    `voltage_min_v`, `voltage_max_v`, `dac_v`, `adc_um`) and `[[record]]` (`file`, `role`, `excitation`)";
+                    `sensor_bandwidth_hz`, `voltage_min_v`, `voltage_max_v`, `dac_v`, `adc_um`) and `[[record]]` (`file`, `role`, `excitation`)";
 
 /// Only the version, so that a later format is named as such and not by its first unknown key.
 #[derive(serde::Deserialize)]
@@ -147,6 +147,9 @@ pub(crate) fn check_known(known: &Known, file: &str) -> Result<(), DataError> {
         if let Some(value) = value.filter(|value| !(value.is_finite() && *value >= 0.0)) {
             return refuse(format!("{name} = {value}"), "it is finite and not negative");
         }
+    }
+    if let Some(hz) = known.sensor_bandwidth_hz.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
+        return refuse(format!("sensor_bandwidth_hz = {hz}"), "it is finite and above 0 Hz");
     }
     for (name, value) in [
         ("voltage_min_v", known.voltage_min_v),

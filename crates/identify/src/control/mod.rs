@@ -11,6 +11,7 @@ mod inverse;
 pub mod linear_part;
 pub mod model;
 mod refine;
+mod sensor;
 
 pub(crate) use from_model::Linear;
 pub use from_model::{Part, RecordedHold, Undone, chain_of};
@@ -31,12 +32,15 @@ pub const HOLD: &str = "hold";
 /// Identifies a stage from the records of a campaign.
 ///
 /// Records with role `identify` are taken by the beginning of their name: `frf` small multisines, `hold` steps and rests,
-/// all others large signals from a stage that was cycled and rests at 0 V.
+/// all others large signals from a stage that was cycled and rests at 0 V. Where the sensor's bandwidth is known, its filter is undone first
+/// and in the chain.
 ///
 /// # Errors
 /// - no record of one of the three kinds, or records that do not show what they are for;
 /// - large-signal records with different sample periods.
 pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
+    let sensor_lag_s = sensor::lag_s(dataset);
+    let dataset = &*sensor::undone(dataset);
     let of_kind = |kind: &str| -> Vec<&Record> {
         dataset
             .with_role(Role::Identify)
@@ -109,7 +113,10 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
         linear,
         creep,
         inverse,
-        around: model::AroundPart::default(),
+        around: model::AroundPart {
+            sensor_lag_s,
+            ..model::AroundPart::default()
+        },
         covered: Covered {
             small_signal: small_signal.told_to_hz.map(|up_to_hz| SmallSignalBand {
                 up_to_hz,

@@ -38,10 +38,17 @@ pub(super) fn write_plan(args: &CampaignArgs, protocol: &Protocol, rate_hz: f64)
         false => format!(" --plan {}", args.output.display()),
     };
     let latency = args.latency_us.map_or(" --latency-us US", |_| "");
+    let sensor = sensor_option(args);
     output::print(&format!(
-        "{text}\nnext: hysteron campaign{plan_option} --recorded BACK{latency} -o records\n"
+        "{text}\nnext: hysteron campaign{plan_option} --recorded BACK{latency}{sensor} -o records\n"
     ))?;
     Ok(Done::Answered)
+}
+
+/// The sensor's bandwidth, where it was given, to be given again.
+fn sensor_option(args: &CampaignArgs) -> String {
+    let bandwidth_hz = args.sensor_bandwidth_hz;
+    bandwidth_hz.map_or(String::new(), |hz| format!(" --sensor-bandwidth-hz {hz}"))
 }
 
 /// The files of a pass, then the plan; what was written, in words.
@@ -183,9 +190,10 @@ fn again(args: &CampaignArgs) -> String {
     let latency = args
         .latency_us
         .map_or(String::new(), |us| format!(" --latency-us {us}"));
+    let sensor = sensor_option(args);
     let rests = if args.short_rests { " --short-rests" } else { "" };
     format!(
-        "hysteron campaign{plan} --recorded ALL{latency}{rests} -o {}",
+        "hysteron campaign{plan} --recorded ALL{latency}{sensor}{rests} -o {}",
         args.output.display()
     )
 }
@@ -242,6 +250,7 @@ fn known(args: &CampaignArgs, plan: &Plan, recorded: &Dataset) -> Result<Dataset
             short(plan.cycle_to_v)
         )));
     }
+    known.sensor_bandwidth_hz = args.sensor_bandwidth_hz.or(known.sensor_bandwidth_hz);
     known.voltage_min_v = known.voltage_min_v.or(Some(plan.rest_v));
     known.voltage_max_v = known.voltage_max_v.or(Some(plan.top_v));
     Ok(Dataset {

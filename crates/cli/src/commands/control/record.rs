@@ -7,7 +7,7 @@ use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_control::campaign::{Campaign, Protocol, on_process};
-use hysteron_data::{Overwrite, Record, write_dataset};
+use hysteron_data::{Known, Overwrite, Record, write_dataset};
 use hysteron_tracking::campaign::campaign;
 use hysteron_trials::campaign::{Asked, record};
 use std::fmt::Write;
@@ -89,6 +89,9 @@ pub(crate) struct CampaignArgs {
     /// half sample for which a command is held on average
     #[arg(long, value_name = "US", conflicts_with_all = ["stage", "board"])]
     pub latency_us: Option<f64>,
+    /// Bandwidth of your sensor, hertz: its filter of first order leaves 0.71 (-3 dB) there. The records cannot tell it from the amplifier's lag
+    #[arg(long, value_name = "HZ", conflicts_with_all = ["stage", "board"])]
+    pub sensor_bandwidth_hz: Option<f64>,
     /// Seed of the noise, and of excitations that are random; 1 where it is not given
     #[arg(long)]
     pub seed: Option<u64>,
@@ -108,6 +111,9 @@ pub(crate) fn run(args: &CampaignArgs) -> Result<Done, CliError> {
         return simulated(args, name);
     }
     latency_s(args)?;
+    if let Some(bandwidth_hz) = args.sensor_bandwidth_hz {
+        within("--sensor-bandwidth-hz", bandwidth_hz, [1.0, 1e7], "Hz")?;
+    }
     if let Some(recorded) = &args.recorded {
         return own_stage::came_back(args, recorded);
     }
@@ -158,7 +164,12 @@ fn in_a_process(args: &CampaignArgs, protocol: &Protocol, command: &str) -> Resu
     output::refuse_to_replace(&args.output, args.overwrite)?;
     let stage = process_stage(command, args.timeout)?;
     let bar = progress::bar("recording on the process");
-    let done = on_process(&stage, protocol, latency_s, &|share| progress::advance(&bar, share))?;
+    let known = Known {
+        delay_s: Some(latency_s + 0.5 * protocol.period_s),
+        sensor_bandwidth_hz: args.sensor_bandwidth_hz,
+        ..Known::default()
+    };
+    let done = on_process(&stage, protocol, known, &|share| progress::advance(&bar, share))?;
     bar.finish_and_clear();
     complete(args, &done)
 }
