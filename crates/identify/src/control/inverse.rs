@@ -608,9 +608,12 @@ pub(super) fn fit(
         if round == rounds {
             return Ok((part, found, left_v));
         }
-        let inverse = part.to_core::<f64>(rate_hz)?;
-        seen.par_iter_mut()
-            .for_each(|record| record.fill(&inverse, around, found, around.gain_um_per_v));
+        // What is filled in by one that falls runs away.
+        if part.smallest_slope_v_per_um() > 0.0 {
+            let inverse = part.to_core::<f64>(rate_hz)?;
+            seen.par_iter_mut()
+                .for_each(|record| record.fill(&inverse, around, found, around.gain_um_per_v));
+        }
         timing = Some(found);
     }
     Err(IdentifyError::NothingToFit)
