@@ -32,6 +32,8 @@ pub enum Compensator {
     Lead {
         /// Time constant of the amplifier, seconds; 0 for none.
         amplifier_s: f64,
+        /// Voltage from which the amplifier's grows (V), and growth (s/V); none where it is the same everywhere.
+        growth: Option<[f64; 2]>,
         /// Time constant of the sensor, seconds; 0 for none.
         sensor_s: f64,
     },
@@ -88,10 +90,16 @@ impl Compensator {
     pub fn name(&self) -> Option<&'static str> {
         match self {
             Self::Delay { .. } => Some("preview"),
-            Self::Lead { amplifier_s, sensor_s } => Some(match (*amplifier_s > 0.0, *sensor_s > 0.0) {
-                (_, false) => "lead",
-                (false, true) => "reference through the same lag",
-                (true, true) => "lead, and reference through the sensor's lag",
+            Self::Lead {
+                amplifier_s,
+                growth,
+                sensor_s,
+            } => Some(match (*amplifier_s > 0.0, growth, *sensor_s > 0.0) {
+                (_, None, false) => "lead",
+                (_, Some(_), false) => "lead that grows with the voltage",
+                (false, None, true) => "reference through the same lag",
+                (true, None, true) => "lead, and reference through the sensor's lag",
+                (_, Some(_), true) => "lead that grows with the voltage, and reference through the sensor's lag",
             }),
             Self::Modes(_) => Some("resonance inverse"),
             Self::Creep(_) => Some("creep inverse"),

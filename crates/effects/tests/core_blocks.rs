@@ -7,7 +7,7 @@ use hysteron_core::effects::coupling::Coupling;
 use hysteron_core::effects::creep::Creep;
 use hysteron_core::effects::delay::Delay;
 use hysteron_core::effects::hum::Hum;
-use hysteron_core::effects::lag::Lag;
+use hysteron_core::effects::lag::{GrowingLag, Lag};
 use hysteron_core::effects::resonance::{Mode, TwoModes};
 use hysteron_core::effects::saturation::Saturation;
 use hysteron_core::effects::sensor::SensorCurve;
@@ -62,7 +62,8 @@ fn by_the_core(id: EffectId, values: &[f64], played: &Played) -> [Option<Vec<f64
         ],
         EffectId::FirstOrderLag => {
             let lag = |tau_s: f64, series: &[f64]| Some(through(&Lag::<f64>::new(tau_s, RATE_HZ).unwrap(), series));
-            [lag(values[0], voltage_v), lag(values[1], position_um)]
+            let growing = GrowingLag::<f64>::new(values[0], values[2], values[3], RATE_HZ).unwrap();
+            [Some(through(&growing, voltage_v)), lag(values[1], position_um)]
         }
         EffectId::SlewLimit => [
             Some(through(&SlewLimit::<f64>::new(values[0], RATE_HZ).unwrap(), voltage_v)),

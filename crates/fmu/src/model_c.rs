@@ -20,10 +20,11 @@ const CREEP_ELEMENTS: i32 = 4;
 const LEAST_WINDOW: f64 = 0.05;
 
 /// Texts beside this file: blocks with memory, each with its name; only those that a model has are in its C.
-const HELPERS: [(&str, &str); 5] = [
+const HELPERS: [(&str, &str); 6] = [
     ("larger(", include_str!("../c/limits.c")),
     ("delayed(", include_str!("../c/delayed.c")),
     ("lagged(", include_str!("../c/lagged.c")),
+    ("grown(", include_str!("../c/grown.c")),
     ("swung(", include_str!("../c/swung.c")),
     ("straight(", include_str!("../c/straight.c")),
 ];
@@ -150,7 +151,11 @@ impl Parts {
         match id {
             EffectId::Delay => self.delay(value(0) * rate_hz, n),
             EffectId::FirstOrderLag => {
-                self.lag(value(0), n, rate_hz, true)?;
+                if value(2) == 0.0 {
+                    self.lag(value(0), n, rate_hz, true)?;
+                } else {
+                    self.growing_lag([value(0) * rate_hz, value(2) * rate_hz, value(3)], n);
+                }
                 self.lag(value(1), n, rate_hz, false)?;
             }
             EffectId::SlewLimit => {
@@ -246,6 +251,13 @@ impl Parts {
             "{signal} = lagged(&s->{member}, {approach:?}, {through:?}, {signal});"
         );
         Ok(())
+    }
+
+    fn growing_lag(&mut self, [tau, per_v, from]: [f64; 3], n: usize) {
+        let [rest, step] = &mut self.on_voltage;
+        line!(self.members, "@name@_lag amplifier{n};");
+        line!(rest, "s->amplifier{n}.output = s->amplifier{n}.input = v;");
+        line!(step, "v = grown(&s->amplifier{n}, {tau:?}, {per_v:?}, {from:?}, v);");
     }
 
     fn creep(&mut self, values: &[f64], n: usize, rate_hz: f64) -> Result<(), FmuError> {

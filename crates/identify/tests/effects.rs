@@ -5,6 +5,7 @@
 
 use hysteron_data::{Dataset, Record, Role};
 use hysteron_excitation::{Excitation, Multisine, Sine, with_rise};
+use hysteron_identify::control::{RecordedHold, chain_of};
 use hysteron_identify::{Added, Adding, EffectId, Family, FitOptions, IdentifyError, Model, add, effects, fit};
 use hysteron_plant::hysteresis::{MaxwellSlip, SigmoidPlays};
 use hysteron_plant::{
@@ -220,6 +221,35 @@ fn val_first_order_lag() {
     let sum =
         value(&added, EffectId::FirstOrderLag, "amplifier_tau") + value(&added, EffectId::FirstOrderLag, "sensor_tau");
     close(sum, 80e-6, 0.05);
+}
+
+/// A lag of 60 us at 0 V that grows by 0.45 us a volt: added once more, it grows, and what is left falls to what the model leaves of the stage without it. A controller's lead grows alike.
+#[test]
+fn val_a_lag_that_grows_with_the_voltage() {
+    let bare = record(&stage());
+    let floor = validation_percent(&bare, &start(&bare));
+    let mut config = stage();
+    (config.amplifier.lag_s, config.amplifier.lag_growth_per_v) = (60e-6, 7.5e-3);
+    let dataset = record(&config);
+    let constant = add_effect(&dataset, &start(&dataset), EffectId::FirstOrderLag, &|_| ()).unwrap();
+    let left = |added: &Added| added.after.validate_percent.unwrap();
+    assert!(left(&constant) > 2.0 * floor, "{} {floor}", left(&constant));
+    let growing = add_effect(&dataset, &constant.model, EffectId::FirstOrderLag, &|_| ()).unwrap();
+    assert!(left(&growing) < 1.5 * floor, "{} {floor}", left(&growing));
+    let lag = |parameter| value(&growing, EffectId::FirstOrderLag, parameter);
+    close(lag("tau_per_v"), 0.45e-6, 0.1);
+    close(lag("amplifier_tau") + lag("sensor_tau"), 60e-6, 0.1);
+    let refused = add_effect(&dataset, &growing.model, EffectId::FirstOrderLag, &|_| ());
+    assert!(refused.is_err());
+    let (chain, _) = chain_of(&growing.model, 2e-5, [0.0, FULL_V], RecordedHold::AccountedFor).unwrap();
+    let [about_v, per_v] = chain.linear.lag_growth.unwrap();
+    close(about_v, 50.0, 0.1);
+    close(per_v * chain.linear.lag_s, 0.45e-6, 0.1);
+    close(
+        chain.linear.lag_s + chain.around.sensor_lag_s,
+        60e-6 + 0.45e-6 * about_v,
+        0.1,
+    );
 }
 
 #[test]

@@ -44,6 +44,12 @@ impl Lag {
         };
     }
 
+    /// Another time constant from here on.
+    pub(crate) fn set_time_constant(&mut self, time_constant_s: f64, step_s: f64) {
+        self.time_constant_s = time_constant_s;
+        self.set_step(step_s);
+    }
+
     /// One step, the input running from `from` to `to`.
     #[inline]
     pub(crate) fn advance(&mut self, from: f64, to: f64) -> f64 {

@@ -72,7 +72,12 @@ fn val_a_stage_as_a_unit_is_the_model() {
         ("delay", &[("delay", 47e-6, "s")]),
         (
             "first-order-lag",
-            &[("amplifier_tau", 60e-6, "s"), ("sensor_tau", 31e-6, "s")],
+            &[
+                ("amplifier_tau", 60e-6, "s"),
+                ("sensor_tau", 31e-6, "s"),
+                ("tau_per_v", 4e-7, "s/V"),
+                ("from_v", 2.0, "V"),
+            ],
         ),
         ("slew-limit", &[("slew", 2e4, "V/s")]),
         (
@@ -246,7 +251,12 @@ fn val_units_are_sound_to_fmpy() {
         return;
     };
     let folder = Folder::empty();
-    let lag = [("amplifier_tau", 60e-6, "s"), ("sensor_tau", 31e-6, "s")];
+    let lag = [
+        ("amplifier_tau", 60e-6, "s"),
+        ("sensor_tau", 31e-6, "s"),
+        ("tau_per_v", 0.0, "s/V"),
+        ("from_v", 0.0, "V"),
+    ];
     folder.write("model.toml", &(model(RISING, "first-order-lag", &lag) + COVERED));
     folder.said(&["export", "model.toml", "--format", "fmu", "-o", "stage.fmu"]);
     folder.said(&["export", TABLE, "--format", "fmu", "-o", "law.fmu"]);

@@ -113,7 +113,7 @@ pub fn chain_of(
         if hold == RecordedHold::AccountedFor && matches!(by, Compensator::Delay { .. }) {
             held_beside = true;
         }
-        take_over(by, &mut chain);
+        take_over(by, &mut chain, model);
     }
     let left_out: Vec<&EffectName> = (model.effects.iter().zip(&undone))
         .filter(|(_, undone)| undone.by.is_none())
@@ -176,11 +176,17 @@ fn compensation(fitted: &FittedEffect) -> Result<Compensation, IdentifyError> {
 }
 
 /// Puts a compensator's numbers where the controller takes them from.
-fn take_over(by: Compensator, chain: &mut ControlModel) {
+fn take_over(by: Compensator, chain: &mut ControlModel, model: &Model) {
     match by {
         Compensator::Delay { delay_s } => chain.latency_s = delay_s,
-        Compensator::Lead { amplifier_s, sensor_s } => {
-            chain.linear.lag_s = amplifier_s;
+        Compensator::Lead {
+            amplifier_s,
+            growth,
+            sensor_s,
+        } => {
+            chain
+                .linear
+                .set_lag(amplifier_s, growth, 0.5 * (model.input_min + model.input_max));
             chain.around.sensor_lag_s = sensor_s;
         }
         Compensator::Modes(modes) => {
@@ -255,8 +261,15 @@ impl Linear {
         for compensation in model.effects.iter().filter_map(|fitted| compensation(fitted).ok()) {
             match compensation.by {
                 Compensator::Delay { delay_s } => linear.delay_s = delay_s,
-                Compensator::Lead { amplifier_s, sensor_s } => {
-                    (linear.part.lag_s, linear.sensor_lag_s) = (amplifier_s, sensor_s);
+                Compensator::Lead {
+                    amplifier_s,
+                    growth,
+                    sensor_s,
+                } => {
+                    linear
+                        .part
+                        .set_lag(amplifier_s, growth, 0.5 * (model.input_min + model.input_max));
+                    linear.sensor_lag_s = sensor_s;
                 }
                 Compensator::Modes(modes) => linear.part.modes = modes.into_iter().map(mode_of_stage).collect(),
                 _ => {}

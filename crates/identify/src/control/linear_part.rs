@@ -55,6 +55,13 @@ impl LinearPart {
         self.structure(omega) / Complex64::new(1.0, omega * self.lag_s)
     }
 
+    /// Sets the lag to a time constant (s), at a voltage (V) where it grows from there (s/V); it is told about the middle of the range.
+    pub(super) fn set_lag(&mut self, tau_s: f64, growth: Option<[f64; 2]>, middle_v: f64) {
+        let [from_v, per_v] = growth.unwrap_or_default();
+        self.lag_s = tau_s + per_v * (middle_v - from_v);
+        self.lag_growth = (per_v != 0.0 && self.lag_s > 0.0).then(|| [middle_v, per_v / self.lag_s]);
+    }
+
     /// Frequency (hertz) and damping ratio of the antiresonance between two modes: the zeros of
     /// `s_1 w_1^2 / D_1 + s_2 w_2^2 / D_2`. None for one mode, and where the zeros are not a damped pair (a second mode
     /// against the first).
