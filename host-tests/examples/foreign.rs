@@ -20,7 +20,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (seed, outcome) in seeds.iter().zip(&all) {
         let stage = Foreign::new(*seed);
         let cells = match outcome {
-            Ok(Outcome { helps_to_hz, percent }) => {
+            Ok(Outcome {
+                helps_to_hz, percent, ..
+            }) => {
                 let [open, closed] = percent;
                 let each = open
                     .iter()
@@ -44,5 +46,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         let cells = (0..HERTZ.len()).map(|k| format!(" | {:.3} / {:.3}", of(k, 0), of(k, 1)));
         println!("| {word} | | | | {} |", cells.collect::<String>());
     }
+    println!("\nFound over expected, open and closed, where the records cover it:\n");
+    println!("| median | largest | at most 1.5 |\n|---|---|---|");
+    let ratios: Vec<f64> = made.iter().flat_map(|outcome| outcome.over_expected()).collect();
+    let [median, largest] = median_and_worst(ratios.iter().copied());
+    let kept = ratios.iter().filter(|ratio| **ratio <= 1.5).count();
+    println!("| {median:.2} | {largest:.2} | {kept} of {} |", ratios.len());
     Ok(())
 }

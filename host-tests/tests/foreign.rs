@@ -13,7 +13,10 @@ fn val_stages_of_other_laws_are_followed() {
         [Untold::Nothing, Untold::Gain]
     );
     let each: Vec<Outcome> = seeds.par_iter().map(|seed| outcome(*seed).unwrap()).collect();
-    for (seed, Outcome { helps_to_hz, percent }) in seeds.iter().zip(each) {
+    for (seed, outcome) in seeds.iter().zip(each) {
+        let Outcome {
+            helps_to_hz, percent, ..
+        } = &outcome;
         let [open, closed] = percent;
         println!("{seed}: helps to {helps_to_hz:?} Hz, open {open:?}, closed {closed:?}");
         assert!(closed[0] < 0.02, "{seed}: {closed:?}");
@@ -21,11 +24,11 @@ fn val_stages_of_other_laws_are_followed() {
         assert!(open[2] < 0.12 && closed[2] < 0.06, "{seed}: {open:?} {closed:?}");
         assert!(open[3] < 0.4 && closed[3] < 0.4, "{seed}: {open:?} {closed:?}");
         assert!(
-            open.iter().chain(&closed).all(|percent| *percent < 1.0),
+            open.iter().chain(closed).all(|percent| *percent < 1.0),
             "{seed}: {open:?} {closed:?}"
         );
         let helps_to_hz = helps_to_hz.unwrap();
-        for ((hz, open), closed) in HERTZ.iter().zip(&open).zip(&closed) {
+        for ((hz, open), closed) in HERTZ.iter().zip(open).zip(closed) {
             assert!(
                 *hz > helps_to_hz || closed < open,
                 "{seed}, {hz} Hz: {closed} closed, {open} open"

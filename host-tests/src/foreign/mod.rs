@@ -5,6 +5,7 @@ mod stage;
 
 use hysteron_control::ControlError;
 use hysteron_control::campaign::{Campaign, Command, Protocol};
+use hysteron_control::design::prediction::{PREDICTED_HZ, Reckoned, predict};
 use hysteron_control::design::{CompleteLaw, Controller, ReferenceKind};
 use hysteron_control::expected::half_the_stroke;
 use hysteron_control::figures::{Tracked, judge};
@@ -14,8 +15,8 @@ use hysteron_data::{Dataset, Known, Record, Role};
 use rayon::prelude::*;
 pub use stage::{Foreign, PERIOD_S, STATED_LATENCY_S, Untold};
 
-/// References, hertz.
-pub const HERTZ: [f64; 4] = [10.0, 100.0, 500.0, 1000.0];
+/// References, hertz: those that a design expects an error of.
+pub const HERTZ: [f64; 4] = PREDICTED_HZ;
 
 /// Seconds of a sine of 10 Hz from which a law may learn the gain before it is judged.
 const LEARNING_S: f64 = 10.0;
@@ -30,6 +31,20 @@ pub struct Outcome {
     pub helps_to_hz: Option<f64>,
     /// Rms error of the true position at each of [`HERTZ`], percent of the range, open and closed.
     pub percent: [Vec<f64>; 2],
+    /// The same as the designs expect it; none beyond the records.
+    pub expected_percent: [Vec<Option<f64>>; 2],
+}
+
+impl Outcome {
+    /// Each error that was found over the one that was expected.
+    pub fn over_expected(&self) -> impl Iterator<Item = f64> {
+        let both = self
+            .percent
+            .iter()
+            .flatten()
+            .zip(self.expected_percent.iter().flatten());
+        both.filter_map(|(found, expected)| expected.map(|expected| found / expected))
+    }
 }
 
 /// The outcome on a stage.
@@ -50,7 +65,16 @@ pub fn outcome(seed: u64) -> Result<Outcome, ControlError> {
         let percent = |hz: &f64| tracked_percent(&stage, &law, range_um, *hz);
         Ok(HERTZ.iter().map(percent).collect())
     };
+    let stroke_um = range_um[1] - range_um[0];
+    let expected = |controller: &Controller, of: fn(&Reckoned) -> Option<f64>| -> Result<Vec<_>, ControlError> {
+        let predicted = predict(controller, stroke_um, None)?;
+        Ok(predicted.iter().map(|at| at.error.as_ref().and_then(of)).collect())
+    };
     Ok(Outcome {
+        expected_percent: [
+            expected(&open, |error| Some(error.open_percent))?,
+            expected(&closed, |error| error.closed_percent)?,
+        ],
         helps_to_hz: closed.feedback.as_ref().map(|feedback| feedback.rejection_hz),
         percent: [each(&open)?, each(&closed)?],
     })

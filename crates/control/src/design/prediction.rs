@@ -67,7 +67,7 @@ pub fn predict(
             let beyond = envelope.and_then(|envelope| envelope.left_by(&[frequency_hz]));
             let error = match beyond {
                 Some(_) => None,
-                None => Some(expect(controller, frequency_hz, model_percent)?),
+                None => Some(expect(controller, frequency_hz, stroke_um, model_percent)?),
             };
             Ok(Predicted {
                 frequency_hz,
@@ -79,10 +79,15 @@ pub fn predict(
 }
 
 /// What the last pass of a campaign came to at a frequency, where there is one; else what the numbers say.
-fn expect(controller: &Controller, frequency_hz: f64, model_percent: Option<f64>) -> Result<Reckoned, ControlError> {
+fn expect(
+    controller: &Controller,
+    frequency_hz: f64,
+    stroke_um: f64,
+    model_percent: Option<f64>,
+) -> Result<Reckoned, ControlError> {
     let model = &controller.model;
-    let whole = |_: f64| 1.0;
-    let Some(shown_percent) = shown(&model.held_out, frequency_hz, &whole) else {
+    let shown = |left: &dyn Fn(f64) -> f64| shown_percent(&model.held_out, [frequency_hz, stroke_um], left);
+    let Some(open_percent) = shown(&|_| 1.0) else {
         return reckon(controller, frequency_hz, model_percent);
     };
     // Its references were known ahead; one that is not, meets another filter.
@@ -92,15 +97,13 @@ fn expect(controller: &Controller, frequency_hz: f64, model_percent: Option<f64>
     };
     let closed_percent = controller.feedback.as_ref().and_then(|design| {
         let left = |hz: f64| super::feedback::sensitivity(model, Some(design), std::f64::consts::TAU * hz).norm();
-        let shown_percent = shown(&model.held_out, frequency_hz, &|hz: f64| {
-            if hz > 0.0 { left(hz) } else { 0.0 }
-        })?;
+        let shown_percent = shown(&|hz: f64| if hz > 0.0 { left(hz) } else { 0.0 })?;
         Some(shown_percent.hypot(left(frequency_hz) * filter_percent))
     });
     Ok(Reckoned {
-        open_percent: shown_percent.hypot(filter_percent),
+        open_percent: open_percent.hypot(filter_percent),
         closed_percent,
-        limited_by: if filter_percent > shown_percent {
+        limited_by: if filter_percent > open_percent {
             FILTER
         } else {
             "the last pass, before it was fitted"
@@ -108,20 +111,40 @@ fn expect(controller: &Controller, frequency_hz: f64, model_percent: Option<f64>
     })
 }
 
-/// Between two sines a straight line of logarithms, beyond the first and the last theirs.
-fn shown(held_out: &[HeldOut], frequency_hz: f64, left: &dyn Fn(f64) -> f64) -> Option<f64> {
-    let above = held_out.partition_point(|sine| sine.frequency_hz < frequency_hz);
-    let percent = |sine: &HeldOut| sine.percent(frequency_hz, left).max(f64::MIN_POSITIVE);
-    let next = held_out.get(above);
-    let Some(before) = above.checked_sub(1).and_then(|before| held_out.get(before)) else {
-        return next.map(percent);
+/// What a pass showed of a sine of a frequency (Hz) and peak to peak (um): between two sines a straight line of logarithms, beyond the first
+/// and the last theirs; at least what any other reference showed of what is slower. None where there was no sine.
+fn shown_percent(held_out: &[HeldOut], [hz, stroke_um]: [f64; 2], left: &dyn Fn(f64) -> f64) -> Option<f64> {
+    let rms_um = |held_out: &HeldOut| held_out.rms_um(hz, stroke_um, left).max(f64::MIN_POSITIVE);
+    let mut sines: Vec<(f64, f64)> = held_out
+        .iter()
+        .filter_map(|held_out| Some((held_out.sine_hz?, rms_um(held_out))))
+        .collect();
+    sines.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // Of sines of one frequency the largest error.
+    sines.dedup_by(|next, kept| {
+        let same = next.0 <= (1.0 + SAME) * kept.0;
+        if same {
+            kept.1 = kept.1.max(next.1);
+        }
+        same
+    });
+    let above = sines.partition_point(|(sine_hz, _)| *sine_hz < hz);
+    let before = above.checked_sub(1).and_then(|before| sines.get(before));
+    let along_sines_um = match (before, sines.get(above)) {
+        (Some(&(before_hz, before_um)), Some(&(next_hz, next_um))) => {
+            let share = (hz / before_hz).ln() / (next_hz / before_hz).ln();
+            (before_um.ln() * (1.0 - share) + next_um.ln() * share).exp()
+        }
+        (Some(&(_, um)), None) | (None, Some(&(_, um))) => um,
+        (None, None) => return None,
     };
-    let Some(next) = next else {
-        return Some(percent(before));
-    };
-    let share = (frequency_hz / before.frequency_hz).ln() / (next.frequency_hz / before.frequency_hz).ln();
-    Some((percent(before).ln() * (1.0 - share) + percent(next).ln() * share).exp())
+    let others = held_out.iter().filter(|held_out| held_out.sine_hz.is_none());
+    let largest_um = others.map(rms_um).fold(along_sines_um, f64::max);
+    Some(100.0 * largest_um / stroke_um)
 }
+
+/// Frequencies that differ by this share are the same.
+const SAME: f64 = 0.01;
 
 /// Of a peak to peak an error of share s of the amplitude is s / (2 sqrt 2) rms.
 fn filter_percent(controller: &Controller, frequency_hz: f64) -> Result<f64, ControlError> {
@@ -218,17 +241,24 @@ mod tests {
         assert_eq!(predict(&of, stroke_um, None).unwrap()[1].error, Some(reckoned));
     }
 
-    /// What a pass showed at 10 and at 1000 Hz is expected there, between them the middle of the logarithms, and above 1000 Hz the same.
+    /// What a pass showed at 10 and at 1000 Hz is expected there, between them the middle of the logarithms, and above 1000 Hz the same; of
+    /// half the stroke it is twice the share, and another reference that left more of what is slower has the last word.
     #[test]
     fn val_what_the_last_pass_showed_is_expected() {
         let mut of = controller(None);
         of.model.covered.swing_hz = None;
-        let sine = |frequency_hz: f64, percent: f64| HeldOut {
-            frequency_hz,
-            errors: vec![[0.0, 0.6 * percent], [3.0 * frequency_hz, 0.8 * percent]],
+        let sine = |sine_hz: f64, stroke_um: f64, um: f64| HeldOut {
+            sine_hz: Some(sine_hz),
+            stroke_um,
+            errors_um: vec![[0.0, 0.6 * um], [3.0 * sine_hz, 0.8 * um]],
         };
-        of.model.held_out = vec![sine(10.0, 0.02), sine(1000.0, 0.2)];
-        let open = |hz: f64| expect(&of, hz, Some(9.0)).unwrap().open_percent;
+        of.model.held_out = vec![
+            sine(1000.0, 10.0, 0.02),
+            sine(10.0, 10.0, 0.002),
+            sine(10.01, 5.0, 0.001),
+        ];
+        let open =
+            |of: &Controller, hz: f64, stroke_um: f64| expect(of, hz, stroke_um, Some(9.0)).unwrap().open_percent;
         for (hz, percent) in [
             (5.0, 0.02),
             (10.0, 0.02),
@@ -236,16 +266,27 @@ mod tests {
             (1000.0, 0.2),
             (2000.0, 0.2),
         ] {
-            assert!((open(hz) / percent - 1.0).abs() < 1e-9, "{hz} Hz: {}", open(hz));
+            let found = open(&of, hz, 10.0);
+            assert!((found / percent - 1.0).abs() < 1e-9, "{hz} Hz: {found}");
+            assert!((open(&of, hz, 5.0) / (2.0 * percent) - 1.0).abs() < 1e-9);
         }
         // A loop that lets nothing of the mean through, and all of the rest, leaves the rest.
-        let rest = shown(&of.model.held_out, 10.0, &|hz: f64| f64::from(hz > 0.0));
+        let rest = shown_percent(&of.model.held_out, [10.0, 10.0], &|hz: f64| f64::from(hz > 0.0));
         assert!((rest.unwrap() / 0.016 - 1.0).abs() < 1e-9);
+        let mut noisy = of.clone();
+        noisy.model.held_out.push(HeldOut {
+            sine_hz: None,
+            stroke_um: 10.0,
+            errors_um: vec![[0.0, 3e-3], [40.0, 4e-3], [300.0, 1.0]],
+        });
+        for (hz, percent) in [(10.0, 0.03), (50.0, 0.05), (200.0, open(&of, 200.0, 10.0))] {
+            assert!((open(&noisy, hz, 10.0) / percent - 1.0).abs() < 1e-9, "{hz} Hz");
+        }
         // A reference that is not known ahead meets another filter.
         of.reference = ReferenceKind::Live;
-        let expected = expect(&of, 100.0, None).unwrap().open_percent;
+        let expected = open(&of, 100.0, 10.0);
         let filter = filter_percent(&of, 100.0).unwrap();
         assert!((expected - filter.hypot(0.02 * 10.0_f64.sqrt())).abs() < 1e-9);
-        assert_eq!(shown(&[], 10.0, &|_| 1.0), None);
+        assert_eq!(shown_percent(&[], [10.0, 10.0], &|_| 1.0), None);
     }
 }

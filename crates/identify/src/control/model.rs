@@ -65,7 +65,7 @@ pub struct ControlModel {
     /// none where that was not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model_error_um: Option<f64>,
-    /// What sines of the last pass came to while no fit had seen their records, by ascending frequency; empty of other records.
+    /// What references of the last pass came to while no fit had seen their records; empty of other records.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub held_out: Vec<HeldOut>,
     /// Lag and modes.
