@@ -97,6 +97,16 @@ fn mode(hz: f64, damping: f64) -> [Named; 5] {
     ]
 }
 
+/// Time constants of amplifier and sensor (s), growth of the first (s/V) from 0 V.
+fn lag([amplifier_s, sensor_s, per_v]: [f64; 3]) -> [Named; 4] {
+    [
+        ("amplifier_tau", amplifier_s, "s"),
+        ("sensor_tau", sensor_s, "s"),
+        ("tau_per_v", per_v, "s/V"),
+        ("from_v", 0.0, "V"),
+    ]
+}
+
 /// Everything that would make an inverse explode ends with the reason, what to do, and exit code 2; nothing is written.
 #[test]
 fn refuse_models_whose_inverse_would_explode() {
@@ -149,11 +159,7 @@ fn refuse_models_whose_inverse_would_explode() {
         ],
     );
     check(
-        model(
-            RISING,
-            "first-order-lag",
-            &[("amplifier_tau", 1.0, "s"), ("sensor_tau", 0.0, "s")],
-        ),
+        model(RISING, "first-order-lag", &lag([1.0, 0.0, 0.0])),
         &[],
         &["an amplifier's lag of 1000000 us cannot be undone", "identify again"],
     );
@@ -244,10 +250,15 @@ fn val_design_from_a_model_names_every_effect() {
         ("gain", 0.001, "1/K"),
         ("rest_share", 0.0, ""),
     ];
-    let lag = [("amplifier_tau", 60e-6, "s"), ("sensor_tau", 30e-6, "s")];
-    let cases: [(&str, &[Named], &str); 9] = [
+    let growing = "lead that grows with the voltage, and reference through the sensor's lag";
+    let cases: [(&str, &[Named], &str); 10] = [
         ("delay", &[("delay", 60e-6, "s")], "preview"),
-        ("first-order-lag", &lag, "lead, and reference through the sensor's lag"),
+        (
+            "first-order-lag",
+            &lag([60e-6, 30e-6, 0.0]),
+            "lead, and reference through the sensor's lag",
+        ),
+        ("first-order-lag", &lag([60e-6, 30e-6, 4e-7]), growing),
         ("resonance", &mode(800.0, 0.02), "resonance inverse"),
         ("creep", &creep, "creep inverse"),
         ("mains-hum", &HUM, "hum learned in the loop"),

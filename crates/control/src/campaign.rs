@@ -291,12 +291,13 @@ impl Protocol {
             let seed = self.seed_of(100 * pass as u64 + stream);
             noise(ends, 0.25 * (ends[1] - ends[0]), bandwidth_hz, seconds, seed, period_s)
         };
-        let plan: [(&str, Reference); 9] = [
+        let plan: [(&str, Reference); 10] = [
             ("noise", random(500.0, 1.5, wide, 50)?),
             ("fast-noise", random(1200.0, 0.4, range(0.2, 0.85), 51)?),
             ("023hz", sine(23.0, wide)),
             ("097hz", sine(97.0, range(0.2, 0.9))),
             ("097hz-small", sine(97.0, range(0.35, 0.75))),
+            ("061hz-low", sine(61.0, range(0.1, 0.55))),
             ("403hz", sine(403.0, range(0.2, 0.85))),
             ("907hz", sine(907.0, range(0.25, 0.8))),
             (
