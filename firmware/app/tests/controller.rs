@@ -605,10 +605,10 @@ fn change(rig: &mut Rig, change: hysteron_firmware::tuning::Change) -> u16 {
 
 /// The references of the first ticks of a run, of every 125th.
 fn eighths(rig: &mut Rig) -> [f32; 8] {
-    let mut frame = rig.order(Order::Start);
-    while frame.mode() != Mode::Running {
-        frame = rig.order(Order::None);
-    }
+    rig.order(Order::Start);
+    // At most the 100 V, 0.5 V a tick.
+    let running = (0..200).find(|_| rig.order(Order::None).mode() == Mode::Running);
+    assert!(running.is_some());
     std::array::from_fn(|_| {
         let reference_um = rig.ticks(1).reference_um;
         rig.ticks(124);
