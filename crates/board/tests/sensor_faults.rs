@@ -2,7 +2,8 @@
 //!
 //! Each kind of fault on three stages whose hysteresis is not the table's own (one of them changed under it), at three frequencies, in open
 //! and closed loop, at two phases: where the platform itself goes, and after how many samples the command is on its way down. A row of
-//! the table, which the test prints, is the worst of its runs. As `faults.rs` the same codes go through the image in the emulator.
+//! the table, which the test prints, is the worst of its runs. As `faults.rs` the same codes go through the image in the emulator, which has
+//! a table of its own.
 #![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
 #![expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 
@@ -19,6 +20,8 @@ use hysteron_plant::{Stage, StageConfig, preset};
 use hysteron_table::Table;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 const TABLE_8K: &str = include_str!("../../../firmware/tables/tracking-8k.toml");
@@ -286,13 +289,12 @@ fn run(kind: Kind, (table, config): (&Table, &StageConfig), hz: f64, feedback: b
 
 const HZ: [f64; 3] = [10.0, 200.0, 500.0];
 
-/// All kinds, a thread a loop; the table.
-#[test]
-fn prop_no_sensor_takes_the_platform_away() {
-    let threads = [false, true].map(|feedback| std::thread::spawn(move || of_loop(feedback)));
-    let [open, closed] = threads.map(|thread| thread.join().unwrap());
-    println!("| sensor | verdict | samples to the way down | % beyond the range, open loop | closed |");
-    println!("|---|---|---|---|---|");
+/// By kind and frequency, the worst of stages and phases, or what went wrong first.
+type Column = Vec<[Result<Found, String>; 3]>;
+
+/// The table of all kinds in open and closed loop, and what went wrong.
+fn table([open, closed]: [Column; 2]) -> (String, Vec<String>) {
+    let mut text = "| sensor | verdict | samples to the way down | % beyond the range, open loop | closed |\n|---|---|---|---|---|\n".to_owned();
     let mut wrong = Vec::new();
     for (k, kind) in Kind::ALL.into_iter().enumerate() {
         for (hz, (open, closed)) in HZ.into_iter().zip(open[k].iter().zip(&closed[k])) {
@@ -303,8 +305,8 @@ fn prop_no_sensor_takes_the_platform_away() {
                 (Ok(open), Ok(closed)) => {
                     let samples = open.worse(*closed).samples.map_or("-".to_owned(), |n| n.to_string());
                     let percent = [open, closed].map(|found| 100.0 * found.beyond);
-                    println!(
-                        "| {kind:?}, {hz} Hz | {verdict} | {samples} | {:.1} | {:.1} |",
+                    text += &format!(
+                        "| {kind:?}, {hz} Hz | {verdict} | {samples} | {:.1} | {:.1} |\n",
                         percent[0], percent[1]
                     );
                 }
@@ -318,17 +320,27 @@ fn prop_no_sensor_takes_the_platform_away() {
             }
         }
     }
+    (text, wrong)
+}
+
+/// All kinds, a thread a loop; the table.
+#[test]
+fn prop_no_sensor_takes_the_platform_away() {
+    let threads = [false, true].map(|feedback| std::thread::spawn(move || of_loop(feedback, 0..2, &mut |_, _, _| ())));
+    let (text, wrong) = table(threads.map(|thread| thread.join().unwrap()));
+    println!("{text}");
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// By kind and frequency, the worst of stages and phases, or what went wrong first.
-fn of_loop(feedback: bool) -> Vec<[Result<Found, String>; 3]> {
+/// All kinds in a loop at some phases; `chip` may put other frames in the place of the host's, stage by stage.
+fn of_loop(feedback: bool, phases: Range<u32>, chip: &mut dyn FnMut(usize, &mut Broken, &Setup)) -> Column {
     let stages = stages();
-    let of = |kind: Kind, hz: f64| {
+    let mut of = |kind: Kind, hz: f64| {
         let mut all = Found::default();
         for (k, (_, table, config)) in stages.iter().enumerate() {
-            for phase in 0..2 {
-                let (broken, _) = run(kind, (table, config), hz, feedback, phase);
+            for phase in phases.clone() {
+                let (mut broken, setup) = run(kind, (table, config), hz, feedback, phase);
+                chip(k, &mut broken, &setup);
                 let found = judge(&broken, hz).map_err(|reason| format!("stage {k}, phase {phase}: {reason}"))?;
                 all = all.worse(found);
             }
@@ -404,38 +416,51 @@ fn bva_a_model_that_misses_knows_another_stage() {
     }
 }
 
-/// The image says the same, frame by frame, on the codes of every kind: even ones on the Cortex-M4F, odd ones on the M7.
+/// What the images answer to the same codes at the second phase: the same bytes, and the table from their own frames. Each table's image
+/// runs on the Cortex-M4F; in open loop that of the first table on the M7.
 #[test]
 fn prop_no_sensor_takes_the_image_away() {
-    let stages = stages();
-    for (parity, machine, name) in [
-        (0, Machine::Mps2An386, "tables/tracking-8k"),
-        (1, Machine::Mps2An500, "tables/tracking-8k-m7"),
-    ] {
-        let Some(image) = image(name) else { return };
-        let mut session = Session::start(machine, &image, Duration::from_secs(600)).unwrap();
-        for (k, kind) in Kind::ALL.into_iter().enumerate().filter(|(k, _)| k % 2 == parity) {
-            if matches!(kind, Kind::Drift(um_per_s) if um_per_s.abs() < 3.0) {
-                continue;
-            }
-            let hz = HZ[k % 3];
-            let (broken, setup) = run(kind, (&stages[2].1, &stages[2].2), hz, true, 1);
-            let setup = Setup {
-                ticks: broken.inputs.len() as u32,
-                clocked: false,
-                ..setup
-            };
-            let (frames, _) = session.replay(&setup, &broken.inputs).unwrap();
-            for (board, here) in frames.iter().zip(&broken.frames) {
-                assert_eq!(
-                    board.to_bytes(),
-                    here.to_bytes(),
-                    "{kind:?}: {board:?} instead of {here:?}"
-                );
-            }
-            judge(&broken, hz).unwrap_or_else(|reason| panic!("{kind:?}, {hz} Hz: {reason}"));
-        }
+    let names = ["tables/tracking-8k", "tables/tracking-8k-m7", "tables/tracking-739"].map(image);
+    let [Some(m4), Some(m7), Some(other)] = names else {
+        return;
+    };
+    let start = |machine, image: &Path| Session::start(machine, image, Duration::from_secs(600)).unwrap();
+    let of_a_loop = |feedback: bool, (machine, first): (Machine, PathBuf), other: PathBuf| {
+        let mut first = start(machine, &first);
+        let mut other = start(Machine::Mps2An386, &other);
+        of_loop(feedback, 1..2, &mut |stage, broken, setup| {
+            let session = if stage == 1 { &mut other } else { &mut first };
+            answered_by(session, broken, setup);
+        })
+    };
+    let columns = std::thread::scope(|scope| {
+        let open = scope.spawn(|| of_a_loop(false, (Machine::Mps2An500, m7), other.clone()));
+        let closed = scope.spawn(|| of_a_loop(true, (Machine::Mps2An386, m4), other.clone()));
+        [open, closed].map(|thread| thread.join().unwrap())
+    });
+    let (text, wrong) = table(columns);
+    println!("{text}");
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+/// Puts the image's frames in the place of the host's, which have to be the same.
+fn answered_by(session: &mut Session, broken: &mut Broken, setup: &Setup) {
+    let setup = Setup {
+        ticks: broken.inputs.len() as u32,
+        clocked: false,
+        ..*setup
+    };
+    let (frames, _) = session.replay(&setup, &broken.inputs).unwrap();
+    assert_eq!(frames.len(), broken.frames.len(), "{:?}", broken.kind);
+    for (board, here) in frames.iter().zip(&broken.frames) {
+        assert_eq!(
+            board.to_bytes(),
+            here.to_bytes(),
+            "{:?}: {board:?} instead of {here:?}",
+            broken.kind
+        );
     }
+    broken.frames = frames;
 }
 
 /// Nothing is wrong: nothing is said, by any shape, in either loop, for `HYSTERON_HEALTHY_S` seconds of each (0.4 by default).

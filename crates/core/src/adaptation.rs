@@ -269,6 +269,91 @@ mod tests {
         }
     }
 
+    /// Blocks of two samples, 1 ms; `rate` 0.008. The first sets the means 2 and 0.05. The second has a swing of 4 and asks for more than the
+    /// bound; the third, of -1, asks for `0.0002 (-1 / 0.134976)`.
+    #[test]
+    fn val_three_blocks_by_hand() {
+        let part = Adaptation::<f64>::new(0.1, 1.0, 0.125, 0.001, 0.5, 2e3).unwrap();
+        let mut state = AdaptationState::default();
+        let blocks = [
+            ([(1.0, 0.02, 0.04), (3.0, 0.06, 0.0)], 0.0, 0.000_392),
+            ([(6.0, 0.03, 0.0), (6.0, 0.04, -0.02)], -0.000_8, 0.000_624),
+            (
+                [(1.032, 0.051_04, 0.0), (1.032, 0.051_04, 0.0)],
+                -0.000_811_853_96,
+                0.001_024_32,
+            ),
+        ];
+        for (samples, gain, zero) in blocks {
+            for (motion, error, correction) in samples {
+                let sample = Sample {
+                    motion,
+                    error,
+                    correction,
+                    counts: true,
+                };
+                part.learn(&mut state, sample);
+            }
+            let (gain_off, zero_off) = (state.gain() - gain, state.zero() - zero);
+            assert!(
+                gain_off.abs() < 1e-11 && zero_off.abs() < 1e-12,
+                "{} {}, {} {}",
+                state.gain(),
+                gain,
+                state.zero(),
+                zero
+            );
+        }
+        // 10 - 10 x 0.00081185396 + 0.00102432
+        assert!((part.adapted(&state, 10.0) - 9.992_905_780_4).abs() < 1e-9);
+    }
+
+    /// The least swing, exactly: `rate` 1/16 of a square of 1/4 is the square of 1/64 / 1/8. It teaches no gain, a little more does.
+    #[test]
+    fn bva_the_least_swing() {
+        let part = Adaptation::<f64>::new(0.125, 1.0, 0.125, 0.015_625, 0.0, 128.0).unwrap();
+        for (motion, learns) in [(0.5, false), (-0.5, false), (0.500_1, true), (-0.500_1, true)] {
+            let mut state = AdaptationState::default();
+            for (motion, error) in [(0.0, 0.0), (motion, 1.0)] {
+                let sample = Sample {
+                    motion,
+                    error,
+                    correction: 0.0,
+                    counts: true,
+                };
+                part.learn(&mut state, sample);
+            }
+            assert_eq!(state.gain() != 0.0, learns, "{motion}: {}", state.gain());
+        }
+    }
+
+    /// A number of 1e6 um still counts, more does not, of either signal.
+    #[test]
+    fn bva_the_largest_sample_that_counts() {
+        let part = Adaptation::<f64>::new(0.1, 1e3, 0.1, 1e-6, 0.1, 1e3).unwrap();
+        for (motion, error, counts) in [
+            (1e6, 1.0, true),
+            (-1e6, 1.0, true),
+            (1.1e6, 1.0, false),
+            (-1.1e6, 1.0, false),
+            (f64::NAN, 1.0, false),
+            (1.0, 1e6, true),
+            (1.0, -1e6, true),
+            (1.0, 1.1e6, false),
+            (1.0, f64::NAN, false),
+        ] {
+            let mut state = AdaptationState::default();
+            let sample = Sample {
+                motion,
+                error,
+                correction: 0.0,
+                counts: true,
+            };
+            part.learn(&mut state, sample);
+            assert_eq!(state.zero() != 0.0, counts, "{motion} {error}");
+        }
+    }
+
     #[test]
     fn refuse_bounds_that_are_none() {
         use std::string::ToString;

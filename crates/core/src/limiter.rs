@@ -172,6 +172,45 @@ mod tests {
         assert_eq!(limiter.step(&mut state, f64::NEG_INFINITY), 10.0);
     }
 
+    /// What the way that most samples take may not let through, a case a line: where the command was, where it is asked to go, and what
+    /// comes of it. Limits of -10 and 10, 1 a sample.
+    #[test]
+    fn bva_what_is_not_let_through() {
+        let limiter = Limiter::new(-10.0_f64, 10.0, 50.0, 50.0).unwrap();
+        assert_eq!(limiter.limits(), [-10.0, 10.0, 1.0]);
+        let cases = [
+            (-10.0, -10.5, -10.0),
+            (10.0, 10.5, 10.0),
+            // As far on the other side of 0.
+            (2.0, -2.0, 1.0),
+            (-2.0, 2.0, -1.0),
+            // Less than twice the last, or a part of it.
+            (9.0, 4.0, 8.0),
+            (-9.0, -4.0, -8.0),
+            (4.0, 9.0, 5.0),
+            (-4.0, -9.0, -5.0),
+            (9.5, 10.5, 10.0),
+            (-9.5, -10.5, -10.0),
+        ];
+        for (last, asked, wanted) in cases {
+            let mut state = limiter.start_at(last);
+            assert_eq!(limiter.step(&mut state, asked), wanted, "{last} {asked}");
+            assert!(state.limited() && state.last() == wanted);
+        }
+        for (last, asked) in [
+            (-10.0, -10.0),
+            (10.0, 10.0),
+            (3.0, 3.9),
+            (3.0, 2.1),
+            (3.0, 4.0),
+            (3.0, 2.0),
+        ] {
+            let mut state = limiter.start_at(last);
+            assert_eq!(limiter.step(&mut state, asked), asked, "{last} {asked}");
+            assert!(!state.limited() && state.last() == asked);
+        }
+    }
+
     /// Just above the slowest slew that is accepted, the `f32` output still arrives, at the slew asked for within 1/8.
     #[test]
     fn val_slowest_slew_moves() {

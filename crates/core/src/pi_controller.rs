@@ -181,6 +181,23 @@ mod tests {
         }
     }
 
+    /// 6000 a second are 0.12 in a sample of 20 us; half of the error is half of both.
+    #[test]
+    fn val_gains_by_hand() {
+        let close = |found: [f64; 2], wanted: [f64; 2]| {
+            assert!(
+                (found[0] - wanted[0]).abs() < 1e-15 && (found[1] - wanted[1]).abs() < 1e-15,
+                "{found:?} {wanted:?}"
+            );
+        };
+        let pi = PiController::new(1.5, 6000.0, 50e3).unwrap();
+        close(pi.gains(), [1.5, 0.12]);
+        close(pi.weighted(0.5).gains(), [0.75, 0.06]);
+        close(pi.weighted(0.0).gains(), [0.0, 0.0]);
+        close(pi.weighted(7.0).gains(), [1.5, 0.12]);
+        close(PiController::none().gains(), [0.0, 0.0]);
+    }
+
     #[test]
     fn val_leaves_saturation_at_once() {
         let pi = PiController::new(0.1, 600.0, 50e3).unwrap();

@@ -135,6 +135,15 @@ mod tests {
         }
     }
 
+    /// What is left of a sum of 1 behind each coefficient; exact in halves.
+    #[test]
+    fn val_coefficients_by_hand() {
+        let filter = Preview::<f64, 4>::new([0.5, 0.25, 0.125, 0.125], 2).unwrap();
+        assert_eq!(filter.coefficients(), (1.0, &[0.5, 0.25, 0.125, 0.0]));
+        assert_eq!(filter.ahead(), 2);
+        assert_eq!(Preview::<f64, 4>::new([1.0, 0.0, 0.0, 0.0], 0).unwrap().ahead(), 0);
+    }
+
     /// Second differences of a mode at 739 Hz and 50 kHz, of some 50 each: in `f32` a fast sine comes out to within a hundredth of a nanometre.
     #[test]
     fn val_large_coefficients_cancel_in_single_precision() {

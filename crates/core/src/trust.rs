@@ -108,6 +108,19 @@ mod tests {
         assert_eq!((trust.bound(&mut state, -9.0), state.slow()), (-3.0, -2.0));
     }
 
+    /// The numbers that a chip gets; and a correction that asks for nothing lets the slow part down, to come up again on the next sample.
+    #[test]
+    fn val_sizes_and_a_correction_of_none() {
+        let trust = Trust::<f64>::new(1.0, 2.0, 0.25, 1.0).unwrap();
+        assert_eq!(trust.sizes(), [1.0, 2.0, 0.25]);
+        let mut state = TrustState::default();
+        let slow = [0.0; 4].map(|asked| {
+            assert_eq!(trust.bound(&mut state, asked), 0.0);
+            state.slow()
+        });
+        assert_eq!(slow, [-0.25, 0.0, -0.25, 0.0]);
+    }
+
     /// Within the quick part nothing is changed, and a need that lasts is taken over: the whole of the quick part is free again.
     #[test]
     fn val_lets_needs_through() {

@@ -498,6 +498,45 @@ fn val_slew_holds_the_integral_between_where_it_was_and_would_be() {
     assert!((integral - 0.02).abs() < 1e-12, "{integral}");
 }
 
+/// Which reference is due, and is known to be before the step: one that came in 0, 1 or 3 samples ago, at first the rest of 0.5 um.
+#[test]
+fn val_what_is_due_by_hand() {
+    let references_um = [1.0, 2.0, 4.0, 8.0, 3.0, f64::NAN, 5.0];
+    for (ahead, due_um) in [
+        (0, [1.0, 2.0, 4.0, 8.0, 3.0, 3.0, 5.0]),
+        (1, [0.5, 1.0, 2.0, 4.0, 8.0, 3.0, 3.0]),
+        (3, [0.5, 0.5, 0.5, 1.0, 2.0, 4.0, 8.0]),
+    ] {
+        let mut numbers = closed();
+        numbers.samples_ahead = ahead;
+        numbers.rest_um = 0.5;
+        let law = numbers.law::<f64>().unwrap();
+        assert_eq!(law.ahead(), ahead);
+        assert!(law.feedback().is_some());
+        let mut state = law.rest(20.0);
+        for (reference_ahead, wanted_um) in references_um.into_iter().zip(due_um) {
+            assert_eq!(law.next_due(&state, reference_ahead), wanted_um, "{ahead}");
+            let input = LoopInput {
+                reference_ahead,
+                measured: 0.25,
+                ..LoopInput::default()
+            };
+            law.step(&mut state, input);
+            assert_eq!((state.due(), state.error()), (wanted_um, wanted_um - 0.25), "{ahead}");
+        }
+    }
+    assert!(plain().law::<f64>().unwrap().feedback().is_none());
+}
+
+/// A chip gets the middle and both coefficients of the sensor's curve.
+#[test]
+fn val_the_sensors_numbers() {
+    let mut numbers = plain();
+    numbers.sensor = Some([5.0, 0.001, 0.01]);
+    let law = numbers.law::<f64>().unwrap();
+    assert_eq!(law.surroundings.sensor.unwrap().coefficients(), [5.0, 0.001, 0.01]);
+}
+
 /// A sensor's curve of its own, and a lag of its own: the position, not the reading, is compared, with what the sensor can show by then.
 #[test]
 fn val_sensor_by_hand() {

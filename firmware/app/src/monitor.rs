@@ -218,7 +218,7 @@ impl Monitor {
         // The error of a reference has its harmonics, of which the third is the largest; a swing has to be faster than the fourth.
         let fastest = (half_period / 4).min(u32::from(SWING_SAMPLES)) as u16;
         Self {
-            jump_um: if noise_um > share_um { noise_um } else { share_um },
+            jump_um: larger(noise_um, share_um),
             jump_um_per_v: scales.overshoot / smallest,
             stuck_um: STUCK_CODES * scales.um_per_code,
             swing_um: SWING_SHARE * scales.range_um,
@@ -242,7 +242,7 @@ impl Monitor {
     pub fn command(&self, state: &mut MonitorState, command_v: f32) {
         let change_v = (command_v - state.command_v).abs();
         let faded_v = FADING * state.lively_v;
-        state.lively_v = if change_v > faded_v { change_v } else { faded_v };
+        state.lively_v = larger(change_v, faded_v);
         state.command_v = command_v;
     }
 

@@ -20,6 +20,8 @@ struct Lines {
     departure_v: f32,
     comes_down: bool,
     rest_um: f32,
+    /// Stays with the table: what only a start needs.
+    own: u32,
 }
 
 /// What the law has been through.
@@ -33,6 +35,7 @@ struct Seen {
     restarts: u32,
     followed: u32,
     held_over: u32,
+    own_of_table: u32,
 }
 
 impl Law for Lines {
@@ -47,10 +50,13 @@ impl Law for Lines {
     }
 
     fn adopt(&mut self, other: &Self) {
-        *self = *other;
+        *self = Self {
+            own: self.own,
+            ..*other
+        };
     }
 
-    fn start(&self, start: &Start, _: &Self) -> Seen {
+    fn start(&self, start: &Start, table: &Self) -> Seen {
         Seen {
             command_v: start.command_v,
             first_um: start.first_um,
@@ -60,6 +66,7 @@ impl Law for Lines {
             restarts: 0,
             followed: 0,
             held_over: 0,
+            own_of_table: table.own,
         }
     }
 
@@ -127,6 +134,7 @@ const LINES: Lines = Lines {
     departure_v: 0.0,
     comes_down: false,
     rest_um: 0.0,
+    own: 0,
 };
 
 /// 0 to 10 um, 0 to 100 V, safe at 5 V, 0.5 V a sample on the ramp; a code of the sensor is 1 nm less 10 um.
@@ -587,6 +595,135 @@ fn bva_changes() {
             "running, {change:?}"
         );
     }
+}
+
+/// The order whose frame answers a change, at the safe level.
+fn change(rig: &mut Rig, change: hysteron_firmware::tuning::Change) -> u16 {
+    let last = change.orders().map(|order| rig.order(order)).last();
+    last.unwrap().flags & (ACCEPTED | REFUSED)
+}
+
+/// The references of the first ticks of a run, of every 125th.
+fn eighths(rig: &mut Rig) -> [f32; 8] {
+    rig.order(Order::Start);
+    // At most the 100 V, 0.5 V a tick.
+    let running = (0..200).find(|_| rig.order(Order::None).mode() == Mode::Running);
+    assert!(running.is_some());
+    std::array::from_fn(|_| {
+        let reference_um = rig.ticks(1).reference_um;
+        rig.ticks(124);
+        reference_um
+    })
+}
+
+fn assert_close(found: [f32; 8], wanted: [f32; 8]) {
+    for (found_um, wanted_um) in found.into_iter().zip(wanted) {
+        assert!((found_um - wanted_um).abs() < 0.01, "{found:?} instead of {wanted:?}");
+    }
+}
+
+/// A sine from 1 to 5 um of 1000 ticks: `3 - 2 cos`. The first triangle was from 2 to 4.
+#[test]
+fn val_a_changed_trajectory_runs() {
+    use hysteron_firmware::tuning::Change;
+    let triangle = [2.0, 2.5, 3.0, 3.5, 4.0, 3.5, 3.0, 2.5];
+    assert_close(eighths(&mut Rig::new(LINES)), triangle);
+    let mut rig = Rig::new(LINES);
+    let sine = Change::Trajectory {
+        shape: Shape::Sine,
+        phase_step: 4_294_967,
+        low_um: 1.0,
+        high_um: 5.0,
+    };
+    assert_eq!(change(&mut rig, sine), ACCEPTED);
+    let wanted = [1.0, 1.5858, 3.0, 4.4142, 5.0, 4.4142, 3.0, 1.5858];
+    assert_close(eighths(&mut rig), wanted);
+    // Twice as fast.
+    let mut rig = Rig::new(LINES);
+    let faster = Change::Trajectory {
+        shape: Shape::Triangle,
+        phase_step: 8_589_935,
+        low_um: 2.0,
+        high_um: 4.0,
+    };
+    assert_eq!(change(&mut rig, faster), ACCEPTED);
+    assert_close(eighths(&mut rig), [2.0, 3.0, 4.0, 3.0, 2.0, 3.0, 4.0, 3.0]);
+}
+
+#[test]
+fn val_changed_parts_are_in_the_law() {
+    use hysteron_firmware::tuning::Change;
+    for (feedforward, feedback) in [(true, false), (false, true), (false, false), (true, true)] {
+        let mut rig = Rig::new(LINES);
+        assert_eq!(change(&mut rig, Change::Parts { feedforward, feedback }), ACCEPTED);
+        let text = format!("{:?}", rig.controller);
+        assert!(text.contains(&format!("parts: [{feedforward}, {feedback}]")), "{text}");
+    }
+}
+
+/// Points of a reference: taken at the safe level and where there is a place for them, and the reference begins with the first of them.
+#[test]
+fn bva_points_of_a_reference() {
+    use hysteron_firmware::tuning::Change;
+    let points = |chunk| Change::Chunk {
+        chunk,
+        shares: [u16::MAX; hysteron_firmware::trajectory::CHUNK_POINTS],
+    };
+    assert_eq!(change(&mut Rig::running(), points(0)), REFUSED);
+    let mut rig = Rig::new(LINES);
+    assert_eq!(change(&mut rig, points(255)), REFUSED);
+    let table = Change::Trajectory {
+        shape: Shape::Table,
+        phase_step: 4_294_967,
+        low_um: 2.0,
+        high_um: 4.0,
+    };
+    assert_eq!(change(&mut rig, table), ACCEPTED);
+    assert_eq!(rig.ticks(1).reference_um, 2.0);
+    assert_eq!(change(&mut rig, points(0)), ACCEPTED);
+    assert!((rig.ticks(1).reference_um - 4.0).abs() < 1e-3);
+}
+
+/// Table 1 is not taken where the reference, up to 4 um, leaves its range; table 2 is, and its state is made with what only it has.
+#[test]
+fn bva_a_bank_whose_range_the_reference_leaves() {
+    use hysteron_firmware::tuning::Change;
+    let of = |highest_um, own| Parameters {
+        range_um: [0.0, highest_um],
+        ..parameters(Lines { own, ..LINES })
+    };
+    let banks: &'static [Parameters<Lines>] = Box::leak(Box::new([of(10.0, 0), of(3.9, 7), of(4.0, 9)]));
+    for (bank, answer, selected, own) in [(1, REFUSED, 0, 0), (2, ACCEPTED, 2, 9), (3, REFUSED, 0, 0)] {
+        let mut rig = Rig::new(LINES);
+        rig.controller = Controller::new(banks[0], &SETUP).with_banks(banks);
+        assert_eq!(change(&mut rig, Change::Bank(bank)), answer, "{bank}");
+        assert_eq!(rig.ticks(1).bank(), selected);
+        let text = format!("{:?}", rig.controller);
+        assert!(text.contains(&format!("own_of_table: {own} ")), "{bank}: {text}");
+    }
+}
+
+/// The fault is to be had without a frame, too.
+#[test]
+fn val_the_latched_fault() {
+    let mut rig = Rig::running();
+    assert_eq!(rig.controller.fault(), None);
+    rig.controller.trip(Fault::Supply);
+    assert_eq!(rig.controller.fault(), Some(Fault::Supply));
+}
+
+/// Stopped on the way up, a law that comes down itself does so from the first value, 2 um, and the trajectory waits: half after 500 ticks.
+#[test]
+fn val_stopped_on_the_way_up() {
+    let mut rig = Rig::new(Lines {
+        comes_down: true,
+        ..LINES
+    });
+    rig.order(Order::Start);
+    assert_eq!(rig.ticks(9).mode(), Mode::Rising);
+    assert_eq!(rig.order(Order::Stop).reference_um, 2.0);
+    let half = rig.ticks(500);
+    assert_eq!((half.mode(), half.reference_um), (Mode::Falling, 1.0));
 }
 
 /// Feedback is whole up to a frequency, here 100 Hz, half at half as much again, none from twice it; 10 Hz is 859 993 steps of a phase.

@@ -304,6 +304,54 @@ fn bva_following() {
     }
 }
 
+/// A coarse sensor: 32 codes of 0.01 um may be noise, more than 0.8 % of the range.
+#[test]
+fn bva_a_coarse_sensor_may_jump_further() {
+    let scales = Scales {
+        um_per_code: 0.01,
+        ..SCALES
+    };
+    for (off_um, used) in [(0.319, true), (0.321, false)] {
+        let monitor = Monitor::new(&scales, 500);
+        let mut state = MonitorState::default();
+        assert_eq!(monitor.sensor(&mut state, 500, 5.0, 5.0), (5.0, None));
+        let (reading_um, _) = monitor.sensor(&mut state, 530, 5.0 + off_um, 5.0);
+        assert_eq!(reading_um > 5.1, used, "{off_um}: {reading_um}");
+    }
+}
+
+/// Exactly at the bounds nothing is wrong: 64 codes of 1/1024 um that the reference moved by, and a mean error of a quarter of the range,
+/// `6250 / 2500`.
+#[test]
+fn bva_exactly_at_the_bounds() {
+    let monitor = Monitor::new(
+        &Scales {
+            um_per_code: 1.0 / 1024.0,
+            ..SCALES
+        },
+        500,
+    );
+    for (way_um, fault) in [(0.0625, None), (0.0635, Some(Fault::SensorStuck))] {
+        let mut state = MonitorState::default();
+        for _ in 0..49 {
+            assert_eq!(monitor.sensor(&mut state, 5000, 5.0, 5.0).1, None);
+        }
+        assert_eq!(monitor.sensor(&mut state, 5000, 5.0, 5.0 + way_um).1, fault, "{way_um}");
+    }
+    for sign in [1.0, -1.0] {
+        let found = |error_um: f32| {
+            let far = Tick {
+                reference_um: sign * error_um,
+                measured_um: 0.0,
+                ..tick(0.0)
+            };
+            monitor.tracking(&mut MonitorState::default(), &far)
+        };
+        assert_eq!(found(6250.0), None);
+        assert_eq!(found(6251.0), Some(Fault::Following));
+    }
+}
+
 /// Sixteen swings of more than 6 % of the range, each within 50 samples and a quarter of the reference's half period.
 #[test]
 fn bva_oscillation() {
