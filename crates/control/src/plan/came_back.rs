@@ -2,10 +2,10 @@
 
 use super::doubts::{Doubt, Doubts, doubts};
 use super::drift::{Drift, drifts};
-use super::matching::{Returned, matched};
+use super::matching::{Returned, each, matched};
 use super::skew::Skew;
 use super::told::Remark;
-use super::{FILE, Pass, Plan, csv, sequence_csv};
+use super::{FILE, Pass, Plan, Planned, csv, sequence_csv};
 use crate::campaign::{Protocol, TRAINING_PASSES};
 use crate::error::ControlError;
 use hysteron_acquisition::{Finding, Kind};
@@ -187,6 +187,17 @@ fn words(plan: &Plan, number: usize, pass: &Pass, folder: &Path) -> String {
     list
 }
 
+/// A planned record, and what came back of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Found<'a> {
+    /// Its pass, from 0 on.
+    pub pass: usize,
+    /// The record.
+    pub planned: &'a Planned,
+    /// The recording that it was found in; none where it is not there.
+    pub from: Option<&'a str>,
+}
+
 /// Recordings beside their plan: which is which, and why they cannot be used.
 #[derive(Debug, Clone)]
 pub struct Checked {
@@ -223,6 +234,15 @@ impl Checked {
     /// What should be known of the recordings.
     pub fn remarks(&self) -> &[Remark] {
         &self.returned.remarks
+    }
+
+    /// The planned records, each with the recording that it was found in.
+    pub fn found(&self) -> impl Iterator<Item = Found<'_>> {
+        each(&self.plan).map(|(pass, number, planned)| Found {
+            pass,
+            planned,
+            from: self.returned.of((pass, number)).map(|taken| taken.from.as_str()),
+        })
     }
 
     /// Whether every planned record came back whole, from rest.
