@@ -2,15 +2,14 @@
 //! voltage and checked, and at the end stands a controller.
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up its files fails")]
 
+mod own_bench;
+
 use assert_cmd::Command;
 use hysteron_data::read_dataset;
-use hysteron_plant::{Stage, preset};
+use own_bench::{ZERO_UM, commands, played, short_rest};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Output;
-
-/// What the bench's sensor reads at rest, micrometres.
-const ZERO_UM: f64 = -3.0;
 
 fn hysteron(args: &[&str]) -> Output {
     let mut program = Command::new(env!("CARGO_BIN_EXE_hysteron"));
@@ -42,16 +41,6 @@ fn number(said: &str, behind: &str) -> f64 {
     number.split_once(' ').unwrap().0.parse().unwrap()
 }
 
-/// A command's sample period, seconds, and voltages.
-fn command(file: &Path) -> (f64, Vec<f64>) {
-    let text = std::fs::read_to_string(file).unwrap();
-    let rows = text.lines().skip(1).map(|row| row.split_once(',').unwrap());
-    let (times, volts): (Vec<f64>, Vec<f64>) = rows
-        .map(|(t, v)| (t.parse::<f64>().unwrap(), v.parse::<f64>().unwrap()))
-        .unzip();
-    (times[1] - times[0], volts)
-}
-
 /// The bench: a stage that was cycled and rests at 0 V, and what was recorded so far.
 struct Bench {
     back: PathBuf,
@@ -69,30 +58,10 @@ impl Bench {
 
     /// The same again, on a stage that has been through other volts just before.
     fn play_after(&mut self, volts: &[f64], file: &Path, name: &str, before: usize) {
-        let (period_s, mut voltage_v) = command(file);
-        voltage_v.splice(0..0, vec![0.0; before]);
         self.records += 1;
-        let mut stage = Stage::new(&preset::tracking_8k(), self.records).unwrap();
-        if !volts.is_empty() {
-            stage.run(volts, period_s).unwrap();
-        }
-        let run = stage.run(&voltage_v, period_s).unwrap();
-        let mut text = String::from("time_s,voltage_v,position_um\n");
-        for (k, (v, y)) in voltage_v.iter().zip(&run.position_um).enumerate() {
-            writeln!(text, "{:.7},{v:.6},{:.5}", k as f64 * period_s, y + ZERO_UM).unwrap();
-        }
+        let text = played(self.records, volts, file, before);
         std::fs::write(self.back.join(name), text).unwrap();
     }
-}
-
-/// The commands of a pass, without the one of all of them.
-fn commands(folder: &Path) -> Vec<PathBuf> {
-    let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let mut files: Vec<_> = files
-        .filter(|file| file.extension().is_some_and(|end| end == "csv") && !file.ends_with("all.csv"))
-        .collect();
-    files.sort();
-    files
 }
 
 /// First everything in one file that begins early, from a sensor with a zero of its own; then one by one, under an instrument's names and
@@ -157,10 +126,8 @@ fn val_a_campaign_by_files_ends_in_a_controller() {
         bench.play(file, &format!("CH2_{number}.csv"), 0);
     }
     // One of them again, 20 ms after 2 s at 140 V.
-    let mut volts = vec![140.0; 100_000];
-    volts.extend(vec![0.0; 1000]);
     let first = &commands(&path("plan/pass1"))[1];
-    bench.play_after(&volts, first, "CH2_8.csv", 0);
+    bench.play_after(&short_rest(), first, "CH2_8.csv", 0);
     let name = first.file_stem().unwrap().to_str().unwrap();
     refused(
         &with(&["--overwrite"]),

@@ -5,8 +5,10 @@ use crate::controller::{self, Along, Wished};
 use crate::error::Refusal;
 use crate::export::{self, Download};
 use crate::guard::{self, Guard};
+use crate::place::{Of, Place};
+use crate::reading::Reading;
 use crate::session::Session;
-use crate::{App, assets, bring, grow, hand, jobs, learn, riddle, rungs, state, views, work};
+use crate::{App, assets, bring, came_back, campaign, grow, hand, jobs, learn, riddle, rungs, state, views, work};
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
 use axum::http::{StatusCode, header};
@@ -45,6 +47,11 @@ pub(crate) fn router(
         .route("/app/{*name}", get(assets::asset))
         .route("/api/session", get(session))
         .route("/api/upload", post(bring::upload).layer(DefaultBodyLimit::disable()))
+        .route(
+            "/api/campaign/upload",
+            post(came_back::upload).layer(DefaultBodyLimit::disable()),
+        )
+        .route("/api/campaign/usual", get(campaign_usual))
         .route("/api/reading", post(bring::reading))
         .route("/api/use", post(bring::use_as))
         .route("/api/forget", post(bring::forget))
@@ -119,26 +126,74 @@ async fn session(State(app): Shared, Query(parameters): Parameters) -> Answer {
 enum Deed {
     TakeFiles,
     AddFiles,
-    Role { record: String, role: Role },
-    Start { name: String },
-    Fit { model: String, plays: usize },
-    Add { effect: String },
+    Role {
+        record: String,
+        role: Role,
+    },
+    Start {
+        name: String,
+    },
+    Fit {
+        model: String,
+        plays: usize,
+    },
+    Add {
+        effect: String,
+    },
     Refit,
-    Learn { model: String, plays: usize },
-    KeepMoved { values: Vec<f64> },
-    Remove { step: usize },
-    Keep { step: usize },
+    Learn {
+        model: String,
+        plays: usize,
+    },
+    KeepMoved {
+        values: Vec<f64>,
+    },
+    Remove {
+        step: usize,
+    },
+    Keep {
+        step: usize,
+    },
     Diagnose,
     Report,
-    Design { wishes: Wished },
-    Track { along: Along },
-    Table { bench: Bench },
-    Answer { effects: Vec<String> },
+    Design {
+        wishes: Wished,
+        #[serde(default)]
+        of: Of,
+    },
+    Track {
+        along: Along,
+        #[serde(default)]
+        of: Of,
+    },
+    Table {
+        bench: Bench,
+        #[serde(default)]
+        of: Of,
+    },
+    CampaignPlan {
+        asked: campaign::Asked,
+    },
+    CampaignReading {
+        reading: Reading,
+    },
+    CampaignLook {
+        looked: campaign::Looked,
+    },
+    CampaignForget {
+        file: String,
+    },
+    CampaignEnd,
+    Answer {
+        effects: Vec<String>,
+    },
     Reveal,
     Stop,
     Undo,
     Redo,
-    GoTo { step: usize },
+    GoTo {
+        step: usize,
+    },
 }
 
 #[derive(Deserialize)]
@@ -176,9 +231,24 @@ async fn perform(State(app): Shared, content: Bytes) -> Answer {
         }
         Deed::Diagnose => work::diagnose(&app)?,
         Deed::Report => work::report(&app)?,
-        Deed::Design { wishes } => controller::make(&app, &wishes)?,
-        Deed::Track { along } => controller::track(&app, &along)?,
-        Deed::Table { bench } => controller::table(&app, &bench)?,
+        Deed::Design { wishes, of } => controller::make(&app, of, &wishes)?,
+        Deed::Track { along, of } => controller::track(&app, of, &along)?,
+        Deed::Table { bench, of } => controller::table(&app, of, &bench)?,
+        Deed::CampaignPlan { asked } => campaign::plan(&app, &asked)?,
+        Deed::CampaignReading { reading } => {
+            let own = Arc::clone(&app);
+            aside(move || came_back::read_so(&own, &reading)).await?;
+            app.changed();
+        }
+        Deed::CampaignLook { looked } => campaign::look(&app, &looked)?,
+        Deed::CampaignForget { file } => {
+            came_back::forget(&app, &file)?;
+            app.changed();
+        }
+        Deed::CampaignEnd => {
+            campaign::forget_all(&app)?;
+            app.changed();
+        }
         Deed::Answer { effects } => {
             riddle::answer(&app, &effects)?;
             app.changed();
@@ -223,17 +293,23 @@ fn walk(session: &mut Session, deed: &Deed) -> Result<(), Refusal> {
     session.save()
 }
 
+/// What is known of the bench, for the fields of a campaign's plan.
+async fn campaign_usual(State(app): Shared) -> Answer {
+    aside(move || Ok(Json(campaign::usual(&app)).into_response())).await
+}
+
 async fn download(State(app): Shared, Path(what): Path<String>, Query(parameters): Parameters) -> Answer {
     let step = number(&parameters, "step");
     let (name, kind, bytes): Download = aside(move || match what.as_str() {
         "model" => export::model(&app, step?),
         "report" => export::report(&app, step?),
-        "controller" => export::controller(&app, step?),
-        "table" => export::table(&app, step?),
+        "controller" => export::controller(&app, Place::asked(&parameters)?),
+        "table" => export::table(&app, Place::asked(&parameters)?),
+        "plan" => came_back::pass(&app, number(&parameters, "pass")?),
         "next" => export::next_record(&app, step?),
         "session" => export::session(&app),
         _ => Err(Refusal::absent(
-            "known are model, report, controller, table, next, session",
+            "known are model, report, controller, table, next, plan, session",
         )),
     })
     .await?;

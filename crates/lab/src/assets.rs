@@ -17,7 +17,7 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: [Asset; 20] = [
+const ASSETS: [Asset; 21] = [
     asset!("app.js", JS),
     asset!("api.js", JS),
     asset!("dom.js", JS),
@@ -34,6 +34,7 @@ const ASSETS: [Asset; 20] = [
     asset!("numbers.js", JS),
     asset!("ladder.js", JS),
     asset!("controller.js", JS),
+    asset!("campaign.js", JS),
     asset!("stale.js", JS),
     asset!("style.css", CSS),
     asset!("vendor/uPlot.esm.js", JS),

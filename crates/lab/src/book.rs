@@ -3,6 +3,7 @@
 //! The data are a chain of generations, each a dataset of its own on disk that nothing changes any more: a step names the
 //! generation that it was fitted on, so its figures and its command stay true when records come later.
 
+use crate::campaign::Campaign;
 use crate::controller::Made;
 use crate::error::Refusal;
 use crate::folder::write_whole;
@@ -45,6 +46,9 @@ pub(crate) struct Book {
     pub(crate) on_stage: BTreeMap<usize, Made>,
     /// The files that were brought, by name.
     pub(crate) files: BTreeMap<String, Brought>,
+    /// The campaign on a stage of the user's own, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) campaign: Option<Campaign>,
 }
 
 /// The data at one time of the session.
@@ -242,6 +246,7 @@ impl Default for Book {
             tracked: BTreeMap::new(),
             on_stage: BTreeMap::new(),
             files: BTreeMap::new(),
+            campaign: None,
         }
     }
 }

@@ -16,16 +16,32 @@ use http_body_util::BodyExt;
 use hysteron_data::Role;
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 use tokio::io::AsyncWriteExt;
 
 /// Takes one file, or the recordings in one zip archive.
-pub(crate) async fn upload(State(app): Shared, Query(parameters): Parameters, mut content: Body) -> Answer {
+pub(crate) async fn upload(State(app): Shared, Query(parameters): Parameters, content: Body) -> Answer {
     let name = uploads::safe_name(parameters.get("name").map_or("", String::as_str))?;
     let folder = app.session().uploads.folder.clone();
-    let beside = tempfile::NamedTempFile::new_in(&folder).map_err(|error| Refusal::disk(&folder, &error))?;
-    let mut file = tokio::fs::File::from_std(beside.reopen().map_err(|error| Refusal::disk(&folder, &error))?);
+    let beside = received(&folder, &name, content).await?;
+    let asked_by = match parameters.contains_key("asked") {
+        true => Some(number::<usize>(&parameters, "asked")?),
+        false => None,
+    };
+    let said = aside(move || keep(&app, name, beside, asked_by)).await?;
+    let status = if said["error"].is_null() {
+        StatusCode::OK
+    } else {
+        StatusCode::UNPROCESSABLE_ENTITY
+    };
+    Ok((status, Json(said)).into_response())
+}
+
+/// A file as it comes, whole, beside those of a folder.
+pub(crate) async fn received(folder: &Path, name: &str, mut content: Body) -> Result<NamedTempFile, Refusal> {
+    let beside = NamedTempFile::new_in(folder).map_err(|error| Refusal::disk(folder, &error))?;
+    let mut file = tokio::fs::File::from_std(beside.reopen().map_err(|error| Refusal::disk(folder, &error))?);
     let mut bytes = 0_u64;
     while let Some(frame) = content.frame().await {
         let frame = frame.map_err(|error| Refusal::bad(format!("{name}: the transfer broke off: {error}")))?;
@@ -39,25 +55,15 @@ pub(crate) async fn upload(State(app): Shared, Query(parameters): Parameters, mu
             }
             file.write_all(&data)
                 .await
-                .map_err(|error| Refusal::disk(&folder, &error))?;
+                .map_err(|error| Refusal::disk(folder, &error))?;
         }
     }
-    file.flush().await.map_err(|error| Refusal::disk(&folder, &error))?;
+    file.flush().await.map_err(|error| Refusal::disk(folder, &error))?;
     drop(file);
     if bytes == 0 {
         return Err(Refusal::unusable(format!("{name}: the file is empty")));
     }
-    let asked_by = match parameters.contains_key("asked") {
-        true => Some(number::<usize>(&parameters, "asked")?),
-        false => None,
-    };
-    let said = aside(move || keep(&app, name, beside, asked_by)).await?;
-    let status = if said["error"].is_null() {
-        StatusCode::OK
-    } else {
-        StatusCode::UNPROCESSABLE_ENTITY
-    };
-    Ok((status, Json(said)).into_response())
+    Ok(beside)
 }
 
 /// Keeps a file that has come whole, or the recordings in it: on the disk and in the book before it is answered.

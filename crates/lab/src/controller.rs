@@ -1,12 +1,13 @@
-//! The controller of a step: designed from its model, run on it, and as the table that the firmware takes.
+//! A controller, of a step or of the campaign: designed, run, and as the table that the firmware takes.
 
 use crate::App;
 use crate::bench::Bench;
 use crate::error::Refusal;
 use crate::jobs;
+use crate::place::{Of, On, Origin, Place};
 use crate::session::Session;
 use crate::wish::{Given, pair};
-use crate::{folder, work};
+use crate::{folder, uploads};
 use hysteron_control::design::beyond;
 use hysteron_control::design::curves::LoopCurves;
 use hysteron_control::design::source::{Source, Wishes, design, usual_rate_hz, usual_volts};
@@ -14,11 +15,10 @@ use hysteron_control::design::{Controller, ReferenceKind};
 use hysteron_control::expected::{Row, half_the_stroke};
 use hysteron_control::export::export;
 use hysteron_control::on_model::on_model;
-use hysteron_identify::{Model, small_signal_response};
+use hysteron_identify::small_signal_response;
 use hysteron_report::{Light, beyond_text, design_lights, design_text, law_table_text, reference_name, tracked_text};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Something that was made of a step.
@@ -133,39 +133,39 @@ pub(crate) struct Along {
     beyond_records: bool,
 }
 
-/// A controller's file, as the commands name it.
-pub(crate) fn file_name(number: usize) -> String {
-    format!("controllers/{}.toml", number + 1)
-}
-
-/// The current step.
-fn current(session: &Session) -> Result<(usize, String, Model), Refusal> {
-    let work::Base { number, model, .. } = work::Base::of(session)?;
-    Ok((number, session.step(number)?.model.clone(), model))
-}
-
-/// The controller of the current step.
-fn designed(session: &Session, number: usize) -> Result<Controller, Refusal> {
-    if !session.book.controllers.contains_key(&number) {
-        return Err(Refusal::conflict("this step has no controller yet; design one first"));
+/// The controller of a place.
+fn designed(session: &Session, place: Place) -> Result<Controller, Refusal> {
+    if !place.has_one(&session.book) {
+        let whose = match place {
+            Place::Step(_) => "this step",
+            Place::Campaign => "the campaign",
+        };
+        return Err(Refusal::conflict(format!(
+            "{whose} has no controller yet; design one first"
+        )));
     }
-    Controller::read(&file(session, number)).map_err(Refusal::unusable)
+    Controller::read(&session.folder.join(place.controller())).map_err(Refusal::unusable)
 }
 
-fn file(session: &Session, number: usize) -> PathBuf {
-    session.folder.join(file_name(number))
-}
-
-/// Designs the controller of the current step; what was made of the one before goes with it.
-pub(crate) fn make(app: &Arc<App>, wished: &Wished) -> Result<(), Refusal> {
-    let (number, name, model) = current(&app.session())?;
+/// Designs a controller; what was made of the one before goes with it.
+pub(crate) fn make(app: &Arc<App>, of: Of, wished: &Wished) -> Result<(), Refusal> {
+    let (place, name, origin) = {
+        let session = app.session();
+        let place = Place::of(&session, of)?;
+        let (name, origin) = place.origin(&session)?;
+        (place, name, origin)
+    };
     let (wishes, given) = wished.read()?;
     let own = Arc::clone(app);
     jobs::start(app, "designing", move |progress| {
         progress.at(0.02, "feedforward and feedback, some ten seconds");
-        let source = Source::Model {
-            model: &model,
-            along: &[],
+        let dataset;
+        let source = match &origin {
+            Origin::Model(model) => Source::Model { model, along: &[] },
+            Origin::Records(folder) => {
+                dataset = uploads::read_native(folder)?;
+                Source::Records(&dataset)
+            }
         };
         let designed = design(&source, &wishes).map_err(Refusal::unusable)?;
         let said = design_text(&designed, wishes.margin).map_err(Refusal::unusable)?;
@@ -174,27 +174,24 @@ pub(crate) fn make(app: &Arc<App>, wished: &Wished) -> Result<(), Refusal> {
         // The last look at whether it was stopped.
         progress.at(0.99, "");
         let mut session = own.session();
-        folder::write_whole(&file(&session, number), text.as_bytes())?;
-        let command = format!("hysteron design {name}{} -o {}", given.words(), file_name(number));
+        folder::write_whole(&session.folder.join(place.controller()), text.as_bytes())?;
+        let command = format!("hysteron design {name}{} -o {}", given.words(), place.controller());
         let made = Made {
             lights,
             ..Made::new(command, said)
         };
-        session.book.controllers.insert(number, made);
-        session.book.tracked.remove(&number);
-        session.book.on_stage.remove(&number);
-        session.book.tables.remove(&number);
+        place.put_controller(&mut session.book, made);
         session.save()
     })
 }
 
-/// Runs the controller of the current step on its model, or on a simulated stage.
-pub(crate) fn track(app: &Arc<App>, along: &Along) -> Result<(), Refusal> {
-    let (number, name, model, controller) = {
+/// Runs a controller on the model that it was designed from, or on a simulated stage.
+pub(crate) fn track(app: &Arc<App>, of: Of, along: &Along) -> Result<(), Refusal> {
+    let (place, name, origin, controller) = {
         let session = app.session();
-        let (number, name, model) = current(&session)?;
-        let controller = designed(&session, number)?;
-        (number, name, model, controller)
+        let place = Place::of(&session, of)?;
+        let (name, origin) = place.origin(&session)?;
+        (place, name, origin, designed(&session, place)?)
     };
     let stage = match &along.stage {
         Some(name) => Some(stage(app, name)?),
@@ -210,33 +207,36 @@ pub(crate) fn track(app: &Arc<App>, along: &Along) -> Result<(), Refusal> {
     let own = Arc::clone(app);
     jobs::start(app, "tracking", move |progress| {
         let stage = stage.map(|stage| &own.stages[stage]);
-        let (said, rows, on) = match stage {
-            None => {
+        let (said, rows, on) = match (stage, &origin) {
+            (None, Origin::Records(_)) => {
+                return Err(Refusal::unusable(
+                    "the records of a campaign are no model to run on; choose a simulated stage",
+                ));
+            }
+            (None, Origin::Model(model)) => {
                 progress.at(0.02, "on the model, along all references");
-                let report = on_model(&model, &controller, range_um).map_err(Refusal::unusable)?;
+                let report = on_model(model, &controller, range_um).map_err(Refusal::unusable)?;
                 (
                     tracked_text(&format!("MODEL {name}"), &report),
                     report.rows,
                     format!("--model {name}"),
                 )
             }
-            Some(stage) => {
+            (Some(stage), _) => {
                 progress.at(0.02, "on the simulated stage, along all references");
                 let run = (stage.run)(&controller, range_um).map_err(Refusal::unusable)?;
                 (run.said, run.rows, format!("--stage {} --alone", stage.name))
             }
         };
         progress.at(0.99, "");
-        let command = format!("hysteron track {} {on}{}", file_name(number), given.words());
+        let command = format!("hysteron track {} {on}{}", place.controller(), given.words());
         let made = Made {
             rows: rows.iter().map(Found::of).collect(),
             ..Made::new(command, said + &beyond_text(&beyond))
         };
         let mut session = own.session();
-        match stage {
-            None => session.book.tracked.insert(number, made),
-            Some(_) => session.book.on_stage.insert(number, made),
-        };
+        let on = stage.map_or(On::Model, |_| On::Stage);
+        place.put_run(&mut session.book, on, made);
         session.save()
     })
 }
@@ -253,14 +253,14 @@ fn stage(app: &App, name: &str) -> Result<usize, Refusal> {
     })
 }
 
-/// Makes the firmware's table of the controller of the current step.
-pub(crate) fn table(app: &Arc<App>, bench: &Bench) -> Result<(), Refusal> {
-    let (number, controller) = {
+/// Makes the firmware's table of a controller.
+pub(crate) fn table(app: &Arc<App>, of: Of, bench: &Bench) -> Result<(), Refusal> {
+    let (place, controller) = {
         let session = app.session();
-        let (number, ..) = current(&session)?;
-        (number, designed(&session, number)?)
+        let place = Place::of(&session, of)?;
+        (place, designed(&session, place)?)
     };
-    let name = file_name(number);
+    let name = place.controller();
     let (bench, given) = bench.read(&name)?;
     let own = Arc::clone(app);
     jobs::start(app, "making the table", move |_| {
@@ -269,25 +269,28 @@ pub(crate) fn table(app: &Arc<App>, bench: &Bench) -> Result<(), Refusal> {
         let text = exported.table.to_toml().map_err(refused)?;
         let said = law_table_text(&controller, &exported);
         let mut session = own.session();
-        let table = Session::table_name(number);
+        let table = place.table();
         folder::write_whole(&session.folder.join(&table), text.as_bytes())?;
         let command = format!("hysteron export {name}{} -o {table}", given.words());
-        session.book.tables.insert(number, Made::new(command, said));
+        place.put_table(&mut session.book, Made::new(command, said));
         session.save()
     })
 }
 
-/// What holds for a step where nobody wishes otherwise, and the loop of its controller over frequency.
-pub(crate) fn view(app: &App, number: usize) -> Result<Value, Refusal> {
+/// What holds where nobody wishes otherwise, and the loop of a controller over frequency.
+pub(crate) fn view(app: &App, place: Place) -> Result<Value, Refusal> {
     let session = app.session();
-    let model = session.model(number)?;
-    let usual = json!({
-        "volts": usual_volts(&model),
-        "rate_hz": usual_rate_hz(&model),
-        "margin": Wishes::default().margin,
-    });
-    let there = session.book.controllers.contains_key(&number);
-    let controller = there.then(|| designed(&session, number)).transpose()?;
+    let (volts, rate_hz) = match (place, &session.book.campaign) {
+        (Place::Step(number), _) => {
+            let model = session.model(number)?;
+            (usual_volts(&model), usual_rate_hz(&model))
+        }
+        (Place::Campaign, Some(campaign)) => ([0.0, campaign.top_v], Some(campaign.rate_hz)),
+        (Place::Campaign, None) => return Err(Refusal::absent("there is no campaign")),
+    };
+    let usual = json!({ "volts": volts, "rate_hz": rate_hz, "margin": Wishes::default().margin });
+    let there = place.has_one(&session.book);
+    let controller = there.then(|| designed(&session, place)).transpose()?;
     Ok(json!({
         "usual": usual,
         "stages": app.stages.iter().map(|stage| json!({"name": stage.name, "usual_um": stage.usual_um})).collect::<Vec<_>>(),

@@ -1,10 +1,11 @@
 //! What is taken home: model, report, the whole session.
 
 use crate::App;
-use crate::controller;
+use crate::book::Book;
+use crate::campaign;
 use crate::error::Refusal;
 use crate::folder::RESULTS;
-use crate::session::Session;
+use crate::place::Place;
 use hysteron_diagnose::Comparison;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_report::{Findings, frozen, hashes};
@@ -22,22 +23,33 @@ pub(crate) fn model(app: &App, number: usize) -> Result<Download, Refusal> {
     Ok((format!("model-{}.toml", number + 1), "application/toml", bytes))
 }
 
-/// The controller of a step, as it was designed.
-pub(crate) fn controller(app: &App, number: usize) -> Result<Download, Refusal> {
-    let session = app.session();
-    session.step(number)?;
-    let bytes = std::fs::read(session.folder.join(controller::file_name(number)))
-        .map_err(|_| Refusal::absent("no controller of this step yet; design it first"))?;
-    Ok((format!("controller-{}.toml", number + 1), "application/toml", bytes))
+/// A controller, as it was designed.
+pub(crate) fn controller(app: &App, place: Place) -> Result<Download, Refusal> {
+    let bytes = made(app, place, &place.controller(), Place::has_one)?
+        .ok_or_else(|| Refusal::absent("no controller here yet; design it first"))?;
+    Ok((format!("controller-{}.toml", place.mark()), "application/toml", bytes))
 }
 
-/// The table of a step for the firmware, as it was made.
-pub(crate) fn table(app: &App, number: usize) -> Result<Download, Refusal> {
+/// A controller's table for the firmware, as it was made.
+pub(crate) fn table(app: &App, place: Place) -> Result<Download, Refusal> {
+    let bytes = made(app, place, &place.table(), Place::has_table)?
+        .ok_or_else(|| Refusal::absent("no table here yet; make it first"))?;
+    Ok((format!("table-{}.toml", place.mark()), "application/toml", bytes))
+}
+
+/// A file that was made, where the book has it: one that it does not know is of a controller before.
+fn made(app: &App, place: Place, name: &str, there: impl Fn(Place, &Book) -> bool) -> Result<Option<Vec<u8>>, Refusal> {
     let session = app.session();
-    session.step(number)?;
-    let bytes = std::fs::read(session.folder.join(Session::table_name(number)))
-        .map_err(|_| Refusal::absent("no table of this step yet; make it first"))?;
-    Ok((format!("table-{}.toml", number + 1), "application/toml", bytes))
+    if let Place::Step(number) = place {
+        session.step(number)?;
+    }
+    if !there(place, &session.book) {
+        return Ok(None);
+    }
+    let file = session.folder.join(name);
+    std::fs::read(&file)
+        .map(Some)
+        .map_err(|error| Refusal::disk(&file, &error))
 }
 
 /// The voltage of the record to take next.
@@ -105,7 +117,8 @@ pub(crate) fn session(app: &App) -> Result<Download, Refusal> {
         .generations
         .iter()
         .map(|generation| generation.data.as_str());
-    for part in ["", "uploads"].into_iter().chain(data).chain(RESULTS) {
+    let campaign = session.book.campaign.iter().flat_map(|_| campaign::PARTS);
+    for part in ["", "uploads"].into_iter().chain(data).chain(RESULTS).chain(campaign) {
         let folder = session.folder.join(part);
         let mut files: Vec<_> = std::fs::read_dir(&folder)
             .into_iter()

@@ -12,7 +12,11 @@ pub(crate) const RESULTS: [&str; 5] = ["models", "diagnoses", "reports", "contro
 /// Refuses a folder that is used for something else: what the workbench writes would take the place of what is there.
 pub(crate) fn nothing_else_in(folder: &Path) -> Result<(), String> {
     let full = |part: &&str| std::fs::read_dir(folder.join(part)).is_ok_and(|mut entries| entries.next().is_some());
-    match RESULTS.into_iter().chain(["uploads", "data", "fresh"]).find(full) {
+    match RESULTS
+        .into_iter()
+        .chain(["uploads", "data", "fresh", "campaign"])
+        .find(full)
+    {
         Some(part) => Err(format!(
             "it has `{part}` but no session.json, so these files are not the workbench's; give a new folder with --session"
         )),

@@ -56,7 +56,7 @@ impl Reading {
     }
 
     /// The options as they are typed.
-    fn typed(&self) -> String {
+    pub(crate) fn typed(&self) -> String {
         let mut options = String::new();
         for column in self.columns.iter().filter(|text| !text.trim().is_empty()) {
             options.push_str(&format!(" --column {}", quoted(column)));

@@ -4,6 +4,7 @@
 //! grown; `models/N.toml` are models, and every step carries the command that does the same when typed in the folder.
 
 use crate::book::{Book, Generation, Recipe, Stands, Step, model_name};
+use crate::campaign;
 use crate::error::{LabError, Refusal};
 use crate::folder::{RESULTS, finish_taking, nothing_else_in};
 use crate::hand::InHand;
@@ -78,6 +79,7 @@ impl Session {
             comparisons: VecDeque::new(),
             _lock: lock,
         };
+        campaign::still_there(&mut session);
         if !file.exists() {
             session.save().map_err(|refusal| failed(refusal.message))?;
         }
@@ -102,6 +104,8 @@ impl Session {
             revision: self.book.revision + 1,
             generations: vec![first],
             files: self.book.files.clone(),
+            // A campaign is of the stage, not of the data.
+            campaign: self.book.campaign.clone(),
             ..Book::default()
         };
         for (name, file) in &mut book.files {
@@ -315,11 +319,6 @@ impl Session {
     /// Where a step's report is kept.
     pub(crate) fn report_file(&self, number: usize) -> PathBuf {
         self.folder.join(format!("reports/{}.html", number + 1))
-    }
-
-    /// Where the table of a step is kept, as the commands name it.
-    pub(crate) fn table_name(number: usize) -> String {
-        format!("tables/{}.toml", number + 1)
     }
 
     /// Where the voltage of the record to take next is kept.

@@ -42,6 +42,7 @@ pub(crate) fn state(app: &App, tick: u64) -> Value {
         "tracked": book.tracked,
         "on_stage": book.on_stage,
         "tables": book.tables,
+        "campaign": book.campaign,
         "challenge": riddle::state(&session),
         "current": book.current,
         "job": job,

@@ -202,7 +202,7 @@ pub(crate) fn same_bytes(a: &Path, b: &Path) -> bool {
 }
 
 /// Reads a recording that was brought.
-fn read(path: &Path, name: &str, reading: &Reading) -> Result<Found, String> {
+pub(crate) fn read(path: &Path, name: &str, reading: &Reading) -> Result<Found, String> {
     let here = path
         .parent()
         .map_or_else(String::new, |folder| format!("{}/", folder.display()));

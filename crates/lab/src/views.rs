@@ -2,6 +2,7 @@
 
 use crate::api::{Answer, Parameters, Shared, aside, number};
 use crate::error::Refusal;
+use crate::place::Place;
 use crate::uploads::Found;
 use crate::{controller, explain, series, work};
 use axum::Json;
@@ -144,8 +145,8 @@ pub(crate) async fn plotted(State(app): Shared, Query(parameters): Parameters) -
 
 /// A step's controller in pictures, and what holds for its design where nobody wishes otherwise.
 pub(crate) async fn controller(State(app): Shared, Query(parameters): Parameters) -> Answer {
-    let step = number(&parameters, "step")?;
-    aside(move || Ok(Json(controller::view(&app, step)?).into_response())).await
+    let place = Place::asked(&parameters)?;
+    aside(move || Ok(Json(controller::view(&app, place)?).into_response())).await
 }
 
 /// What the stage of a step answers to small signals.

@@ -23,4 +23,10 @@ export async function send(file, path, asked = null) {
   return answer(await fetch(`api/upload?${query}`, { method: "POST", body: file }));
 }
 
-export const download = (what, step) => `api/export/${what}?step=${step}`;
+/** Sends a file that came back of the campaign's plan. */
+export async function sendBack(file, path) {
+  return answer(await fetch(`api/campaign/upload?${new URLSearchParams({ name: path })}`, { method: "POST", body: file }));
+}
+
+/** Where a file of a step is downloaded, or one of the campaign. */
+export const download = (what, step) => `api/export/${what}?${step === "campaign" ? "of=campaign" : `step=${step}`}`;

@@ -67,7 +67,7 @@ function station() {
 
 function allowed(name) {
   if (name === "fit") return lab.state.data !== null;
-  if (["compare", "diagnose", "ladder", "controller", "export"].includes(name)) return lab.state.current !== null;
+  if (["compare", "diagnose", "ladder", "export"].includes(name)) return lab.state.current !== null;
   return true;
 }
 
@@ -100,7 +100,7 @@ function drawJob() {
 /** What a page depends on; while it is the same, the page is left alone. */
 function key() {
   const s = lab.state;
-  return JSON.stringify([location.hash, s.run, s.revision, s.files, s.data === null, s.current, s.diagnosed, s.reported, s.controllers, s.tracked, s.on_stage, s.tables, s.challenge, s.job.running]);
+  return JSON.stringify([location.hash, s.run, s.revision, s.files, s.data === null, s.current, s.diagnosed, s.reported, s.controllers, s.tracked, s.on_stage, s.tables, s.campaign, s.challenge, s.job.running]);
 }
 
 async function draw() {

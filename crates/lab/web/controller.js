@@ -1,8 +1,9 @@
-// The controller of a step: designed by one button, run on the step's model, taken home as it is and as the firmware's table.
+// The controller of a step or of the campaign: designed by one button, run, taken home as it is and as the firmware's table.
 import { ask, download } from "./api.js";
 import { el, command, panel, printed, typed } from "./dom.js";
 import { num, text } from "./numbers.js";
 import { COLOURS, curvesPlot, dotsPlot } from "./plots.js";
+import { campaignPart, done } from "./campaign.js";
 import { staleNotice } from "./stale.js";
 
 /** What was typed last, by form: a refusal must not take it away. */
@@ -34,16 +35,18 @@ function form(lab, id, parts, title, act) {
 
 const BEYOND = { name: "beyond_records", title: "Leave what the records cover (--beyond-records)", tick: true };
 
-function designForm(lab, usual, made) {
+function designForm(lab, of, usual, made) {
   const [low, high] = usual.volts;
+  // A campaign is recorded at the controller's own rate.
+  const rate = { name: "rate_hz", title: "Rate, Hz (--rate-hz)", otherwise: usual.rate_hz === null ? "not in the records" : `${num(usual.rate_hz)}, of the records` };
   return form(lab, "design", [
     ["When the reference is known", [{ name: "reference", title: "Reference (--reference)", choices: [["previewed", "16 samples before it is due"], ["live", "not before it is due"]] }]],
     ["Commands", [{ name: "volts_min", title: "Lowest voltage, V (--volts)", otherwise: `${num(low)}, of the records` }, { name: "volts_max", title: "Highest voltage, V (--volts)", otherwise: `${num(high)}, of the records` },
-      { name: "rate_hz", title: "Rate, Hz (--rate-hz)", otherwise: usual.rate_hz === null ? "not in the records" : `${num(usual.rate_hz)}, of the records` }]],
+      ...(of === "campaign" ? [] : [rate])]],
     ["Feedback", [{ name: "margin", title: "Largest peak of the sensitivity (--margin)", otherwise: num(usual.margin) }, { name: "rigid_hz", title: "No other mode below, Hz (--rigid)", otherwise: "as the records tell" },
       { name: "adapt_percent", title: "Gain learned while it runs, % (--adapt)", otherwise: "not learned" },
       { name: "open", title: "Without feedback (--open)", tick: true }, BEYOND]],
-  ], made ? "Design again" : "Design the controller", (wishes) => lab.act({ what: "design", wishes }));
+  ], made ? "Design again" : "Design the controller", (wishes) => lab.act({ what: "design", wishes, of }));
 }
 
 const SHINES = { pass: ["✓", "pass"], look: ["!", "look here"], "cannot-tell": ["?", "cannot tell"] };
@@ -119,16 +122,16 @@ function ranPart(page, id, title, made) {
 }
 
 /** The law along the references that repeat, on the step's model or on a simulated stage. */
-function trackPart(lab, page, view, number) {
-  const { tracked, on_stage: onStage } = lab.state;
-  const choices = [["", "this step's model"], ...view.stages.map(({ name, usual_um: [low, high] }) => [name, `the simulated stage ${name}, ${num(low)} to ${num(high)} µm`])];
+function trackPart(lab, page, of, view, { tracked, onStage }) {
+  const otherwise = (um) => (of === "campaign" ? "as the stage goes" : `${num(um)}, on the model`);
+  const choices = [...(of === "campaign" ? [] : [["", "this step's model"]]), ...view.stages.map(({ name, usual_um: [low, high] }) => [name, `the simulated stage ${name}, ${num(low)} to ${num(high)} µm`])];
   return el("section", { class: "panel" }, el("h3", {}, "Try it"),
     el("p", {}, "The law, as it runs on the chip, along seven references: what the design expects beside what comes out. A simulated stage is none of yours; it has physics of its own, noise and converters."),
     form(lab, "track", [["Where", [{ name: "stage", title: "On (--model, --stage)", choices }]],
-      ["References", [{ name: "range_min_um", title: "Lowest position, µm (--range)", otherwise: `${num(view.range_um[0])}, on the model` }, { name: "range_max_um", title: "Highest position, µm (--range)", otherwise: `${num(view.range_um[1])}, on the model` }, BEYOND]]],
-    tracked[number] || onStage[number] ? "Run it again" : "Run it", (along) => lab.act({ what: "track", along: { ...along, stage: along.stage || null } })),
-    ranPart(page, "tracked", "on the model", tracked[number]),
-    ranPart(page, "on-stage", "on the simulated stage", onStage[number]));
+      ["References", [{ name: "range_min_um", title: "Lowest position, µm (--range)", otherwise: otherwise(view.range_um[0]) }, { name: "range_max_um", title: "Highest position, µm (--range)", otherwise: otherwise(view.range_um[1]) }, BEYOND]]],
+    tracked || onStage ? "Run it again" : "Run it", (along) => lab.act({ what: "track", along: { ...along, stage: along.stage || null }, of })),
+    ranPart(page, "tracked", "on the model", tracked),
+    ranPart(page, "on-stage", "on the simulated stage", onStage));
 }
 
 /** What the bench is: where it is left empty the records' own. */
@@ -142,29 +145,53 @@ const BENCH = [
     { name: "cross", title: "Of the other axis' motion, µm/µm (--cross)", otherwise: "none" }, BEYOND]],
 ];
 
-function tablePart(lab, made, link) {
+function tablePart(lab, of, made, link) {
   const part = el("section", { class: "panel" }, el("h3", {}, "Table for the firmware"),
     el("p", {}, "The complete law of this controller, as the firmware's build takes it."),
-    form(lab, "table", BENCH, made ? "Make it again" : "Make the table", (bench) => lab.act({ what: "table", bench })));
+    form(lab, "table", BENCH, made ? "Make it again" : "Make the table", (bench) => lab.act({ what: "table", bench, of })));
   if (made) part.append(printed("table-said", "What the table is", made.said), el("p", {}, link("table", "Download the table")), command(made.command));
   return part;
 }
 
+/** A controller: its design, what is known of the stage, its loop, its runs, its table. `of` is whose it is, `place` where it is asked for. */
+function designParts(lab, page, { of, place, view, response, made, tracked, onStage, exported }) {
+  const link = (what, title) => el("a", { class: "button", href: download(what, place), download: true, id: `export-${what}` }, title);
+  page.append(el("section", { class: "panel" }, el("h3", {}, "Design"), designForm(lab, of, view.usual, made)));
+  if (made) page.append(panel("What was designed", made.lights.length ? lightsOf(made.lights) : null, printed("designed", "What was designed", made.said), el("p", {}, link("controller", "Download the controller")), command(made.command)));
+  if (of === "step") stagePart(page, response);
+  if (!made) return;
+  loopPart(page, view);
+  page.append(trackPart(lab, page, of, view, { tracked, onStage }), tablePart(lab, of, exported, link));
+}
+
+/** The controller that is designed from the campaign's records. */
+async function campaignController(lab, campaign) {
+  const view = await ask("controller", { of: "campaign" });
+  const page = el("div", {},
+    el("p", {}, el("a", { href: "#controller", id: "to-campaign" }, "Back to the campaign")),
+    el("h2", {}, "Controller: from the campaign's records"),
+    el("p", {}, "Hysteresis, creep, lag and modes are undone as the records of your own stage have them; feedback takes what is left."));
+  designParts(lab, page, { of: "campaign", place: "campaign", view, made: campaign.controller, onStage: campaign.on_stage, exported: campaign.table });
+  return page;
+}
+
 export async function controllerPage(lab) {
   const { state } = lab;
-  const number = state.current;
+  const { campaign, current: number } = state;
+  if (location.hash === "#controller/campaign" && done(campaign)) return campaignController(lab, campaign);
+  if (number === null) {
+    return el("div", {}, el("h2", {}, "Controller"),
+      el("p", {}, "A controller is designed from a model that was fitted here, or from records that a campaign asks of your own stage."),
+      el("p", {}, el("a", { class: campaign ? "button quiet" : "button", href: state.data ? "#fit" : "#data" }, state.data ? "Choose a model" : "Bring recordings")),
+      await campaignPart(lab));
+  }
   const [view, response] = await Promise.all([ask("controller", { step: number }), ask("response", { step: number })]);
-  const [made, exported] = [state.controllers, state.tables].map((all) => all[number]);
-  const link = (what, title) => el("a", { class: "button", href: download(what, number), download: true, id: `export-${what}` }, title);
   const page = el("div", {},
     staleNotice(lab),
     el("h2", {}, `Controller: ${state.steps[number].title}`),
     el("p", {}, "Every effect of this model brings its compensator; feedback takes what is left, where a record of small signals tells up to where the stage does what the model says."),
-    el("section", { class: "panel" }, el("h3", {}, "Design"), designForm(lab, view.usual, made)));
-  if (made) page.append(panel("What was designed", made.lights.length ? lightsOf(made.lights) : null, printed("designed", "What was designed", made.said), el("p", {}, link("controller", "Download the controller")), command(made.command)));
-  stagePart(page, response);
-  if (!made) return page;
-  loopPart(page, view);
-  page.append(trackPart(lab, page, view, number), tablePart(lab, exported, link));
+    await campaignPart(lab));
+  const of = (all) => all[number];
+  designParts(lab, page, { of: "step", place: number, view, response, made: of(state.controllers), tracked: of(state.tracked), onStage: of(state.on_stage), exported: of(state.tables) });
   return page;
 }

@@ -12,7 +12,7 @@ const FAMILIES = [
 ];
 
 /** All files of a drop with their paths, folders opened. */
-async function dropped(transfer) {
+export async function dropped(transfer) {
   const walk = async (entry) => {
     if (entry.isFile) return [{ file: await new Promise((done, failed) => entry.file(done, failed)), path: entry.fullPath.replace(/^\//, "") }];
     const reader = entry.createReader();
@@ -36,14 +36,19 @@ function common(paths) {
   return folder.length;
 }
 
+/** The recordings among files, and how much of their paths says nothing. */
+export function wanted(files) {
+  const list = files.length > 1 ? files.filter(({ path }) => RECORDING.test(path)) : files;
+  return { list, skip: list.length ? common(list.map(({ path }) => path)) : 0 };
+}
+
 /** Sends files; `asked` is the step whose diagnosis asked for them. */
 export async function bring(lab, files, asked = null) {
-  const wanted = files.length > 1 ? files.filter(({ path }) => RECORDING.test(path)) : files;
-  const skip = wanted.length ? common(wanted.map(({ path }) => path)) : 0;
+  const { list, skip } = wanted(files);
   const refused = [];
   const known = [];
-  for (const [index, { file, path }] of wanted.entries()) {
-    status(`Reading ${file.name} (${index + 1} of ${wanted.length})`);
+  for (const [index, { file, path }] of list.entries()) {
+    status(`Reading ${file.name} (${index + 1} of ${list.length})`);
     try { known.push(...(await send(file, path.slice(skip), asked)).known); } catch (error) { refused.push(error.message); }
   }
   again = false;
@@ -52,7 +57,7 @@ export async function bring(lab, files, asked = null) {
   // What the cards say of their files is not said twice.
   const told = lab.state.files.map((file) => file.error);
   const more = refused.filter((message) => !message.split("\n").every((line) => told.some((said) => said && said.split("\n").includes(line))));
-  lab.say(more.length ? new Error(more.join("\n")) : wanted.length ? null : new Error("There is no recording among these files: a recording is .csv, .tsv, .txt, .dat, .asc or .mat, or a zip with such files."), "drop");
+  lab.say(more.length ? new Error(more.join("\n")) : list.length ? null : new Error("There is no recording among these files: a recording is .csv, .tsv, .txt, .dat, .asc or .mat, or a zip with such files."), "drop");
 }
 
 /** Files chosen one by one. */
@@ -94,33 +99,44 @@ function starts(lab) {
     el("button", { type: "button", id: `start-${start.name}`, "aria-label": `Begin with it: ${start.title}`, disabled: lab.state.job.running, click: () => beginAnew(lab, { what: "start", name: start.name }) }, "Begin with it"))));
 }
 
-/** How a file is read, to be corrected; for it alone or for all files that are shown. */
-function readingForm(lab, file, index, others) {
-  const { reading } = file;
-  const id = (name) => `${name}-${index}`;
+/** The fields that say how a file is read, and what is typed into them; `mark` tells their ids apart. */
+export function readingFields(mark, reading) {
+  const id = (name) => `${name}-${mark}`;
   const field = (name, title, attributes) => el("p", {}, el("label", { for: id(name) }, title), el("input", { id: id(name), ...attributes }));
   const select = (name, title, value, options) => el("p", {}, el("label", { for: id(name) }, title),
     el("select", { id: id(name) }, options.map(([option, words]) => el("option", { value: option, selected: option === (value || "refuse") }, words))));
   const column = (quantity) => (reading.columns.find((text) => text.startsWith(`${quantity}=`)) || "").slice(quantity.length + 1);
-  const value = (name) => form.querySelector(`#${id(name)}`).value.trim();
-  const others_too = others.filter((name) => name !== file.name);
-  const read = async (files) => {
+  const typedIn = (form) => {
+    const value = (name) => form.querySelector(`#${id(name)}`).value.trim();
     const columns = ["time", "voltage", "position"].filter((q) => value(`column-${q}`)).map((q) => `${q}=${value(`column-${q}`)}`);
     // Columns that have no field here stay as they are.
     columns.push(...reading.columns.filter((text) => !/^(time|voltage|position)=/.test(text)));
-    try {
-      await tell("reading", { files, reading: { columns, rate_hz: typed(value("rate")), missing: value("missing"), gaps: value("gaps"), jitter: value("jitter") } });
-      lab.say(null);
-    } catch (error) { lab.say(error, id("reading")); }
+    return { columns, rate_hz: typed(value("rate")), missing: value("missing"), gaps: value("gaps"), jitter: value("jitter") };
   };
-  const form = el("form", { class: "reading", id: id("reading"), submit: (event) => { event.preventDefault(); read([file.name]); } },
+  const fields = [
     el("p", { class: "hint" }, "Where a column was taken wrongly, say which it is by its name or number, then its unit and factor: CH1:mV*20 is the column CH1 in millivolts, times 20; :um corrects the unit alone."),
     el("div", { class: "fields" },
       ...["time", "voltage", "position"].map((q) => field(`column-${q}`, `Column of ${q}`, { value: column(q), placeholder: "as found" })),
       field("rate", "Sample rate, Hz", { type: "number", step: "any", min: "0", value: reading.rate_hz ?? "", placeholder: "from the time" }),
       select("missing", "Empty cells", reading.missing, [["refuse", "refuse the file"], ["trim", "cut off at the ends"], ["interpolate", "interpolate"]]),
       select("gaps", "Gaps in time", reading.gaps, [["refuse", "refuse the file"], ["split", "split into records"]]),
-      select("jitter", "Uneven time stamps", reading.jitter, [["refuse", "refuse the file"], ["clock", "trust the clock"], ["interpolate", "interpolate"]])),
+      select("jitter", "Uneven time stamps", reading.jitter, [["refuse", "refuse the file"], ["clock", "trust the clock"], ["interpolate", "interpolate"]]))];
+  return { fields, typedIn };
+}
+
+/** How a file is read, to be corrected; for it alone or for all files that are shown. */
+function readingForm(lab, file, index, others) {
+  const id = (name) => `${name}-${index}`;
+  const { fields, typedIn } = readingFields(index, file.reading);
+  const others_too = others.filter((name) => name !== file.name);
+  const read = async (files) => {
+    try {
+      await tell("reading", { files, reading: typedIn(form) });
+      lab.say(null);
+    } catch (error) { lab.say(error, id("reading")); }
+  };
+  const form = el("form", { class: "reading", id: id("reading"), submit: (event) => { event.preventDefault(); read([file.name]); } },
+    fields,
     el("p", { class: "row" },
       el("button", { type: "submit", id: id("read-again") }, others_too.length ? "Read this file again" : "Read again"),
       others_too.length ? el("button", { type: "button", id: id("read-all"), click: () => read([file.name, ...others_too]) }, `Read all ${others_too.length + 1} files so`) : null));

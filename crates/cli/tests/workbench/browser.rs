@@ -70,6 +70,9 @@ pub(crate) struct Browser {
 /// A page that does not get there in this time hangs; a machine with other work diagnoses in less.
 const PATIENCE_MS: u64 = 600_000;
 
+/// Waits until the page is drawn.
+const FRAMES: &str = "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done(1)))";
+
 /// The checker of accessibility, axe-core 4.14.1 (MPL-2.0).
 const AXE: &str = include_str!("../vendor/axe.min.js");
 
@@ -171,8 +174,7 @@ impl Browser {
                     Err(error) => last = error.to_string(),
                 }
             }
-            let frames = "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done(1)))";
-            self.run_async(frames, vec![]).await;
+            self.run_async(FRAMES, vec![]).await;
         }
         panic!("{css} cannot be clicked: {last}");
     }
@@ -208,13 +210,41 @@ impl Browser {
         self.see(css).await;
         let middle = "const e = document.querySelector(arguments[0]); e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]";
         let middle = self.run(middle, vec![json!(css)]).await;
-        let path = format!("/session/{}/goog/cdp/execute", self.driver.session.as_ref().unwrap());
         for step in ["dragEnter", "dragOver", "drop"] {
             let event = json!({"type": step, "x": middle[0], "y": middle[1], "data": {"items": [], "files": files, "dragOperationsMask": 1}});
-            let command = json!({"cmd": "Input.dispatchDragEvent", "params": event}).to_string();
-            let answer = request(self.driver.port, "POST", &path, &[], command.as_bytes());
-            assert_eq!(answer.status, 200, "{step}: {}", answer.text());
+            self.tell("Input.dispatchDragEvent", &event);
         }
+    }
+
+    /// A command of the browser's own protocol.
+    fn tell(&self, command: &str, parameters: &Value) {
+        let path = format!("/session/{}/goog/cdp/execute", self.driver.session.as_ref().unwrap());
+        let body = json!({"cmd": command, "params": parameters}).to_string();
+        let answer = request(self.driver.port, "POST", &path, &[], body.as_bytes());
+        assert_eq!(answer.status, 200, "{command}: {}", answer.text());
+    }
+
+    /// A picture of the whole page as a screen of this width shows it; nothing in it may be wider.
+    pub(crate) async fn picture_of_width(&self, name: &str, width: u32) {
+        let screen = |height: u64| json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": false});
+        self.tell("Emulation.setDeviceMetricsOverride", &screen(1000));
+        let size = "const e = document.documentElement; return [e.scrollWidth, Math.min(6000, e.scrollHeight)]";
+        let size = self.run(size, vec![]).await;
+        assert!(
+            size[0].as_u64().unwrap() <= u64::from(width),
+            "{name}: {size} at {width}"
+        );
+        self.tell("Emulation.setDeviceMetricsOverride", &screen(size[1].as_u64().unwrap()));
+        self.run_async(FRAMES, vec![]).await;
+        self.keep_picture(&format!("{name}-{width}")).await;
+        self.tell("Emulation.clearDeviceMetricsOverride", &json!({}));
+    }
+
+    async fn keep_picture(&self, name: &str) {
+        let png = self.client.screenshot().await.unwrap();
+        let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("workbench");
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join(format!("{name}.png")), png).unwrap();
     }
 
     /// Types into a field.
@@ -256,15 +286,8 @@ impl Browser {
             .set_window_size(1400, u32::try_from(height).unwrap().max(1000))
             .await
             .unwrap();
-        self.run_async(
-            "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done(1)))",
-            vec![],
-        )
-        .await;
-        let png = self.client.screenshot().await.unwrap();
-        let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("workbench");
-        std::fs::create_dir_all(&folder).unwrap();
-        std::fs::write(folder.join(format!("{name}.png")), png).unwrap();
+        self.run_async(FRAMES, vec![]).await;
+        self.keep_picture(name).await;
         self.client.set_window_size(1400, 1000).await.unwrap();
     }
 

@@ -7,11 +7,14 @@
 
 mod bring;
 mod browser;
+mod campaign;
 mod controller;
 mod grow;
 mod hand;
 mod hostile;
 mod learn;
+#[path = "../own_bench/mod.rs"]
+mod own_bench;
 mod pictures;
 mod same;
 mod server;

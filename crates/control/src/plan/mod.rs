@@ -4,6 +4,7 @@
 //! rested. The commands of a pass are there one by one, and one after the other as its [`Pass::sequence`]. Each pass ends with the
 //! campaign's first command again: what differs between the two has drifted.
 
+pub mod came_back;
 mod cutting;
 pub mod doubts;
 pub mod drift;

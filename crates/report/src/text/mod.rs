@@ -2,6 +2,7 @@
 
 mod adapted;
 pub mod amounts;
+mod campaign;
 mod comparison;
 pub(crate) mod controller;
 mod diagnosis;
@@ -13,6 +14,7 @@ mod model;
 mod tracked;
 
 pub use adapted::{adapted_text, bounds_text};
+pub use campaign::{came_back_text, misfit_text, records_text};
 pub use comparison::comparison_text;
 pub use controller::design_text;
 pub use diagnosis::{diagnosis_details, diagnosis_text};

@@ -7,10 +7,11 @@ use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_control::campaign::{Campaign, Protocol, on_process};
-use hysteron_data::{Known, Overwrite, Record, write_dataset};
+use hysteron_control::plan::came_back::{Given, USUAL_SEED, within};
+use hysteron_data::{Known, Overwrite, write_dataset};
+use hysteron_report::{misfit_text, records_text};
 use hysteron_tracking::campaign::campaign;
 use hysteron_trials::campaign::{Asked, record};
-use std::fmt::Write;
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -110,45 +111,33 @@ pub(crate) fn run(args: &CampaignArgs) -> Result<Done, CliError> {
     if let Some(name) = &args.stage {
         return simulated(args, name);
     }
-    latency_s(args)?;
-    if let Some(bandwidth_hz) = args.sensor_bandwidth_hz {
-        within("--sensor-bandwidth-hz", bandwidth_hz, [1.0, 1e7], "Hz")?;
-    }
+    let given = given(args);
     if let Some(recorded) = &args.recorded {
-        return own_stage::came_back(args, recorded);
+        given.check_chain()?;
+        return own_stage::came_back(args, &given, recorded);
     }
-    let (Some(top_v), Some(rate_hz)) = (args.top_v, args.rate_hz) else {
-        // What clap has refused already.
-        return Err(CliError::Option(
-            "give --stage, --board, --recorded, or --top-v and --rate-hz".to_owned(),
-        ));
-    };
-    within("--top-v", top_v, [1.0, 1e3], "V")?;
-    within("--rate-hz", rate_hz, [1e3, 1e6], "Hz")?;
-    let protocol = Protocol {
-        period_s: 1.0 / rate_hz,
-        top_v,
-        seed: seed(args),
-    };
+    let protocol = given.protocol()?;
     match &args.process {
         Some(command) => in_a_process(args, &protocol, command),
-        None => own_stage::write_plan(args, &protocol, rate_hz),
+        None => own_stage::write_plan(args, &given),
+    }
+}
+
+/// What a person says of a stage of their own.
+fn given(args: &CampaignArgs) -> Given {
+    Given {
+        top_v: args.top_v,
+        rate_hz: args.rate_hz,
+        latency_us: args.latency_us,
+        sensor_bandwidth_hz: args.sensor_bandwidth_hz,
+        seed: args.seed,
+        short_rests: args.short_rests,
     }
 }
 
 /// The seed that was given, or the usual one.
 fn seed(args: &CampaignArgs) -> u64 {
-    args.seed.unwrap_or(1)
-}
-
-pub(super) fn within(option: &str, value: f64, [min, max]: [f64; 2], unit: &str) -> Result<(), CliError> {
-    // A NaN fails both comparisons.
-    if value >= min && value <= max {
-        return Ok(());
-    }
-    Err(CliError::Option(format!(
-        "{option} {value}: give {min} to {max} {unit}"
-    )))
+    args.seed.unwrap_or(USUAL_SEED)
 }
 
 fn simulated(args: &CampaignArgs, name: &str) -> Result<Done, CliError> {
@@ -160,7 +149,7 @@ fn simulated(args: &CampaignArgs, name: &str) -> Result<Done, CliError> {
 }
 
 fn in_a_process(args: &CampaignArgs, protocol: &Protocol, command: &str) -> Result<Done, CliError> {
-    let latency_s = latency_s(args)?.unwrap_or(0.0);
+    let latency_s = args.latency_us.map_or(0.0, |latency_us| 1e-6 * latency_us);
     output::refuse_to_replace(&args.output, args.overwrite)?;
     let stage = process_stage(command, args.timeout)?;
     let bar = progress::bar("recording on the process");
@@ -180,18 +169,10 @@ fn complete(args: &CampaignArgs, done: &Campaign) -> Result<Done, CliError> {
     let folder = args.output.display();
     output::print(&format!(
         "{}{}\nwritten to {folder}\nnext: hysteron design {folder} -o controller.toml\n",
-        listed(&done.records.records),
-        misses(done.model.misfit_percent)
+        records_text(&done.records.records),
+        misfit_text(done.model.misfit_percent)
     ))?;
     Ok(Done::Answered)
-}
-
-/// The latency that was given.
-fn latency_s(args: &CampaignArgs) -> Result<Option<f64>, CliError> {
-    if let Some(latency_us) = args.latency_us {
-        within("--latency-us", latency_us, [0.0, 1e4], "us")?;
-    }
-    Ok(args.latency_us.map(|latency_us| 1e-6 * latency_us))
 }
 
 fn by_a_board(args: &CampaignArgs, from: &str) -> Result<Done, CliError> {
@@ -217,7 +198,7 @@ fn by_a_board(args: &CampaignArgs, from: &str) -> Result<Done, CliError> {
     };
     output::print(&format!(
         "{}\n{}written to {folder}\nnext: {next}\n",
-        listed(&records.records),
+        records_text(&records.records),
         known_delay_line(records.known.delay_s)
     ))?;
     Ok(Done::Answered)
@@ -229,29 +210,4 @@ pub(super) fn overwrite(args: &CampaignArgs) -> Overwrite {
     } else {
         Overwrite::Refuse
     }
-}
-
-/// How well what is identified from records explains their commands.
-pub(super) fn misses(misfit_percent: f64) -> String {
-    format!("identified from them: the inverse misses the commands by {misfit_percent:.3} % of their range\n")
-}
-
-/// The records.
-pub(super) fn listed(records: &[Record]) -> String {
-    let mut text = String::new();
-    let mut total_s = 0.0;
-    for record in records {
-        total_s += record.duration_s();
-        // Writing to a String does not fail.
-        let _ = writeln!(
-            text,
-            "{:<32} {:>8} samples  {:>7.3} s  {}",
-            record.file,
-            record.len(),
-            record.duration_s(),
-            record.excitation
-        );
-    }
-    let _ = writeln!(text, "\n{total_s:.1} s of records");
-    text
 }
