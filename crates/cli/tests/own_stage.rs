@@ -122,12 +122,13 @@ fn val_a_campaign_by_files_ends_in_a_controller() {
     assert!((after_pass_1.known.delay_s.unwrap() - 30e-6).abs() < 1e-12);
     assert!((after_pass_1.known.adc_um.unwrap()[0] - (-25.0 - zero_um)).abs() < 1e-4);
 
-    for (number, file) in commands(&path("plan/pass1")).iter().rev().enumerate() {
+    let pass = commands(&path("plan/pass1"));
+    for (number, file) in pass.iter().rev().enumerate() {
         bench.play(file, &format!("CH2_{number}.csv"), 0);
     }
     // One of them again, 20 ms after 2 s at 140 V.
-    let first = &commands(&path("plan/pass1"))[1];
-    bench.play_after(&short_rest(), first, "CH2_8.csv", 0);
+    let (first, again) = (&pass[1], format!("CH2_{}.csv", pass.len() - 2));
+    bench.play_after(&short_rest(), first, &again, 0);
     let name = first.file_stem().unwrap().to_str().unwrap();
     refused(
         &with(&["--overwrite"]),
@@ -143,7 +144,7 @@ fn val_a_campaign_by_files_ends_in_a_controller() {
         description.ends_with("1 began before the stage was at rest, granted by --short-rests"),
         "{description}"
     );
-    bench.play_after(&[], first, "CH2_8.csv", 0);
+    bench.play_after(&[], first, &again, 0);
     answered(&with(&["--overwrite"]));
     let second = commands(&path("plan/pass2"));
     for file in &second[1..] {

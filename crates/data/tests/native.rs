@@ -454,12 +454,16 @@ fn refuse_a_dataset_that_could_not_be_read_back() {
         &|d| d.known.delay_s = Some(-1.0),
         "[known] delay_s = -1; it is finite and not negative",
     );
+    check(
+        &|d| d.known.sensor_bandwidth_hz = Some(0.0),
+        "[known] sensor_bandwidth_hz = 0; it is finite and above 0 Hz",
+    );
 }
 
 #[test]
 fn refuse_broken_manifests_with_place() {
     const KEYS: &str = "dataset.toml has `format = 1`, `name`, `description`, `[known]` (`delay_s`, `sensor_noise_um`, \
-                        `voltage_min_v`, `voltage_max_v`, `dac_v`, `adc_um`) and `[[record]]` (`file`, `role`, `excitation`)";
+                        `sensor_bandwidth_hz`, `voltage_min_v`, `voltage_max_v`, `dac_v`, `adc_um`) and `[[record]]` (`file`, `role`, `excitation`)";
     const NAMES: &str = "a record's file is a path relative to the dataset's folder, inside it, with `/`";
     let record = "[[record]]\nfile = \"a.csv\"\nrole = \"identify\"\n";
     for (text, expect) in [

@@ -73,6 +73,8 @@ def test_refuse_options_in_words(stage):
 STOPPED = """
 import _thread, signal, threading, time
 import hysteron
+# A shell starts what runs in the background deaf to it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 stage = hysteron.example("paper-stage", progress=False)
 threading.Timer(0.1, lambda: signal.raise_signal(signal.SIGINT)).start()
 began = time.monotonic()
