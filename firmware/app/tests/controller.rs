@@ -703,6 +703,26 @@ fn bva_a_bank_whose_range_the_reference_leaves() {
     }
 }
 
+/// Another table is what runs from then on, 20 V a micrometre in place of 10, and none is taken while the loop runs.
+#[test]
+fn val_a_bank_that_is_selected_runs() {
+    use hysteron_firmware::tuning::Change;
+    let of = |v_per_um| parameters(Lines { v_per_um, ..LINES });
+    let banks: &'static [Parameters<Lines>] = Box::leak(Box::new([of(10.0), of(20.0)]));
+    for (bank, volts) in [(0, 20.0), (1, 40.0)] {
+        let mut rig = Rig::new(LINES);
+        rig.controller = Controller::new(banks[0], &SETUP).with_banks(banks);
+        assert_eq!(change(&mut rig, Change::Bank(bank)), ACCEPTED);
+        rig.order(Order::Start);
+        let frame = (0..200)
+            .map(|_| rig.order(Order::None))
+            .find(|frame| frame.mode() == Mode::Running);
+        assert_eq!(frame.map(|frame| frame.command_v), Some(volts), "{bank}");
+        assert_eq!(change(&mut rig, Change::Bank(1 - bank)), REFUSED);
+        assert_eq!(rig.ticks(1).bank(), bank);
+    }
+}
+
 /// The fault is to be had without a frame, too.
 #[test]
 fn val_the_latched_fault() {
@@ -712,18 +732,22 @@ fn val_the_latched_fault() {
     assert_eq!(rig.controller.fault(), Some(Fault::Supply));
 }
 
-/// Stopped on the way up, a law that comes down itself does so from the first value, 2 um, and the trajectory waits: half after 500 ticks.
+/// Stopped on the way up, a law that comes down itself does so from the first value, 2 um, and the trajectory waits: half of the way to the
+/// rest after 500 ticks.
 #[test]
 fn val_stopped_on_the_way_up() {
-    let mut rig = Rig::new(Lines {
-        comes_down: true,
-        ..LINES
-    });
-    rig.order(Order::Start);
-    assert_eq!(rig.ticks(9).mode(), Mode::Rising);
-    assert_eq!(rig.order(Order::Stop).reference_um, 2.0);
-    let half = rig.ticks(500);
-    assert_eq!((half.mode(), half.reference_um), (Mode::Falling, 1.0));
+    for (rest_um, half_um) in [(0.0, 1.0), (0.5, 1.25)] {
+        let mut rig = Rig::new(Lines {
+            comes_down: true,
+            rest_um,
+            ..LINES
+        });
+        rig.order(Order::Start);
+        assert_eq!(rig.ticks(9).mode(), Mode::Rising);
+        assert_eq!(rig.order(Order::Stop).reference_um, 2.0);
+        let half = rig.ticks(500);
+        assert_eq!((half.mode(), half.reference_um), (Mode::Falling, half_um));
+    }
 }
 
 /// Feedback is whole up to a frequency, here 100 Hz, half at half as much again, none from twice it; 10 Hz is 859 993 steps of a phase.
