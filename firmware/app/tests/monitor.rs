@@ -70,6 +70,17 @@ fn bva_readings_are_held_against_what_the_command_did() {
     }
 }
 
+/// A start at 50 V is no change of 50 V, which would let a reading jump by 3 um.
+#[test]
+fn val_a_start_at_a_voltage_is_no_step() {
+    let monitor = monitor();
+    let mut state = MonitorState::at(50.0);
+    monitor.command(&mut state, 50.0);
+    assert_eq!(monitor.sensor(&mut state, 5000, 5.0, 5.0), (5.0, None));
+    monitor.command(&mut state, 50.0);
+    assert_eq!(monitor.sensor(&mut state, 5200, 5.2, 5.0).0, 5.0);
+}
+
 /// A sensor that is off by 0.05 um, and stays off by as much where a reading is held over while the reference goes on.
 #[test]
 fn val_a_single_bad_reading_is_what_the_last_good_one_leads_to() {
