@@ -363,6 +363,28 @@ fn bva_exactly_at_the_bounds() {
     }
 }
 
+/// Of a swing its farthest point counts, wherever it lies: of 0.7 and 0.1 um in any order sixteen are a fault, of 0.5 um none.
+#[test]
+fn bva_a_swing_is_as_wide_as_its_farthest_point() {
+    let swings = |points: [f32; 3]| {
+        let monitor = Monitor::new(&SCALES, 500);
+        let mut state = MonitorState::default();
+        (0..20).any(|swing| {
+            let sign = if swing % 2 == 0 { 1.0 } else { -1.0 };
+            let all = points.map(|um| monitor.tracking(&mut state, &tick(sign * um)));
+            all.contains(&Some(Fault::Oscillation))
+        })
+    };
+    for (points, fault) in [
+        ([0.1, 0.7, 0.1], true),
+        ([0.7, 0.1, 0.1], true),
+        ([0.1, 0.1, 0.7], true),
+        ([0.1, 0.5, 0.1], false),
+    ] {
+        assert_eq!(swings(points), fault, "{points:?}");
+    }
+}
+
 /// Sixteen swings of more than 6 % of the range, each within 50 samples and a quarter of the reference's half period.
 #[test]
 fn bva_oscillation() {
