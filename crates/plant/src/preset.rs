@@ -151,7 +151,6 @@ pub fn tracking_from(mode_hz: f64, lag_s: f64, second_mode: bool, loop_opening: 
         controller_delay_s: 20e-6,
         amplifier: Amplifier {
             lag_s,
-            lag_growth_per_v: 0.0,
             ..Amplifier::default()
         },
         creep: Some(Creep::Log {

@@ -79,7 +79,6 @@ pub struct Foreign {
     /// Highest voltage; the lowest is 0 V.
     pub top_v: f64,
     stage: Stage,
-    has_filter: bool,
     latency_s: f64,
 }
 
@@ -123,7 +122,6 @@ impl Foreign {
             mode_hz,
             top_v,
             stage,
-            has_filter: untold == Untold::Filter,
             latency_s: match untold {
                 Untold::Later => STATED_LATENCY_S + PERIOD_S,
                 Untold::Earlier => STATED_LATENCY_S - PERIOD_S,
@@ -134,7 +132,7 @@ impl Foreign {
 
     /// Bandwidth of the sensor as its data sheet says it, hertz; none of one that is faster than matters.
     pub fn sensor_bandwidth_hz(&self) -> Option<f64> {
-        self.has_filter.then_some(SENSOR_HZ)
+        (self.untold == Untold::Filter).then_some(SENSOR_HZ)
     }
 
     /// The stage cycled, at rest at 0 V, to be stepped at a period; `later` is what changes after the campaign.
@@ -167,7 +165,7 @@ impl Foreign {
         running.stage.loops.condition();
         running.true_um = running.stage.rest(&running.at).reading_um;
         running.read_um = running.true_um;
-        running.filter = self.has_filter.then_some(Filter {
+        running.filter = self.sensor_bandwidth_hz().map(|_| Filter {
             at_um: running.true_um,
             last_um: running.true_um,
         });

@@ -47,11 +47,16 @@ impl<T: Real> Lag<T> {
     pub fn new(tau_s: f64, sample_rate_hz: f64) -> Result<Self, ParamError> {
         in_range("sample_rate_hz", None, sample_rate_hz, 1e-3, 1e7)?;
         in_range("tau_s", None, tau_s, 0.0, 1e6)?;
-        let (approach, through) = coefficients(tau_s * sample_rate_hz);
-        Ok(Self {
+        Ok(Self::of_samples(tau_s * sample_rate_hz))
+    }
+
+    /// Of a time constant in samples.
+    fn of_samples(tau: f64) -> Self {
+        let (approach, through) = coefficients(tau);
+        Self {
             approach: T::from_f64(approach),
             through: T::from_f64(through),
-        })
+        }
     }
 
     /// Shares of a step that its beginning and its ramp leave in the output.
@@ -147,8 +152,7 @@ impl<T: Real> Block<T> for GrowingLag<T> {
     type State = LagState<T>;
 
     fn rest_at(&self, input: T) -> LagState<T> {
-        let input = admit(input, T::ZERO);
-        LagState { output: input, input }
+        Lag::of_samples(0.0).rest_at(input)
     }
 
     #[inline(always)]
@@ -158,11 +162,7 @@ impl<T: Real> Block<T> for GrowingLag<T> {
         let samples = |volts: T| (self.tau + self.per_v * (volts - self.from)).select_max(T::ZERO);
         let way = half * (state.input + input) - state.output;
         let tau = samples(state.output + half * way / (samples(state.output) + half));
-        let (approach, through) = coefficients(tau.to_f64());
-        state.output +=
-            T::from_f64(approach) * (state.input - state.output) + T::from_f64(through) * (input - state.input);
-        state.input = input;
-        state.output
+        Lag::of_samples(tau.to_f64()).step(state, input)
     }
 }
 

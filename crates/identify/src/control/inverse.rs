@@ -2,6 +2,7 @@
 
 use super::linear_part::LinearPart;
 use super::model::{CREEP_FAST, CREEP_SLOW, CreepPart, InversePart, PLAYS};
+use super::spectrum::through_spectrum;
 use crate::error::IdentifyError;
 use crate::normal::Normal;
 use hysteron_core::corner_polynomial::CornerPolynomial;
@@ -12,7 +13,6 @@ use hysteron_core::play_polynomial::INPUT_DEGREE;
 use hysteron_data::Record;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 
@@ -155,21 +155,9 @@ fn filtered(signal: &[f64], period_s: f64, response: impl Fn(f64, f64) -> Option
     time.extend((0..back).map(|k| last * 0.5 * (1.0 + (PI * (k + 1) as f64 / back as f64).cos())));
     // Rest, up to a length that transforms fast.
     time.resize((time.len() + back).next_multiple_of(4096), 0.0);
-    let n = time.len();
-    let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, inverse) = (planner.plan_fft_forward(n), planner.plan_fft_inverse(n));
-    let mut lines = forward.make_output_vec();
-    // Lengths are the plans' own.
-    let _ = forward.process(&mut time, &mut lines);
-    for (k, line) in lines.iter_mut().enumerate() {
-        let omega = TAU * k as f64 / (n as f64 * period_s);
-        *line = response(omega, 1.0 / period_s).map_or_else(Complex64::default, |h| *line * h / n as f64);
-    }
-    // A real signal has real ends of its spectrum; what the response leaves there is rounding.
-    for end in [0, lines.len() - 1] {
-        lines[end].im = 0.0;
-    }
-    let _ = inverse.process(&mut lines, &mut time);
+    through_spectrum(&mut time, |share| {
+        response(TAU * share / period_s, 1.0 / period_s).unwrap_or_default()
+    });
     time.truncate(signal.len());
     time
 }

@@ -12,6 +12,7 @@ pub mod linear_part;
 pub mod model;
 mod refine;
 mod sensor;
+mod spectrum;
 
 pub(crate) use from_model::Linear;
 pub use from_model::{Part, RecordedHold, Undone, chain_of};

@@ -2,8 +2,8 @@
 //!
 //! No record tells the filter from the amplifier's lag, which stands before the hysteresis and is undone with it.
 
+use super::spectrum::through_spectrum;
 use hysteron_data::{Dataset, Record};
-use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 use std::borrow::Cow;
 use std::f64::consts::TAU;
@@ -53,20 +53,10 @@ fn before_filter(reading: &[f64], tau_samples: f64) -> Vec<f64> {
     };
     let mut time = reading.to_vec();
     time.extend((0..whole - n).map(bridge));
-    let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, inverse) = (planner.plan_fft_forward(whole), planner.plan_fft_inverse(whole));
-    let mut lines = forward.make_output_vec();
-    // Lengths are the plans' own.
-    let _ = forward.process(&mut time, &mut lines);
-    for (k, value) in lines.iter_mut().enumerate() {
-        let raised = Complex64::new(1.0, TAU * k as f64 / whole as f64 * tau_samples);
-        *value *= raised * (MOST / raised.norm()).min(1.0) / whole as f64;
-    }
-    // A real signal has real ends of its spectrum; what is left there has no phase.
-    for end in [0, lines.len() - 1] {
-        lines[end].im = 0.0;
-    }
-    let _ = inverse.process(&mut lines, &mut time);
+    through_spectrum(&mut time, |share| {
+        let raised = Complex64::new(1.0, TAU * share * tau_samples);
+        raised * (MOST / raised.norm()).min(1.0)
+    });
     time.truncate(n);
     time
 }
