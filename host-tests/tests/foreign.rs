@@ -1,6 +1,6 @@
 //! Tracking on two stages that share no law with the simulated stage.
 
-use host_tests::foreign::{Foreign, HERTZ, Outcome, Untold, outcome};
+use host_tests::foreign::{Foreign, HERTZ, Outcome, Untold, learned_lag, outcome};
 use rayon::prelude::*;
 
 /// Closed loops come to 0.02 % at 10 Hz, 500 Hz to 0.12 % open and 0.06 % closed, 1 kHz to 0.4 %, no loop swings, and where a design says that its feedback helps the feedback does not harm. A
@@ -35,4 +35,15 @@ fn val_stages_of_other_laws_are_followed() {
             );
         }
     }
+}
+
+/// 4 us that come after the campaign make eight times the error at 500 Hz; ten seconds of the same sine take them back.
+#[test]
+fn val_a_lag_that_comes_later_is_learned() {
+    let [recorded, late, learned] = learned_lag(6, 4e-6).unwrap();
+    println!("{recorded} % as recorded, {late} % later, {learned} % learned");
+    assert!(
+        late > 4.0 * recorded && learned < 1.1 * recorded,
+        "{recorded} {late} {learned}"
+    );
 }

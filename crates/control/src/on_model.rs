@@ -175,7 +175,7 @@ fn repeated(
     let again = Played {
         command_v,
         position_um: Vec::new(),
-        adapted: Adapted::of(law, &state),
+        adapted: Adapted::of(law, &state, controller.model.sample_period_s),
     };
     (seen_um, again)
 }

@@ -321,6 +321,6 @@ fn play(
         measured = process.step(command_v)?;
     }
     process.finish()?;
-    played.adapted = Adapted::of(&law, &state);
+    played.adapted = Adapted::of(&law, &state, controller.model.sample_period_s);
     Ok(played)
 }

@@ -1,6 +1,6 @@
 //! All numbers of a complete law: what a design file, a table and a chip's image hold of it.
 
-use crate::adaptation::Adaptation;
+use crate::adaptation::{Adaptation, AdaptationNumbers};
 use crate::bank::PlayBank;
 use crate::biquad::Biquad;
 use crate::corner_polynomial::CornerPolynomial;
@@ -130,21 +130,6 @@ pub struct TrustNumbers {
     pub slow_v_per_s: f64,
 }
 
-/// What is learned while the law runs: see [`Adaptation`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AdaptationNumbers {
-    /// Most that the gain may change, a share.
-    pub gain_bound: f64,
-    /// Most that the zero may change.
-    pub zero_bound_um: f64,
-    /// Time constant of learning.
-    pub time_s: f64,
-    /// What of a miss is taken for noise.
-    pub dead_um: f64,
-    /// Motion of the stage for a volt of the feedback's.
-    pub um_per_v: f64,
-}
-
 /// The mains' hum: see [`HumCanceller::new`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HumNumbers {
@@ -229,7 +214,10 @@ impl LawNumbers {
             heat: heat.transpose()?,
             sensor: sensor.transpose()?,
             sensor_lag: sensor_lag.transpose()?,
-            adaptation: self.adaptation.map(|part| part.adaptation(rate_hz)).transpose()?,
+            adaptation: self
+                .adaptation
+                .map(|part| Adaptation::new(&part, rate_hz))
+                .transpose()?,
         })
     }
 }
@@ -271,24 +259,6 @@ impl FeedbackNumbers {
             damping: section(self.damping)?,
             trust: self.trust.map(|trust| trust.trust(sample_rate_hz)).transpose()?,
         })
-    }
-}
-
-impl AdaptationNumbers {
-    /// The part, in the number type of the host or the chip.
-    ///
-    /// # Errors
-    /// Values that the core refuses.
-    #[cold]
-    pub fn adaptation<T: Real>(&self, sample_rate_hz: f64) -> Result<Adaptation<T>, ParamError> {
-        Adaptation::new(
-            self.gain_bound,
-            self.zero_bound_um,
-            self.time_s,
-            self.dead_um,
-            self.um_per_v,
-            sample_rate_hz,
-        )
     }
 }
 

@@ -84,7 +84,7 @@ pub struct Surroundings<T> {
     pub sensor: Option<SensorInverse<T>>,
     /// The sensor's own lag: the reference that is due is compared with through the same.
     pub sensor_lag: Option<Lag<T>>,
-    /// Gain and zero, learned while the law runs.
+    /// Gain, zero and lag, learned while the law runs.
     pub adaptation: Option<Adaptation<T>>,
 }
 
@@ -228,14 +228,14 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         allowed
     }
 
-    /// Before a step whose reading stands in for a bad one: gain and zero do not learn from it.
+    /// Before a step whose reading stands in for a bad one: gain, zero and lag do not learn from it.
     ///
     /// A reading that is no number says the same. This is for one that feedback can go on with.
     pub fn hold_reading_over(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>) {
         state.adaptation.spoil_block();
     }
 
-    /// What a sample tells hum, gain and zero. Apart from the step, so that a law which does not learn jumps over little; another
+    /// What a sample tells hum, gain, zero and lag. Apart from the step, so that a law which does not learn jumps over little; another
     /// limiter than its own is that of the way from rest.
     #[inline(never)]
     fn learn(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, through_its_own_limiter: bool) {
@@ -296,7 +296,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
             target = part.undo(memory, target, input.temperature_c);
         }
         if let Some(part) = &around.adaptation {
-            target = part.adapted(&state.adaptation, target);
+            target = part.adapted(&mut state.adaptation, target);
         }
         let command = self.tracking.feedforward.step(&mut state.tracking.feedforward, target);
         let due = self.take_in(state, input.reference_ahead);
@@ -345,7 +345,7 @@ impl<T: Copy, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
         self.tracking.correction()
     }
 
-    /// What was learned of gain and zero; nothing in a law that does not learn.
+    /// What was learned of gain, zero and lag; nothing in a law that does not learn.
     pub fn adaptation(&self) -> &AdaptationState<T> {
         &self.adaptation
     }

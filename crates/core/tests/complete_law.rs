@@ -2,9 +2,8 @@
 //! wind-up, `f32` against `f64`.
 #![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
 
-use hysteron_core::law_numbers::{
-    AdaptationNumbers, CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers, TrustNumbers,
-};
+use hysteron_core::adaptation::AdaptationNumbers;
+use hysteron_core::law_numbers::{CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers, TrustNumbers};
 use hysteron_core::real::Real;
 use hysteron_core::surroundings::{HARMONICS, LoopInput};
 use hysteron_core::tracking_law::{CREEP_FAST, CREEP_SLOW, PLAYS, TAPS};
@@ -130,6 +129,9 @@ fn everything() -> LawNumbers {
     numbers.adaptation = Some(AdaptationNumbers {
         gain_bound: 0.01,
         zero_bound_um: 0.01,
+        lag_bound_s: 2e-6,
+        lag_from_hz: 20.0,
+        lag_up_to_um_per_s: 30e3,
         time_s: 0.1,
         dead_um: 0.002,
         um_per_v: 0.1,
@@ -267,6 +269,13 @@ const CHANGES: &[Change] = &[
     }),
     ("adapted gain", |n| of_adaptation(n, |part| part.gain_bound = 0.005)),
     ("adapted zero", |n| of_adaptation(n, |part| part.zero_bound_um = 0.001)),
+    ("adapted lag", |n| of_adaptation(n, |part| part.lag_bound_s = 1e-6)),
+    ("lag_from_hz of adaptation", |n| {
+        of_adaptation(n, |part| part.lag_from_hz = 2e3)
+    }),
+    ("lag_up_to_um_per_s of adaptation", |n| {
+        of_adaptation(n, |part| part.lag_up_to_um_per_s = 1.0)
+    }),
     ("time of adaptation", |n| of_adaptation(n, |part| part.time_s = 0.2)),
     ("dead zone of adaptation", |n| {
         of_adaptation(n, |part| part.dead_um = 0.05)

@@ -2,14 +2,15 @@
 //! places.
 
 use crate::{Chain, Covered, Family, MOST_PLAYS, Numbers, Refusal, Rule};
-use hysteron_core::law_numbers::{AdaptationNumbers, FeedbackNumbers, HumNumbers, TrustNumbers};
+use hysteron_core::adaptation::AdaptationNumbers;
+use hysteron_core::law_numbers::{FeedbackNumbers, HumNumbers, TrustNumbers};
 use hysteron_core::surroundings::HARMONICS;
 use hysteron_core::tracking_law::{CREEP_FAST, CREEP_SLOW, TAPS};
 
 /// First bytes of a slot with a table.
 pub const MAGIC: [u8; 8] = *b"HYSTSLOT";
 /// Of the layout; another number is another layout.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Length of a header.
 pub const HEADER_BYTES: usize = 160;
 
@@ -44,7 +45,7 @@ const SCALARS: usize = 23;
 /// Numbers that every complete law has.
 const OF_CHAIN: usize = 5 + TAPS + 5 + 2 * (CREEP_FAST + CREEP_SLOW);
 /// Numbers of the parts that a complete law may have, in the order of their bits from [`FEEDBACK`] on.
-const OF_PARTS: [usize; 10] = [16, 3, 4, 1, 3, 4, 1, 3 + 2 * HARMONICS, 5, 2];
+const OF_PARTS: [usize; 10] = [16, 3, 4, 1, 3, 4, 1, 3 + 2 * HARMONICS, 8, 2];
 
 /// What stands before the numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -150,6 +151,9 @@ fn with_parts(parts: u16) -> Chain {
         adaptation: has(ADAPTATION).then_some(AdaptationNumbers {
             gain_bound: 0.0,
             zero_bound_um: 0.0,
+            lag_bound_s: 0.0,
+            lag_from_hz: 0.0,
+            lag_up_to_um_per_s: 0.0,
             time_s: 0.0,
             dead_um: 0.0,
             um_per_v: 0.0,
@@ -251,6 +255,9 @@ fn walk_chain(chain: &mut Chain, visit: &mut impl FnMut(&mut [f64])) {
         for scalar in [
             &mut part.gain_bound,
             &mut part.zero_bound_um,
+            &mut part.lag_bound_s,
+            &mut part.lag_from_hz,
+            &mut part.lag_up_to_um_per_s,
             &mut part.time_s,
             &mut part.dead_um,
             &mut part.um_per_v,

@@ -2,6 +2,7 @@
 
 use crate::rules::{Checked, list, number};
 use crate::{Chain, Covered, Refusal, Rule};
+use hysteron_core::adaptation::Adaptation;
 use hysteron_core::biquad::Biquad;
 use hysteron_core::effects::coupling::Coupling;
 use hysteron_core::effects::creep::CreepInverse;
@@ -70,7 +71,7 @@ impl Chain {
             named("controller.sensor", SensorInverse::<f32>::new(middle, c2, c3))?;
         }
         if let Some(part) = &self.adaptation {
-            named("controller.adaptation", part.adaptation::<f32>(rate_hz))?;
+            named("controller.adaptation", Adaptation::<f32>::new(part, rate_hz))?;
         }
         if let Some(share) = self.cross_um_per_um.filter(|share| share.abs() > LARGEST_CROSS) {
             let refused = Refusal::new(Rule::Outside, "controller.cross_um_per_um", share);

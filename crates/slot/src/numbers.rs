@@ -1,10 +1,9 @@
 //! A table as plain numbers of a fixed size: what a file, an image and a slot hold of it.
 
 use crate::chain_rules::law;
+use hysteron_core::adaptation::AdaptationNumbers;
 use hysteron_core::error::ParamError;
-use hysteron_core::law_numbers::{
-    AdaptationNumbers, CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers,
-};
+use hysteron_core::law_numbers::{CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers};
 use hysteron_core::surroundings::CompleteLaw;
 use hysteron_core::tracking_law::{CREEP_FAST, CREEP_SLOW, PLAYS, TAPS};
 

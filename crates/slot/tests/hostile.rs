@@ -87,8 +87,8 @@ fn refuse_what_is_no_table() {
         "{text}"
     );
     assert_eq!(
-        said(&sealed(|bytes| bytes[8] = 2)).1,
-        "version = 2: this image reads version 1; take the image and `hysteron` of one version"
+        said(&sealed(|bytes| bytes[8] = 1)).1,
+        "version = 1: this image reads version 2; take the image and `hysteron` of one version"
     );
     assert_eq!(
         said(&sealed(|bytes| bytes[16..20].copy_from_slice(&u32::MAX.to_le_bytes()))).1,

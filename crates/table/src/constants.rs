@@ -77,8 +77,10 @@ pub fn put_law(table: &Numbers<PLAYS>, sweep: &Sweep, place: &mut Law) -> Result
 /// Names of what follows.
 const USED: &str = "
 #[allow(unused_imports, reason = \"a table without a part has no numbers of it\")]
+use hysteron_core::adaptation::AdaptationNumbers;
+#[allow(unused_imports, reason = \"as above\")]
 use hysteron_core::law_numbers::{
-    AdaptationNumbers, CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers, TrustNumbers,
+    CreepNumbers, FeedbackNumbers, HumNumbers, InverseNumbers, LawNumbers, TrustNumbers,
 };
 use hysteron_core::error::ParamError;
 use hysteron_slot::{Covered, Numbers, Sweep};

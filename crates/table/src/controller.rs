@@ -1,7 +1,8 @@
 //! The complete law of one axis in a table: everything beside the hysteresis, whose inverse the table's own fields hold.
 
 use crate::{Family, Table};
-use hysteron_core::law_numbers::{AdaptationNumbers, FeedbackNumbers, HumNumbers, LawNumbers, TrustNumbers};
+use hysteron_core::adaptation::AdaptationNumbers;
+use hysteron_core::law_numbers::{FeedbackNumbers, HumNumbers, LawNumbers, TrustNumbers};
 use hysteron_core::surroundings::HARMONICS;
 use serde::{Deserialize, Serialize};
 
@@ -157,7 +158,12 @@ const ADAPTATION_S: f64 = 1.0;
 /// What is taken for noise, of the stroke: the noise of a good sensor averaged over a millisecond.
 const DEAD_SHARE: f64 = 1e-4;
 
-/// Gain and zero that a [`Controller`] learns while it runs, and how far it may.
+/// Largest lag that may be learned: a stage that is later by more is another one.
+const LARGEST_LAG_S: f64 = 1e-3;
+/// Of the highest frequency of the records, where the lag begins to be learned: what a hysteresis misses below it is no lag.
+const LAG_FROM: f64 = 0.5;
+
+/// Gain, zero and lag that a [`Controller`] learns while it runs, and how far it may.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Adaptation {
@@ -165,6 +171,15 @@ pub struct Adaptation {
     pub gain_bound: f64,
     /// Most that the zero may change.
     pub zero_bound_um: f64,
+    /// Most that the lag may change, 0 to 0.001; 0 learns none.
+    #[serde(default)]
+    pub lag_bound_s: f64,
+    /// Slowest sine that the lag is learned from.
+    #[serde(default)]
+    pub lag_from_hz: f64,
+    /// Fastest motion that the lag is learned from and undone of.
+    #[serde(default)]
+    pub lag_up_to_um_per_s: f64,
     /// Time constant of learning, 0.1 to 1000.
     pub time_s: f64,
     /// What of a miss is taken for noise.
@@ -174,11 +189,17 @@ pub struct Adaptation {
 }
 
 impl Adaptation {
-    /// Of a stage that moves by `stroke_um` over `range_v`: up to a share of its gain, and as much of the stroke in its zero.
-    pub fn within(gain_bound: f64, stroke_um: f64, range_v: f64) -> Self {
+    /// Of a stage that moves by `stroke_um` over `range_v`, recorded up to swings of `swing_hz`: up to a share of its gain, as much of the
+    /// stroke in its zero, and a lag that makes as much of a sine at `swing_hz`. Where that is not known, no lag.
+    pub fn within(gain_bound: f64, stroke_um: f64, range_v: f64, swing_hz: Option<f64>) -> Self {
+        let fastest_hz = swing_hz.filter(|hz| *hz > 0.0);
+        let lag_s = fastest_hz.map_or(0.0, |hz| gain_bound / (std::f64::consts::TAU * hz));
         Self {
             gain_bound,
             zero_bound_um: gain_bound * stroke_um,
+            lag_bound_s: lag_s.min(LARGEST_LAG_S),
+            lag_from_hz: LAG_FROM * fastest_hz.unwrap_or(0.0),
+            lag_up_to_um_per_s: std::f64::consts::PI * stroke_um * fastest_hz.unwrap_or(0.0),
             time_s: ADAPTATION_S,
             dead_um: DEAD_SHARE * stroke_um,
             um_per_v: stroke_um / range_v,
@@ -189,6 +210,9 @@ impl Adaptation {
         let &AdaptationNumbers {
             gain_bound,
             zero_bound_um,
+            lag_bound_s,
+            lag_from_hz,
+            lag_up_to_um_per_s,
             time_s,
             dead_um,
             um_per_v,
@@ -196,6 +220,9 @@ impl Adaptation {
         Self {
             gain_bound,
             zero_bound_um,
+            lag_bound_s,
+            lag_from_hz,
+            lag_up_to_um_per_s,
             time_s,
             dead_um,
             um_per_v,
@@ -207,6 +234,9 @@ impl Adaptation {
         let &Self {
             gain_bound,
             zero_bound_um,
+            lag_bound_s,
+            lag_from_hz,
+            lag_up_to_um_per_s,
             time_s,
             dead_um,
             um_per_v,
@@ -214,6 +244,9 @@ impl Adaptation {
         AdaptationNumbers {
             gain_bound,
             zero_bound_um,
+            lag_bound_s,
+            lag_from_hz,
+            lag_up_to_um_per_s,
             time_s,
             dead_um,
             um_per_v,

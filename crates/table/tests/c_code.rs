@@ -276,6 +276,9 @@ fn val_every_part_of_a_complete_law_is_the_same_in_c() {
     part.adaptation = Some(Adaptation {
         gain_bound: 0.05,
         zero_bound_um: 0.1,
+        lag_bound_s: 5e-6,
+        lag_from_hz: 20.0,
+        lag_up_to_um_per_s: 20e3,
         time_s: 0.5,
         dead_um: 0.002,
         um_per_v: 0.1,

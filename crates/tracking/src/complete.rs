@@ -75,6 +75,6 @@ pub fn track_beside(
         tracked.limited.push(state.limited());
         stage.step_two_axes(command_v, voltage2_v.get(k).copied().unwrap_or(0.0));
     }
-    tracked.adapted = Adapted::of(law, &state);
+    tracked.adapted = Adapted::of(law, &state, config.sample_period_s);
     Ok(tracked)
 }

@@ -18,7 +18,7 @@ pub use stage::{Foreign, PERIOD_S, STATED_LATENCY_S, Untold};
 /// References, hertz: those that a design expects an error of.
 pub const HERTZ: [f64; 4] = PREDICTED_HZ;
 
-/// Seconds of a sine of 10 Hz from which a law may learn the gain before it is judged.
+/// Seconds of a sine from which a law may learn before it is judged: the gain of 10 Hz, the lag of the frequency that is judged.
 const LEARNING_S: f64 = 10.0;
 
 /// Most of the gain that a law may learn, a share.
@@ -62,7 +62,8 @@ pub fn outcome(seed: u64) -> Result<Outcome, ControlError> {
     let range_um = half_the_stroke(&open);
     let each = |controller: &Controller| -> Result<Vec<f64>, ControlError> {
         let law = controller.law::<f64>()?;
-        let percent = |hz: &f64| tracked_percent(&stage, &law, range_um, *hz);
+        let learned_from_hz = (stage.untold == Untold::Gain).then_some(10.0);
+        let percent = |hz: &f64| tracked_percent(&stage, &law, range_um, *hz, learned_from_hz);
         Ok(HERTZ.iter().map(percent).collect())
     };
     let stroke_um = range_um[1] - range_um[0];
@@ -78,6 +79,26 @@ pub fn outcome(seed: u64) -> Result<Outcome, ControlError> {
         helps_to_hz: closed.feedback.as_ref().map(|feedback| feedback.rejection_hz),
         percent: [each(&open)?, each(&closed)?],
     })
+}
+
+/// Errors at 500 Hz in open loop, percent of the range, of a stage that answers `later_s` later than when it was recorded: as recorded, with
+/// that, and once the law has learned it.
+///
+/// # Errors
+/// As [`outcome`].
+pub fn learned_lag(seed: u64, later_s: f64) -> Result<[f64; 3], ControlError> {
+    let stage = Foreign::new(seed);
+    let Campaign { model, .. } = campaign(&stage, seed)?;
+    let controller = Controller::design(&model, ReferenceKind::Previewed)?.adapting(GAIN_BOUND);
+    let range_um = half_the_stroke(&controller);
+    let law = controller.law::<f64>()?;
+    let later = stage.clone().later(later_s);
+    let at_500_hz = |stage: &Foreign, learned| tracked_percent(stage, &law, range_um, 500.0, learned);
+    Ok([
+        at_500_hz(&stage, None),
+        at_500_hz(&later, None),
+        at_500_hz(&later, Some(500.0)),
+    ])
 }
 
 /// The protocol of a campaign on a stage.
@@ -122,22 +143,25 @@ fn campaign(stage: &Foreign, seed: u64) -> Result<Campaign, ControlError> {
     protocol.play::<ControlError>(records, &take, &|_| ())
 }
 
-/// Rms error of the true position along a sine, percent of its range, the mean included.
-fn tracked_percent(stage: &Foreign, law: &CompleteLaw<f64>, range_um: [f64; 2], hz: f64) -> f64 {
+/// Rms error of the true position along a sine, percent of its range, the mean included, once the law has learned from another.
+fn tracked_percent(
+    stage: &Foreign,
+    law: &CompleteLaw<f64>,
+    range_um: [f64; 2],
+    hz: f64,
+    learned_from_hz: Option<f64>,
+) -> f64 {
     let shape = |frequency_hz| Shape::Sine { frequency_hz };
     let judged = shape(hz).reference(range_um, PERIOD_S);
-    // From the rest to the low end once; where the gain is to be learned, then whole periods of 10 Hz, which end there.
+    // From the rest to the low end once; where something is to be learned, then whole periods, which end there.
     let rise = (RISE_S / PERIOD_S).round() as usize;
-    let learning = if stage.untold == Untold::Gain {
-        (LEARNING_S / PERIOD_S) as usize
-    } else {
-        0
-    };
+    let learning = learned_from_hz.map_or(0, |_| (LEARNING_S / PERIOD_S) as usize);
     let [low_um, high_um] = range_um;
-    let slow = |k: usize| low_um + (high_um - low_um) * shape(10.0).share(k as f64 * PERIOD_S);
+    let learned_from = shape(learned_from_hz.unwrap_or(hz));
+    let before = |k: usize| low_um + (high_um - low_um) * learned_from.share(k as f64 * PERIOD_S);
     let (risen, periods) = judged.samples_um.split_at(rise);
     let reference = Reference {
-        samples_um: [risen, &(0..learning).map(slow).collect::<Vec<f64>>(), periods].concat(),
+        samples_um: [risen, &(0..learning).map(before).collect::<Vec<f64>>(), periods].concat(),
         judged_from: judged.judged_from + learning,
         after_um: judged.after_um,
     };

@@ -135,6 +135,15 @@ impl Foreign {
         (self.untold == Untold::Filter).then_some(SENSOR_HZ)
     }
 
+    /// The same stage with more latency.
+    #[must_use]
+    pub fn later(self, by_s: f64) -> Self {
+        Self {
+            latency_s: self.latency_s + by_s,
+            ..self
+        }
+    }
+
     /// The stage cycled, at rest at 0 V, to be stepped at a period; `later` is what changes after the campaign.
     pub fn at_rest(&self, period_s: f64, later: bool, seed: u64) -> Running {
         let gain = if later && self.untold == Untold::Gain {

@@ -68,7 +68,7 @@ pub struct Controller {
     /// Why there is no feedback.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub open_loop: Option<OpenLoop>,
-    /// What is learned of gain and zero while the law runs; nothing without.
+    /// What is learned of gain, zero and lag while the law runs; nothing without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adaptation: Option<Adaptation>,
     /// The identified chain.
@@ -107,13 +107,18 @@ impl Controller {
         })
     }
 
-    /// The same controller, which learns gain and zero while it runs: the gain by `gain_bound` at most, a share.
+    /// The same controller, which learns gain, zero and lag while it runs: the gain by `gain_bound` at most, a share.
     #[must_use]
     pub fn adapting(self, gain_bound: f64) -> Self {
         let stroke_um = self.model.inverse.input_max_um - self.model.inverse.input_min_um;
         let range_v = self.model.voltage_max_v - self.model.voltage_min_v;
         Self {
-            adaptation: Some(Adaptation::within(gain_bound, stroke_um, range_v)),
+            adaptation: Some(Adaptation::within(
+                gain_bound,
+                stroke_um,
+                range_v,
+                self.model.covered.swing_hz,
+            )),
             ..self
         }
     }

@@ -165,16 +165,21 @@ static void learn_hum(@name@_state *s, float error) {
 //{ adaptation
 static float within(float x, float bound) { return larger(smaller(x, bound), -bound); }
 
-/* What the means over a block tell of gain and zero. */
+/* What the means over a block tell of gain, zero and lag. */
 static void end_block(@name@_state *s) {
     float motion = s->adapt_motion * ADAPTATION[4], missed = s->adapt_missed * ADAPTATION[4];
+    float late = s->adapt_late * ADAPTATION[4], rise = s->adapt_rise * ADAPTATION[4];
     float swing, missed_swing;
-    uint8_t spoilt = s->adapt_spoilt;
+    uint8_t spoilt = s->adapt_spoilt, jumped = s->adapt_jumped;
     s->adapt_motion = 0.0f;
     s->adapt_missed = 0.0f;
+    s->adapt_late = 0.0f;
+    s->adapt_rise = 0.0f;
     s->adapt_taken = 0;
     s->adapt_spoilt = 0;
+    s->adapt_jumped = 0;
     if (spoilt) {
+        s->adapt_jumped = 1;
         return;
     }
     if (!s->adapt_begun) {
@@ -187,21 +192,33 @@ static void end_block(@name@_state *s) {
     s->adapt_mean_motion += ADAPTATION[5] * swing;
     s->adapt_mean_missed += ADAPTATION[5] * missed_swing;
     s->adapt_square += ADAPTATION[5] * (swing * swing - s->adapt_square);
+    if (!jumped) {
+        s->adapt_mean_rise += ADAPTATION[5] * (rise - s->adapt_mean_rise);
+    }
     if (s->adapt_square > ADAPTATION[6]) {
         float asked = (missed_swing - within(missed_swing, ADAPTATION[2])) * (swing / s->adapt_square);
         float step = within(admit(asked, 0.0f), ADAPTATION[0]);
         s->adapt_gain = within(s->adapt_gain + ADAPTATION[5] * step, ADAPTATION[0]);
     }
+    if (!jumped && s->adapt_mean_rise > ADAPTATION[9] && s->adapt_mean_rise > ADAPTATION[10] * s->adapt_square) {
+        float step = within(admit(late / s->adapt_mean_rise, 0.0f), ADAPTATION[7]);
+        s->adapt_lag = within(s->adapt_lag + ADAPTATION[5] * step, ADAPTATION[7]);
+    }
     missed = missed - within(missed, ADAPTATION[2]);
     s->adapt_zero = within(s->adapt_zero + ADAPTATION[5] * missed, ADAPTATION[1]);
 }
 
-/* Gain and zero, learned from what the feedforward misses. */
-static void learn_gain(@name@_state *s, float error, float correction) {
+/* Gain, zero and lag, learned from what the feedforward misses. */
+static void learn_adaptation(@name@_state *s, float error, float correction) {
     float motion = s->due_um - REST_UM, missed = error + ADAPTATION[3] * correction;
     if (fabsf(missed) <= 1e6f && fabsf(motion) <= 1e6f && !@name@_limited(s)) {
+        float rise = motion - s->adapt_last, swing = missed - s->adapt_mean_missed;
+        s->adapt_last = motion;
+        s->adapt_jumped |= fabsf(rise) > ADAPTATION[8];
         s->adapt_motion += motion;
         s->adapt_missed += missed;
+        s->adapt_late += (swing - within(swing, ADAPTATION[2])) * rise;
+        s->adapt_rise += rise * rise;
     } else {
         s->adapt_spoilt = 1;
     }
@@ -209,6 +226,14 @@ static void learn_gain(@name@_state *s, float error, float correction) {
     if (s->adapt_taken >= ADAPTATION_SAMPLES) {
         end_block(s);
     }
+}
+
+/* The target with what was learned. */
+static float adapted(@name@_state *s, float target) {
+    float rise = target - s->adapt_target;
+    float late = fabsf(rise) <= ADAPTATION[8] ? s->adapt_lag * rise : 0.0f;
+    s->adapt_target = admit(target, s->adapt_target);
+    return target + s->adapt_gain * target + s->adapt_zero + late;
 }
 
 //} adaptation
@@ -291,7 +316,7 @@ float @name@_step(@name@_state *state, const @name@_input *now) {
     target = undo_heat(state, target, now->temperature_c);
 //} heat
 //{ adaptation
-    target = target + state->adapt_gain * target + state->adapt_zero;
+    target = adapted(state, target);
 //} adaptation
     command = feedforward(state, target);
     expected = take_in(state, now->reference_um);
@@ -321,7 +346,7 @@ float @name@_step(@name@_state *state, const @name@_input *now) {
     command = limit(state, command);
 //} open
 //{ adaptation
-    learn_gain(state, error, state->adapt_correction);
+    learn_adaptation(state, error, state->adapt_correction);
 //} adaptation
     return command;
 }

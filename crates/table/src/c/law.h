@@ -98,8 +98,9 @@ typedef struct {
 //{ adaptation
     float adapt_gain, adapt_zero, adapt_motion, adapt_missed, adapt_correction;
     float adapt_mean_motion, adapt_mean_missed, adapt_square;
+    float adapt_lag, adapt_target, adapt_last, adapt_late, adapt_rise, adapt_mean_rise;
     uint32_t adapt_taken;
-    uint8_t adapt_spoilt, adapt_begun;
+    uint8_t adapt_spoilt, adapt_begun, adapt_jumped;
 //} adaptation
 //{ heat
     float heat_output, heat_input;

@@ -17,7 +17,7 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hysteron design records -o controller.toml\n  hysteron design model.toml --volts 0,200 -o controller.toml\n  \
-    hysteron design model.toml --adapt 5 -o controller.toml          # gain and zero follow the stage\n\n\
+    hysteron design model.toml --adapt 5 -o controller.toml          # gain, zero and lag follow it\n\n\
     From the records of `hysteron campaign`, or from a model that `fit`, `add` and `learn` wrote. Every effect brings its\n\
     compensator: latency and modes a filter over the reference ahead, creep and hysteresis their inverses, the amplifier's lag a\n\
     lead, another axis, mains, heat and the sensor's curve their own; feedback on what is left. What has none is named.\n\n\
@@ -53,7 +53,7 @@ pub(crate) struct DesignArgs {
     /// Without feedback
     #[arg(long)]
     pub open: bool,
-    /// Let gain and zero follow the stage while the controller runs: the gain by this much at most, percent, such as 5; not without
+    /// Let gain, zero and lag follow the stage while the controller runs: the gain by this much at most, percent, such as 5; not without
     #[arg(long, value_name = "PERCENT")]
     pub adapt: Option<f64>,
     /// Where to write the controller

@@ -68,7 +68,7 @@ pub(super) fn page(report: &TrackReport, board: Option<&OnChip>, controller: &Co
     );
     if let Some(bounds) = &report.adaptation {
         page = page.section(
-            Section::new("Gain and zero learned while it ran").with(Block::Table(adapted_table(report, bounds))),
+            Section::new("Gain, zero and lag learned while it ran").with(Block::Table(adapted_table(report, bounds))),
         );
     }
     if let Some(board) = board {
@@ -165,13 +165,13 @@ fn table(report: &TrackReport) -> Table {
         })
 }
 
-/// Gain and zero at the end of each run.
+/// Gain, zero and lag at the end of each run.
 fn adapted_table(report: &TrackReport, bounds: &Adaptation) -> Table {
     let caption = format!(
         "What the designed controller had learned at the end of each run, which begins at rest with nothing learned: {}",
         bounds_text(bounds)
     );
-    let mut table = Table::new(caption, &["Reference", "Loop", "Gain, %", "Zero, µm"]);
+    let mut table = Table::new(caption, &["Reference", "Loop", "Gain, %", "Zero, µm", "Lag, µs"]);
     for controller in &report.controllers {
         for (key, learned) in references().filter_map(|key| Some((key, controller.adapted.get(key)?))) {
             table = table.row(vec![
@@ -179,6 +179,7 @@ fn adapted_table(report: &TrackReport, bounds: &Adaptation) -> Table {
                 Cell::text(controller.loop_kind),
                 Cell::number(Some(learned.gain_percent)),
                 Cell::number(Some(learned.zero_um)),
+                Cell::number(Some(learned.lag_us)),
             ]);
         }
     }

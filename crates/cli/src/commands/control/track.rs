@@ -243,7 +243,7 @@ fn on_chip(
 pub(super) fn unsaid(adaptation: Option<&Adaptation>) -> String {
     adaptation.map_or_else(String::new, |bounds| {
         format!(
-            "\nLEARNED WHILE IT RAN: not known, since telemetry does not carry gain and zero; {}\n",
+            "\nLEARNED WHILE IT RAN: not known, since telemetry does not carry it; {}\n",
             bounds_text(bounds)
         )
     })
