@@ -347,9 +347,10 @@ fn of_trust(numbers: &mut LawNumbers, change: impl Fn(&mut TrustNumbers)) {
 /// No number of a law is without effect, in either number type. The least that counts is a tenth of a step of a 16-bit converter.
 #[test]
 fn val_every_number_changes_the_step() {
+    // Two time constants of what is learned: the lag waits for one.
     let (double, single) = (
-        commands::<f64>(&everything(), 3000),
-        commands::<f32>(&everything(), 3000),
+        commands::<f64>(&everything(), 12_000),
+        commands::<f32>(&everything(), 12_000),
     );
     let farthest = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     for (name, change) in CHANGES {
@@ -357,8 +358,8 @@ fn val_every_number_changes_the_step() {
         change(&mut numbers);
         assert_ne!(numbers, everything(), "{name}");
         for moved in [
-            farthest(&double, &commands::<f64>(&numbers, 3000)),
-            farthest(&single, &commands::<f32>(&numbers, 3000)),
+            farthest(&double, &commands::<f64>(&numbers, 12_000)),
+            farthest(&single, &commands::<f32>(&numbers, 12_000)),
         ] {
             assert!(moved > 1.5e-3, "{name} moves the command by {moved} V");
         }
