@@ -40,7 +40,7 @@ pub use compensator::{Compensation, Compensator, CreepElement, StageMode};
 pub use delay::late;
 pub use effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, RateLaw, Scene, Shape, Signals};
 pub use effect_file::{EffectFile, FileParameter, FileState};
-pub use error::EffectError;
+pub use error::{EffectError, InText};
 pub use family::{Family, MAX_PLAYS};
 pub use hysteresis_shape::FREE_SHAPE;
 pub use id::{EffectId, EffectName, UnknownEffect};

@@ -2,6 +2,7 @@
 //!
 //! Own code, because no kept library reads what an engineer writes: see "Why ..." in `ARCHITECTURE.md`.
 
+use super::fault::Misread;
 use std::fmt::Write;
 
 /// Longest text, characters: no equation of physics needs more, and a longer one is a mistake.
@@ -99,10 +100,13 @@ impl Expression {
     ///
     /// # Errors
     /// In words: what stands where, and what is allowed there.
-    pub(super) fn parse(text: &str, names: &[&str]) -> Result<Self, String> {
+    pub(super) fn parse(text: &str, names: &[&str]) -> Result<Self, Misread> {
         let length = text.chars().count();
         if length > LONGEST {
-            return Err(format!("{length} characters; an expression has at most {LONGEST}"));
+            return Err(Misread {
+                character: None,
+                why: format!("{length} characters; an expression has at most {LONGEST}"),
+            });
         }
         let mut parser = Parser {
             text,
@@ -211,11 +215,17 @@ impl<'a> Parser<'a> {
         there
     }
 
+    /// The character that the parser is at, from 1.
     fn column(&self) -> usize {
         self.text[..self.at].chars().count() + 1
     }
 
-    fn unexpected(&self, c: char) -> String {
+    /// What is wrong here.
+    fn here(&self, why: impl Into<String>) -> Misread {
+        at(self.column(), why)
+    }
+
+    fn unexpected(&self, c: char) -> Misread {
         let hint = match c {
             ')' => "; there is no `(` to it",
             ',' => "; a comma stands between the arguments of a function",
@@ -224,23 +234,20 @@ impl<'a> Parser<'a> {
             _ if c.is_alphanumeric() || c == '(' => "; a product is written with `*`",
             _ => "; allowed are numbers, names, + - * / ^ ( ) and functions",
         };
-        format!("column {}: `{c}` does not belong here{hint}", self.column())
+        self.here(format!("`{c}` does not belong here{hint}"))
     }
 
-    fn deeper<T>(&mut self, inner: impl FnOnce(&mut Self) -> Result<T, String>) -> Result<T, String> {
+    fn deeper<T>(&mut self, inner: impl FnOnce(&mut Self) -> Result<T, Misread>) -> Result<T, Misread> {
         self.nested += 1;
         if self.nested > MOST_NESTED {
-            return Err(format!(
-                "column {}: too deeply nested; split it into states or simplify it",
-                self.column()
-            ));
+            return Err(self.here("too deeply nested; split it into states or simplify it"));
         }
         let found = inner(self);
         self.nested -= 1;
         found
     }
 
-    fn sum(&mut self) -> Result<(), String> {
+    fn sum(&mut self) -> Result<(), Misread> {
         self.product()?;
         loop {
             let step = if self.take('+') {
@@ -255,7 +262,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    fn product(&mut self) -> Result<(), String> {
+    fn product(&mut self) -> Result<(), Misread> {
         self.factor()?;
         loop {
             let step = if self.take('*') {
@@ -271,7 +278,7 @@ impl<'a> Parser<'a> {
     }
 
     /// A sign binds less than a power: -x^2 is -(x^2).
-    fn factor(&mut self) -> Result<(), String> {
+    fn factor(&mut self) -> Result<(), Misread> {
         if self.take('-') {
             self.deeper(Self::factor)?;
             return self.push(Step::Negate);
@@ -288,12 +295,9 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    fn operand(&mut self) -> Result<(), String> {
+    fn operand(&mut self) -> Result<(), Misread> {
         match self.peek() {
-            None => Err(format!(
-                "column {}: it ends where a number, a name or a bracket is missing",
-                self.column()
-            )),
+            None => Err(self.here("it ends where a number, a name or a bracket is missing")),
             Some('(') => {
                 self.at += 1;
                 self.deeper(Self::sum)?;
@@ -305,19 +309,19 @@ impl<'a> Parser<'a> {
         }
     }
 
-    fn close(&mut self) -> Result<(), String> {
+    fn close(&mut self) -> Result<(), Misread> {
         if self.take(')') {
             return Ok(());
         }
         let column = self.column();
         match self.peek() {
-            Some(',') => Err(format!("column {column}: one argument too many")),
+            Some(',') => Err(at(column, "one argument too many")),
             Some(c) => Err(self.unexpected(c)),
-            None => Err(format!("column {column}: `)` is missing")),
+            None => Err(at(column, "`)` is missing")),
         }
     }
 
-    fn number(&mut self) -> Result<(), String> {
+    fn number(&mut self) -> Result<(), Misread> {
         let rest = self.rest().as_bytes();
         let digits = |from: usize| rest[from..].iter().take_while(|b| b.is_ascii_digit()).count();
         let mut end = digits(0);
@@ -337,11 +341,11 @@ impl<'a> Parser<'a> {
                 self.at += end;
                 self.push(Step::Number(value))
             }
-            _ => Err(format!("column {}: `{written}` is no number", self.column())),
+            _ => Err(self.here(format!("`{written}` is no number"))),
         }
     }
 
-    fn name(&mut self) -> Result<(), String> {
+    fn name(&mut self) -> Result<(), Misread> {
         let rest = self.rest();
         let end = rest
             .find(|c: char| !(c.is_alphanumeric() || c == '_'))
@@ -355,10 +359,10 @@ impl<'a> Parser<'a> {
             return self.push(Step::Number(std::f64::consts::PI));
         }
         let Some((_, function)) = FUNCTIONS.iter().find(|(known, _)| *known == name) else {
-            return Err(format!("column {column}: {}", self.unknown(name)));
+            return Err(at(column, self.unknown(name)));
         };
         if !self.take('(') {
-            return Err(format!("column {column}: `{name}` is a function; write {name}(...)"));
+            return Err(at(column, format!("`{name}` is a function; write {name}(...)")));
         }
         let (arguments, step) = match *function {
             Function::Of1(f) => (1, Step::Of1(f)),
@@ -367,11 +371,8 @@ impl<'a> Parser<'a> {
         };
         for number in 1..=arguments {
             if number > 1 && !self.take(',') {
-                return Err(format!(
-                    "column {}: {name} takes {arguments} arguments, here is {} of them",
-                    self.column(),
-                    number - 1
-                ));
+                let given = number - 1;
+                return Err(self.here(format!("{name} takes {arguments} arguments, here is {given} of them")));
             }
             self.deeper(Self::sum)?;
         }
@@ -396,16 +397,23 @@ impl<'a> Parser<'a> {
     }
 
     /// Appends a step, and counts what waits.
-    fn push(&mut self, step: Step) -> Result<(), String> {
+    fn push(&mut self, step: Step) -> Result<(), Misread> {
         self.waiting = self.waiting + 1 - takes(&step);
         if self.waiting > DEEPEST {
-            return Err(format!(
-                "column {}: more than {DEEPEST} intermediate results; split it into states or simplify it",
-                self.column()
-            ));
+            return Err(self.here(format!(
+                "more than {DEEPEST} intermediate results; split it into states or simplify it"
+            )));
         }
         append(&mut self.steps, step);
         Ok(())
+    }
+}
+
+/// What is wrong at a character.
+fn at(character: usize, why: impl Into<String>) -> Misread {
+    Misread {
+        character: Some(character),
+        why: why.into(),
     }
 }
 
@@ -535,7 +543,7 @@ mod tests {
             (&long, "1201 characters; an expression has at most 1000"),
         ] {
             let error = Expression::parse(text, &["u", "z"]).unwrap_err();
-            assert!(error.contains(says), "{text}: {error}");
+            assert!(error.to_string().contains(says), "{text}: {error}");
         }
     }
 }

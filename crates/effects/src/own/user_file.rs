@@ -1,10 +1,11 @@
 //! Effect files: what stands in them, what is allowed, and the definition that comes out.
 
 use super::expression::{Expression, is_taken};
+use super::fault::{Fault, Spot};
 use super::user::UserEffect;
 use crate::effect::{Description, Effect, Named, Place, Scene};
 use crate::effect_file::{EffectFile, FileParameter};
-use crate::error::EffectError;
+use crate::error::{EffectError, InText};
 use crate::family::Family;
 use crate::id::EffectId;
 use std::path::{Path, PathBuf};
@@ -113,6 +114,7 @@ impl UserEffect {
             return Err(EffectError::File {
                 reason: format!("{bytes} bytes; an effect file has at most {MOST_BYTES}"),
                 file,
+                at: None,
             });
         }
         let text = std::fs::read_to_string(path).map_err(failed)?;
@@ -134,6 +136,7 @@ impl UserEffect {
                         "another effect file names its effect `{}` as well; give each a name of its own",
                         effect.name()
                     ),
+                    at: None,
                 });
             }
             effects.push(effect);
@@ -169,12 +172,38 @@ impl UserEffect {
     /// # Ok::<(), hysteron_effects::EffectError>(())
     /// ```
     pub fn from_toml(text: &str, name: &str) -> Result<Self, EffectError> {
-        let refuse = |reason: String| EffectError::File {
+        let file = Self::checked(text, name)?;
+        Self::of(&file).map_err(|reason| EffectError::File {
             file: name.to_owned(),
             reason,
+            at: None,
+        })
+    }
+
+    /// Reads the text of an effect file and checks it, and keeps nothing of it: for a text that is still being written.
+    ///
+    /// # Errors
+    /// As [`UserEffect::from_toml`].
+    pub fn checked(text: &str, name: &str) -> Result<EffectFile, EffectError> {
+        let refuse = |reason: String, at: Option<InText>| EffectError::File {
+            file: name.to_owned(),
+            reason,
+            at,
         };
-        let file: EffectFile = toml::from_str(text).map_err(|error| refuse(error.to_string().trim().to_owned()))?;
-        Self::of(&file).map_err(refuse)
+        if text.len() as u64 > MOST_BYTES {
+            let reason = format!("{} bytes; an effect file has at most {MOST_BYTES}", text.len());
+            return Err(refuse(reason, None));
+        }
+        let file: EffectFile = toml::from_str(text).map_err(|error| {
+            let at = error
+                .span()
+                .map(|span| InText::at(text, span.start, error.message().to_owned()));
+            refuse(error.to_string().trim().to_owned(), at)
+        })?;
+        match check(&file) {
+            Ok(_) => Ok(file),
+            Err(fault) => Err(refuse(fault.to_string(), fault.in_text(text))),
+        }
     }
 
     /// The effect of a file's content; the same one for the same content, kept for the life of the program.
@@ -187,13 +216,23 @@ impl UserEffect {
         if let Some(definition) = known().iter().find(|definition| definition.file == *file) {
             return Ok(Self(definition));
         }
-        let definition: &'static Definition = Box::leak(Box::new(define(file)?));
+        let definition: &'static Definition = Box::leak(Box::new(define(file).map_err(|fault| fault.to_string())?));
         known().push(definition);
         Ok(Self(definition))
     }
 }
 
-fn define(file: &EffectFile) -> Result<Definition, String> {
+fn define(file: &EffectFile) -> Result<Definition, Fault> {
+    let (place, equations) = check(file)?;
+    Ok(Definition {
+        description: describe(file, place, scene(&equations, place)),
+        file: file.clone(),
+        equations,
+    })
+}
+
+/// Where the effect of a file stands, and its equations, where all of it is allowed.
+fn check(file: &EffectFile) -> Result<(Place, Equations), Fault> {
     let place = place(&file.place)?;
     check_effect_name(&file.name)?;
     let texts = [
@@ -206,24 +245,23 @@ fn define(file: &EffectFile) -> Result<Definition, String> {
     ];
     for (field, text) in texts {
         if text.is_some_and(|text| text.trim().is_empty()) {
-            return Err(format!(
-                "{field} is empty; say it in a sentence{}",
-                if field == "summary" {
-                    ""
-                } else {
-                    ", or leave the line out"
-                }
-            ));
+            let or = if field == "summary" {
+                ""
+            } else {
+                ", or leave the line out"
+            };
+            return Err(Spot::Effect(field).fault(format!("{field} is empty; say it in a sentence{or}")));
         }
     }
     if file.states.len() > MOST_STATES {
-        return Err(format!("{} states; allowed are up to {MOST_STATES}", file.states.len()));
+        let why = format!("{} states; allowed are up to {MOST_STATES}", file.states.len());
+        return Err(Spot::Effect("state").fault(why));
     }
     if file.parameters.is_empty() || file.parameters.len() > MOST_PARAMETERS {
-        return Err(format!(
+        return Err(Spot::Effect("parameter").fault(format!(
             "{} parameters; allowed are 1 to {MOST_PARAMETERS}: without one there is nothing to fit",
             file.parameters.len()
-        ));
+        )));
     }
     let own: Vec<&str> = file
         .states
@@ -231,26 +269,27 @@ fn define(file: &EffectFile) -> Result<Definition, String> {
         .map(|state| state.name.as_str())
         .chain(file.parameters.iter().map(|parameter| parameter.name.as_str()))
         .collect();
+    let named = |i: usize| match i.checked_sub(file.states.len()) {
+        Some(parameter) => Spot::Parameter(parameter, "name"),
+        None => Spot::State(i, "name"),
+    };
     for (i, name) in own.iter().enumerate() {
-        check_name(name, &own[..i])?;
+        check_name(name, &own[..i]).map_err(|why| named(i).fault(why))?;
     }
-    file.parameters.iter().try_for_each(check_parameter)?;
+    for (i, parameter) in file.parameters.iter().enumerate() {
+        check_parameter(parameter).map_err(|(field, why)| Spot::Parameter(i, field).fault(why))?;
+    }
     let equations = parse(file, place < Place::Hysteresis, &own)?;
     for (i, name) in own.iter().enumerate() {
         if !equations.needs(VARIABLES.len() + i, i) {
-            return Err(format!(
-                "`{name}` moves nothing; let it stand in an expression or take it out"
-            ));
+            let why = format!("`{name}` moves nothing; let it stand in an expression or take it out");
+            return Err(named(i).fault(why));
         }
     }
-    Ok(Definition {
-        description: describe(file, place, scene(&equations, place)),
-        file: file.clone(),
-        equations,
-    })
+    Ok((place, equations))
 }
 
-fn place(name: &str) -> Result<Place, String> {
+fn place(name: &str) -> Result<Place, Fault> {
     const PLACES: [(&str, Place); 6] = [
         ("delay", Place::Delay),
         ("amplifier", Place::Amplifier),
@@ -263,27 +302,27 @@ fn place(name: &str) -> Result<Place, String> {
         "allowed are delay, amplifier (they act on the voltage), creep, structure, coupling, sensor (on the position)";
     match PLACES.iter().find(|(known, _)| *known == name) {
         Some((_, place)) => Ok(*place),
-        None if name == "hysteresis" => Err(format!(
+        None if name == "hysteresis" => Err(Spot::Effect("place").fault(format!(
             "place = \"hysteresis\": the plays have a memory that no expression of one input can reach into; write what acts \
              before or behind them, or choose another family with `hysteron fit --model`; {allowed}"
-        )),
-        None => Err(format!("place = \"{name}\"; {allowed}")),
+        ))),
+        None => Err(Spot::Effect("place").fault(format!("place = \"{name}\"; {allowed}"))),
     }
 }
 
-fn check_effect_name(name: &str) -> Result<(), String> {
+fn check_effect_name(name: &str) -> Result<(), Fault> {
     let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     if !name.starts_with(|c: char| c.is_ascii_lowercase()) || !name.chars().all(allowed) || name.len() > 40 {
-        return Err(format!(
+        return Err(Spot::Effect("name").fault(format!(
             "name = \"{name}\"; allowed are lower-case letters, digits and hyphens, a letter first, at most 40"
-        ));
+        )));
     }
     let verdicts = ["none", "unknown", "nothing"];
     let families = Family::ALL.map(Family::name);
     if EffectId::names().contains(&name) || verdicts.contains(&name) || families.contains(&name) {
-        return Err(format!(
+        return Err(Spot::Effect("name").fault(format!(
             "name = \"{name}\" is taken by the catalogue, by a verdict or by a family; choose another, such as \"my-{name}\""
-        ));
+        )));
     }
     Ok(())
 }
@@ -313,29 +352,29 @@ fn check_name(name: &str, before: &[&str]) -> Result<(), String> {
 /// Largest bound: micrometres, volts, hertz and seconds of a stage all stay far below.
 const LARGEST: f64 = 1e12;
 
-fn check_parameter(parameter: &FileParameter) -> Result<(), String> {
+/// What is wrong with a parameter: the field, and why.
+fn check_parameter(parameter: &FileParameter) -> Result<(), (&'static str, String)> {
     let FileParameter { name, min, max, .. } = parameter;
     let in_words = |field: &str, value: f64| format!("parameter `{name}`: {field} = {value}");
     for (field, value) in [("min", *min), ("max", *max)] {
         if !(-LARGEST..=LARGEST).contains(&value) {
-            return Err(format!(
-                "{}; allowed is -{LARGEST:e} to {LARGEST:e}",
-                in_words(field, value)
-            ));
+            let why = format!("{}; allowed is -{LARGEST:e} to {LARGEST:e}", in_words(field, value));
+            return Err((field, why));
         }
     }
     if min >= max {
-        return Err(format!("{} must be below max = {max}", in_words("min", *min)));
+        return Err(("min", format!("{} must be below max = {max}", in_words("min", *min))));
     }
     if parameter.what.trim().is_empty() {
-        return Err(format!("parameter `{name}`: what is empty; say what it is"));
+        return Err(("what", format!("parameter `{name}`: what is empty; say what it is")));
     }
     let starts = parameter.starts.as_deref();
     if starts.is_some_and(|starts| starts.is_empty() || starts.len() > STARTS) {
-        return Err(format!(
+        let why = format!(
             "parameter `{name}`: starts has {} values; allowed are 1 to {STARTS}, or leave it out",
             starts.map_or(0, <[f64]>::len)
-        ));
+        );
+        return Err(("starts", why));
     }
     let fields = [("neutral", parameter.neutral)].into_iter();
     let starts = starts.unwrap_or_default().iter().map(|&start| ("starts", Some(start)));
@@ -343,10 +382,8 @@ fn check_parameter(parameter: &FileParameter) -> Result<(), String> {
         if let Some(value) = value
             && !(*min..=*max).contains(&value)
         {
-            return Err(format!(
-                "{}; allowed is min to max, {min} to {max}",
-                in_words(field, value)
-            ));
+            let why = format!("{}; allowed is min to max, {min} to {max}", in_words(field, value));
+            return Err((field, why));
         }
     }
     Ok(())
@@ -355,21 +392,19 @@ fn check_parameter(parameter: &FileParameter) -> Result<(), String> {
 /// Points at which a search looks first.
 pub(super) const STARTS: usize = 128;
 
-fn parse(file: &EffectFile, before: bool, own: &[&str]) -> Result<Equations, String> {
+fn parse(file: &EffectFile, before: bool, own: &[&str]) -> Result<Equations, Fault> {
     let mut names: Vec<&str> = VARIABLES.to_vec();
     if before {
         // The voltage at the stack is what such effects make.
         names[V] = "";
     }
     names.extend(own);
-    let expression = |field: &str, text: &str, names: &[&str]| {
-        Expression::parse(text, names).map_err(|reason| {
-            let hint = if before && reason.contains("unknown name `v`") {
-                "; the voltage at the stack comes out of this effect: its input is u"
-            } else {
-                ""
-            };
-            format!("{field} = \"{text}\": {reason}{hint}")
+    let expression = |spot: Spot, field: &str, text: &str, names: &[&str]| {
+        Expression::parse(text, names).map_err(|mut misread| {
+            if before && misread.why.contains("unknown name `v`") {
+                misread.why += "; the voltage at the stack comes out of this effect: its input is u";
+            }
+            spot.in_expression(format!("{field} = \"{text}\""), misread)
         })
     };
     let (mut at_rest, mut motions) = (Vec::new(), Vec::new());
@@ -378,22 +413,25 @@ fn parse(file: &EffectFile, before: bool, own: &[&str]) -> Result<Equations, Str
         // Where a state begins cannot depend on states.
         *name = "";
     }
-    for state in &file.states {
-        let of = |field: &str| format!("state `{}`: {field}", state.name);
-        at_rest.push(expression(&of("at_rest"), &state.at_rest, &resting)?);
+    for (number, state) in file.states.iter().enumerate() {
+        let of = |field: &'static str, text: &str, names: &[&str]| {
+            let words = format!("state `{}`: {field}", state.name);
+            expression(Spot::State(number, field), &words, text, names)
+        };
+        at_rest.push(of("at_rest", &state.at_rest, &resting)?);
         motions.push(match (&state.rate, &state.next) {
-            (Some(rate), None) => Motion::Rate(expression(&of("rate"), rate, &names)?),
-            (None, Some(next)) => Motion::Next(expression(&of("next"), next, &names)?),
+            (Some(rate), None) => Motion::Rate(of("rate", rate, &names)?),
+            (None, Some(next)) => Motion::Next(of("next", next, &names)?),
             _ => {
-                return Err(format!(
+                return Err(Spot::State(number, "name").fault(format!(
                     "state `{}` needs one of the two: rate (its change per second) or next (its new value at each sample)",
                     state.name
-                ));
+                )));
             }
         });
     }
     Ok(Equations {
-        output: expression("output", &file.output, &names)?,
+        output: expression(Spot::Effect("output"), "output", &file.output, &names)?,
         at_rest,
         motions,
     })
