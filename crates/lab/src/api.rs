@@ -8,7 +8,9 @@ use crate::guard::{self, Guard};
 use crate::place::{Of, Place};
 use crate::reading::Reading;
 use crate::session::Session;
-use crate::{App, assets, bring, came_back, campaign, grow, hand, jobs, learn, riddle, rungs, state, views, work};
+use crate::{
+    App, assets, bring, came_back, campaign, draft, grow, hand, jobs, learn, riddle, rungs, state, views, work,
+};
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
 use axum::http::{StatusCode, header};
@@ -69,6 +71,12 @@ pub(crate) fn router(
         .route("/api/diagnosis", get(views::diagnosis))
         .route("/api/effects", get(views::effects))
         .route("/api/effect", get(views::effect))
+        .route(
+            "/api/own-effect",
+            get(draft::show)
+                .post(draft::keep)
+                .layer(DefaultBodyLimit::max(draft::BODY_LIMIT)),
+        )
         .route("/api/export/{what}", get(download))
         .fallback(|| async { Refusal::absent("there is nothing at this address") })
         .method_not_allowed_fallback(|| async {
@@ -140,6 +148,7 @@ enum Deed {
     Add {
         effect: String,
     },
+    AddOwn,
     Refit,
     Learn {
         model: String,
@@ -218,6 +227,7 @@ async fn perform(State(app): Shared, content: Bytes) -> Answer {
         Deed::Start { name } => grow::take_start(&app, &name)?,
         Deed::Fit { model, plays } => work::fit(&app, &model, plays)?,
         Deed::Add { effect } => work::add(&app, &effect)?,
+        Deed::AddOwn => draft::add(&app)?,
         Deed::Refit => work::refit(&app)?,
         Deed::Learn { model, plays } => learn::learn(&app, &model, plays)?,
         Deed::KeepMoved { values } => hand::keep(&app, &values)?,

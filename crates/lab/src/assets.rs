@@ -17,7 +17,7 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: [Asset; 21] = [
+const ASSETS: [Asset; 22] = [
     asset!("app.js", JS),
     asset!("api.js", JS),
     asset!("dom.js", JS),
@@ -29,6 +29,7 @@ const ASSETS: [Asset; 21] = [
     asset!("hand.js", JS),
     asset!("diagnose.js", JS),
     asset!("effects.js", JS),
+    asset!("own.js", JS),
     asset!("riddle.js", JS),
     asset!("take.js", JS),
     asset!("numbers.js", JS),

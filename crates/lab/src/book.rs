@@ -120,6 +120,8 @@ pub(crate) enum Recipe {
     Fit { family: Family, plays: usize },
     /// An effect, added to the model of the parent.
     Add { effect: EffectId },
+    /// An effect of the user's own, by the text of its file.
+    AddOwn { text: String },
     /// What learning made of the model of the parent in its step of this number, from 1 on.
     Learned { step: usize },
     /// Parameters of the model of the parent, moved by hand.
@@ -381,6 +383,11 @@ impl Book {
 /// The file of a step's model.
 pub(crate) fn model_name(number: usize) -> String {
     format!("models/{}.toml", number + 1)
+}
+
+/// The effect file of a step that added an effect of the user's own.
+pub(crate) fn effect_name(number: usize) -> String {
+    format!("effects/{}.toml", number + 1)
 }
 
 #[cfg(test)]

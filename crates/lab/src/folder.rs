@@ -7,7 +7,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Folders of a session that hold what came of its data.
-pub(crate) const RESULTS: [&str; 5] = ["models", "diagnoses", "reports", "controllers", "tables"];
+pub(crate) const RESULTS: [&str; 6] = ["models", "effects", "diagnoses", "reports", "controllers", "tables"];
 
 /// Refuses a folder that is used for something else: what the workbench writes would take the place of what is there.
 pub(crate) fn nothing_else_in(folder: &Path) -> Result<(), String> {
@@ -129,6 +129,7 @@ mod tests {
             ("data/a.csv", "old"),
             ("data.key", "old"),
             ("models/1.toml", "old"),
+            ("effects/1.toml", "old"),
             ("diagnoses/0.json", "old"),
             ("reports/1.html", "old"),
             ("controllers/1.toml", "old"),
@@ -173,6 +174,7 @@ mod tests {
             for file in [
                 "data/a.csv",
                 "models/1.toml",
+                "effects/1.toml",
                 "diagnoses/0.json",
                 "reports/1.html",
                 "controllers/1.toml",

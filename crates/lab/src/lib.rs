@@ -15,6 +15,7 @@ mod bring;
 mod came_back;
 mod campaign;
 mod controller;
+mod draft;
 mod error;
 mod explain;
 mod export;

@@ -3,10 +3,10 @@
 //! The folder is written so that the command line opens it: `data/` is a dataset, and `data-2/` the same dataset once it has
 //! grown; `models/N.toml` are models, and every step carries the command that does the same when typed in the folder.
 
-use crate::book::{Book, Generation, Recipe, Stands, Step, model_name};
+use crate::book::{Book, Generation, Recipe, Stands, Step, effect_name, model_name};
 use crate::campaign;
 use crate::error::{LabError, Refusal};
-use crate::folder::{RESULTS, finish_taking, nothing_else_in};
+use crate::folder::{RESULTS, finish_taking, nothing_else_in, write_whole};
 use crate::hand::InHand;
 use crate::reading::quoted;
 use crate::uploads::{self, Uploads};
@@ -194,6 +194,11 @@ impl Session {
                 Recipe::Add { effect } => {
                     let before = model_name(parent.unwrap_or_default());
                     format!("hysteron add {effect} {data} {before} -o {file}")
+                }
+                Recipe::AddOwn { text } => {
+                    let (own, before) = (effect_name(number), model_name(parent.unwrap_or_default()));
+                    write_whole(&self.folder.join(&own), text.as_bytes())?;
+                    format!("hysteron add ./{own} {data} {before} -o {file}")
                 }
                 Recipe::Learned { .. } => learn_command(&book, parent, &data, last_learned),
                 Recipe::Moved { .. } => {

@@ -5,7 +5,7 @@ use crate::book::{Book, Recipe};
 use crate::error::Refusal;
 use crate::jobs::{self, Progress};
 use crate::session::{Fitted, Session};
-use crate::{export, folder, hand, learn, series};
+use crate::{draft, export, folder, hand, learn, series};
 use hysteron_data::Dataset;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_diagnose::{Comparison, Signature, signatures};
@@ -57,10 +57,15 @@ pub(crate) fn add(app: &Arc<App>, effect: &str) -> Result<(), Refusal> {
     let effect: EffectId = effect
         .parse()
         .map_err(|unknown: UnknownEffect| Refusal::bad(unknown.to_string()))?;
+    add_by(app, Recipe::Add { effect })
+}
+
+/// Adds by a recipe to the current step's model.
+pub(crate) fn add_by(app: &Arc<App>, recipe: Recipe) -> Result<(), Refusal> {
     let (dataset, plan) = {
         let session = app.session();
         let Base { dataset, number, .. } = Base::of(&session)?;
-        (dataset, Plan::of(&session.book, number).and(Recipe::Add { effect }))
+        (dataset, Plan::of(&session.book, number).and(recipe))
     };
     let own = Arc::clone(app);
     jobs::start(app, "adding", move |progress| {
@@ -204,7 +209,10 @@ pub(crate) fn perform(
             let added = hysteron_diagnose::add(dataset, before, effect, &|share| at(0.8 * share, effect.name()));
             (format!("+ {effect}"), added.map_err(Refusal::unusable)?.model)
         }
-        (Recipe::Add { .. } | Recipe::Learned { .. } | Recipe::Moved { .. }, _) => {
+        (Recipe::AddOwn { text }, Some(before)) => {
+            draft::added(text, dataset, before, &|share, name| at(0.8 * share, name))?
+        }
+        (Recipe::Add { .. } | Recipe::AddOwn { .. } | Recipe::Learned { .. } | Recipe::Moved { .. }, _) => {
             return Err(Refusal::conflict("there is no model yet; fit one first"));
         }
     };

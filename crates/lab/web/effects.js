@@ -2,6 +2,7 @@
 import { ask } from "./api.js";
 import { el, table, command, facts, panel } from "./dom.js";
 import { between, quantity, text as tidy, unit } from "./numbers.js";
+import { ownPart } from "./own.js";
 import { loopPlot, timePlot, COLOURS } from "./plots.js";
 
 let catalogue = null;
@@ -76,11 +77,21 @@ export function slider(p, index, all, draw, prefix = "parameter") {
   return el("div", { class: "slider" }, el("label", { for: id }, p.label || p.name.replaceAll("_", " ")), shown, input, el("span", { class: "hint" }, `${tidy(p.what)} (${p.min === p.max ? "fixed" : between(p.min, p.max, p.unit)})`));
 }
 
-/** The page of each effect. */
+/** The page of each effect, and of one's own. */
 export async function effectPage(lab) {
   const known = await effects();
   const wanted = location.hash.split("/")[1] || known[0].name;
   const effect = known.find((k) => k.name === wanted) || known[0];
+  const own = wanted === "own";
+  const text = own ? await ownPart(lab) : await cataloguePart(lab, effect);
+  const link = (name, title, here) => el("li", {}, el("a", { href: `#effects/${name}`, "aria-current": here ? "page" : null }, title));
+  const page = el("div", { class: "effects" },
+    el("nav", { "aria-label": "Effects" }, el("ul", {}, link("own", "one of your own", own), known.map((k) => link(k.name, effectName(k.name), !own && k === effect)))), text);
+  page.addEventListener("shown", () => text.dispatchEvent(new CustomEvent("shown")));
+  return page;
+}
+
+async function cataloguePart(lab, effect) {
   const name = effectName(effect.name);
   const text = el("div", { class: "effect" },
     el("h2", {}, name.charAt(0).toUpperCase() + name.slice(1)), el("p", { class: "lead" }, tidy(effect.summary)), el("p", {}, el("code", { class: "equation" }, tidy(effect.equation))));
@@ -94,8 +105,5 @@ export async function effectPage(lab) {
     facts([["Place in the chain", effect.place], ["How it shows", effect.shows], ["Mistaken for", effect.mistaken_for], ["Separated by", effect.separated_by], ["Compensated by", effect.compensated_by], ["Source", effect.source]].map(([k, v]) => [k, tidy(v)])),
     effect.parameters.length ? table("Parameters", ["Parameter", "Unit", "What it is"], effect.parameters.map((p) => [p.name.replaceAll("_", " "), unit(p.unit) || "–", tidy(p.what)])) : "",
     command(`hysteron explain ${effect.name}`));
-  const page = el("div", { class: "effects" },
-    el("nav", { "aria-label": "Effects" }, el("ul", {}, known.map((k) => el("li", {}, el("a", { href: `#effects/${k.name}`, "aria-current": k === effect ? "page" : null }, effectName(k.name)))))), text);
-  page.addEventListener("shown", () => text.dispatchEvent(new CustomEvent("shown")));
-  return page;
+  return text;
 }

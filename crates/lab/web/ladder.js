@@ -98,7 +98,7 @@ export async function ladderPage(lab) {
   page.append(el("h2", {}, "What if it is another?"),
     el("p", { class: "row" }, el("label", { for: "effect" }, `Add to step ${current + 1}, ${step.title} `), select, " ",
       el("button", { type: "button", id: "add", class: "main", disabled: lab.state.job.running, click: () => lab.act({ what: "add", effect: select.value }, "ladder") }, "Add"),
-      " ", el("a", { href: "#diagnose" }, "Or ask which")));
+      " ", el("a", { href: "#diagnose" }, "Or ask which"), " ", el("a", { href: "#effects/own", id: "to-own" }, "Or write one of your own")));
   const tables = el("div", { class: "pair" });
   page.append(tables);
   if (step.parent !== null) {

@@ -13,6 +13,7 @@ mod grow;
 mod hand;
 mod hostile;
 mod learn;
+mod own;
 #[path = "../own_bench/mod.rs"]
 mod own_bench;
 mod pictures;
