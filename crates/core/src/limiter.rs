@@ -161,6 +161,24 @@ impl<T: Real> LimiterState<T> {
 mod tests {
     use super::*;
 
+    /// The distance from 1 to the next number, of both types.
+    #[test]
+    fn val_spacing_of_numbers() {
+        assert_eq!(spacing_at(1.0_f64), f64::EPSILON);
+        assert_eq!(spacing_at(1.0_f32), f32::EPSILON);
+        let of_100 = spacing_at(100.0_f64);
+        assert!(100.0 + of_100 != 100.0 && 100.0 + 0.5 * of_100 == 100.0);
+    }
+
+    /// The short way is taken where it is the shorter one.
+    #[test]
+    fn val_the_usual_command_takes_the_short_way() {
+        let limiter = Limiter::new(0.0, 10.0, 100.0, 50.0).unwrap();
+        let mut state = limiter.start_at(5.0);
+        assert_eq!(limiter.lets_through(&mut state, 5.5), !f64::MAX_INSTRUCTION);
+        assert!(!limiter.lets_through(&mut state, 11.0) && !limiter.lets_through(&mut state, f64::NAN));
+    }
+
     #[test]
     fn val_range_and_slew() {
         let limiter = Limiter::new(0.0, 10.0, 100.0, 50.0).unwrap(); // 2 a sample
