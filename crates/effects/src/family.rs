@@ -8,7 +8,10 @@ pub const MAX_PLAYS: usize = 64;
 /// Plays of the free shape: enough to bring a Preisach density down to a few hundredths of a percent.
 pub const FREE_PLAYS: usize = 18;
 
-/// The hysteresis models of the core.
+/// Fading elements of Duhem's family: an octave apart, from a quarter of half the range to twice it.
+pub const FADING_ELEMENTS: usize = 4;
+
+/// The hysteresis models that are fitted: those of the core, and Duhem's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Family {
@@ -22,11 +25,21 @@ pub enum Family {
     Mrpi,
     /// A cubic of each play's output.
     PlayPolynomial,
+    /// Powers of the voltage through elements that fade along its path: Coleman, Hodgdon, IEEE Trans. Magn. 22 (1986) 1055. Small loops
+    /// drift as they are repeated, which no play does.
+    Duhem,
 }
 
 impl Family {
     /// All of them, simplest first.
-    pub const ALL: [Self; 5] = [Self::Pi, Self::Mpi, Self::Wrpi, Self::Mrpi, Self::PlayPolynomial];
+    pub const ALL: [Self; 6] = [
+        Self::Pi,
+        Self::Mpi,
+        Self::Wrpi,
+        Self::Mrpi,
+        Self::PlayPolynomial,
+        Self::Duhem,
+    ];
 
     /// The name used on the command line and in files.
     pub fn name(self) -> &'static str {
@@ -36,6 +49,23 @@ impl Family {
             Self::Wrpi => "wrpi",
             Self::Mrpi => "mrpi",
             Self::PlayPolynomial => "play-polynomial",
+            Self::Duhem => "duhem",
+        }
+    }
+
+    /// What it is made of: plays, or fading elements.
+    pub fn elements(self) -> &'static str {
+        match self {
+            Self::Duhem => "fading elements",
+            _ => "plays",
+        }
+    }
+
+    /// What tells one of its elements from another: a play's threshold, or the length of the path along which one fades.
+    pub fn of_an_element(self) -> &'static str {
+        match self {
+            Self::Duhem => "length",
+            _ => "threshold",
         }
     }
 
@@ -44,16 +74,21 @@ impl Family {
         match self {
             Self::Pi => &[1],
             Self::Mpi | Self::Wrpi | Self::Mrpi => &[1, 3],
-            Self::PlayPolynomial => &[1, 2, 3, 4, 5],
+            Self::PlayPolynomial | Self::Duhem => &[1, 2, 3, 4, 5],
         }
     }
 
-    /// Coefficients a play operator has.
+    /// Whether it is a free shape: functions about the middle of the range, a ridge chosen by what is left out, straight lines beyond.
+    pub fn is_free(self) -> bool {
+        matches!(self, Self::PlayPolynomial | Self::Duhem)
+    }
+
+    /// Coefficients a play operator, or a fading element, has.
     pub fn coefficients_a_play(self) -> usize {
         match self {
             Self::Pi | Self::Mpi | Self::Mrpi => 1,
             Self::Wrpi => 2,
-            Self::PlayPolynomial => 3,
+            Self::PlayPolynomial | Self::Duhem => 3,
         }
     }
 }

@@ -20,13 +20,14 @@ const CREEP_ELEMENTS: i32 = 4;
 const LEAST_WINDOW: f64 = 0.05;
 
 /// Texts beside this file: blocks with memory, each with its name; only those that a model has are in its C.
-const HELPERS: [(&str, &str); 6] = [
+const HELPERS: [(&str, &str); 7] = [
     ("larger(", include_str!("../c/limits.c")),
     ("delayed(", include_str!("../c/delayed.c")),
     ("lagged(", include_str!("../c/lagged.c")),
     ("grown(", include_str!("../c/grown.c")),
     ("swung(", include_str!("../c/swung.c")),
     ("straight(", include_str!("../c/straight.c")),
+    ("faded(", include_str!("../c/fading.c")),
 ];
 
 /// The parts of a model's C.
@@ -62,12 +63,13 @@ pub(crate) fn code(model: &Model, name: &str, rate_hz: f64) -> Result<CCode, Fmu
     let [rest_y, step_y] = &parts.on_position;
     let body = format!(
         "{hysteresis}\ndouble {name}_reset({name}_state *s) {{\n    {name}_state fresh = {{0}};\n    double v = 0.0, y;\n    int i;\n    \
-         *s = fresh;\n{rest_v}    for (i = 0; i < {plays}; i++) {{\n        s->plays[i] = v;\n    }}\n    s->input = v;\n    \
+         *s = fresh;\n{rest_v}    for (i = 0; i < {states}; i++) {{\n        s->plays[i] = {rest};\n    }}\n    s->input = v;\n    \
          y = hysteresis(s, v);\n{rest_y}    return y;\n}}\n\n\
          double {name}_step({name}_state *s, double v) {{\n    double y;\n    v = fabs(v) <= 1e30 ? v : s->asked;\n    s->asked = v;\n\
          {step_v}    y = hysteresis(s, v);\n{step_y}    return y;\n}}\n",
         hysteresis = hysteresis(model, name, rate_hz),
-        plays = model.thresholds.len(),
+        states = states(model),
+        rest = if model.family == Family::Duhem { "REST[i]" } else { "v" },
     );
     let mut source = format!("/* {name}: see {name}.h. */\n#include \"{name}.h\"\n\n#include <math.h>\n\n");
     for (call, text) in HELPERS {
@@ -93,7 +95,7 @@ fn header(model: &Model, name: &str, rate_hz: f64, members: &str) -> String {
     let [low, high] = [model.input_min, model.input_max];
     format!(
         "/* {name}: an identified stage, made by `hysteron export --format fmu`. C99, no allocation.\n *\n \
-         * {} with {} plays, fitted on {low:?} to {high:?} V; effects: {}.\n \
+         * {} with {} {}, fitted on {low:?} to {high:?} V; effects: {}.\n \
          * Compile without -ffast-math, and with -ffp-contract=off for the same bits everywhere.\n */\n\
          #ifndef {upper}_H\n#define {upper}_H\n\n#define {upper}_SAMPLE_RATE_HZ {rate_hz:?}\n\n\
          typedef struct {{\n    double output, input;\n}} {name}_lag;\n\n\
@@ -104,13 +106,22 @@ fn header(model: &Model, name: &str, rate_hz: f64, members: &str) -> String {
          double {name}_step({name}_state *state, double voltage_v);\n\n#endif\n",
         model.family,
         model.thresholds.len(),
+        model.family.elements(),
         if effects.is_empty() {
             "none".to_owned()
         } else {
             effects.join(", ")
         },
-        model.thresholds.len().max(1),
+        states(model).max(1),
     )
+}
+
+/// Numbers that a hysteresis remembers.
+fn states(model: &Model) -> usize {
+    match model.family {
+        Family::Duhem => 3 * model.thresholds.len(),
+        _ => model.thresholds.len(),
+    }
 }
 
 impl Parts {
@@ -349,7 +360,10 @@ fn hysteresis(model: &Model, name: &str, rate_hz: f64) -> String {
     for row in &rows {
         let _ = writeln!(text, "    {},", braced(row));
     }
-    let free = model.family == Family::PlayPolynomial;
+    if model.family == Family::Duhem {
+        return text + "};\n" + &fading(model, name, of_input.len());
+    }
+    let free = model.family.is_free();
     let (left, right, speed) = envelope(model);
     let _ = write!(
         text,
@@ -382,7 +396,7 @@ fn hysteresis(model: &Model, name: &str, rate_hz: f64) -> String {
     match model.family {
         Family::Pi | Family::Mpi | Family::Mrpi => line!(text, "    y += WEIGHTS[i][0] * w;"),
         Family::Wrpi => line!(text, "    y += (WEIGHTS[i][0] + WEIGHTS[i][1] * rate) * w;"),
-        Family::PlayPolynomial => {
+        Family::PlayPolynomial | Family::Duhem => {
             line!(
                 text,
                 "    y += straight(WEIGHTS[i], 3, {middle:?} - 0.5 * THRESHOLDS[i],"
@@ -395,6 +409,40 @@ fn hysteresis(model: &Model, name: &str, rate_hz: f64) -> String {
         }
     }
     text + "    }\n    (void)rate;\n    return y;\n}\n"
+}
+
+/// Longest part of a path, in half ranges, on which what is followed counts as a straight line: as the model's own.
+const STRAIGHT: f64 = 0.05;
+
+/// Elements whose memory fades along the path of the command: what they hold of its powers, and what that weighs.
+fn fading(model: &Model, name: &str, inputs: usize) -> String {
+    let n = model.thresholds.len();
+    let rest: Vec<f64> = model.fading_at_rest().into_iter().flatten().collect();
+    let (middle, half) = (
+        0.5 * (model.input_min + model.input_max),
+        0.5 * (model.input_max - model.input_min),
+    );
+    let longest = STRAIGHT * half;
+    format!(
+        "static const double REST[{states}] = {rest};\n\
+         static const double POWERS[3][3] = {{{{1, 0, 0}}, {{0, 1, 0}}, {{0, 0, 1}}}};\n\n\
+         static double power(int k, double v) {{\n    return straight(POWERS[k], 3, {middle:?}, {half:?}, v);\n}}\n\n\
+         /* The hysteresis: dz = |dv| (v^k - z) / L. */\n\
+         static double hysteresis({name}_state *s, double v) {{\n    \
+         double from = s->input, parts = larger(1.0, ceil(fabs(v - from) / {longest:?})), step = (v - from) / parts;\n    \
+         double y = straight(INPUT, {inputs}, {middle:?}, {half:?}, v);\n    int i, j, k;\n    \
+         for (j = 1; step != 0.0 && j <= (int)parts; j++) {{\n        \
+         double to = s->input + step * j;\n        \
+         for (k = 0; k < 3; k++) {{\n            double was = power(k, from), is = power(k, to);\n            \
+         for (i = 0; i < {n}; i++) {{\n                \
+         s->plays[3 * i + k] = faded(s->plays[3 * i + k], was, is, fabs(step) / THRESHOLDS[i]);\n            }}\n        }}\n        \
+         from = to;\n    }}\n    \
+         for (i = 0; i < {n}; i++) {{\n        for (k = 0; k < 3; k++) {{\n            \
+         y += WEIGHTS[i][k] * s->plays[3 * i + k];\n        }}\n    }}\n    \
+         s->input = v;\n    return y;\n}}\n",
+        states = 3 * n,
+        rest = braced(&rest),
+    )
 }
 
 /// Bounds of the plays, and the statement that they need.

@@ -24,9 +24,10 @@ impl Fmu {
         Ok(Self {
             name: name.to_owned(),
             words: format!(
-                "Identified piezo stage, {} with {} plays",
+                "Identified piezo stage, {} with {} {}",
                 model.family,
-                model.thresholds.len()
+                model.thresholds.len(),
+                model.family.elements()
             ),
             period_s: 1.0 / rate_hz,
             variables,

@@ -33,7 +33,7 @@ impl Basis {
 
     /// Whether the functions are other than the family's own powers.
     fn centred(&self) -> bool {
-        self.family == Family::PlayPolynomial
+        self.family.is_free()
     }
 
     fn of_input(&self) -> Window {
@@ -50,6 +50,33 @@ impl Basis {
             // A play as wide as the range hardly moves; a twentieth keeps its powers from exploding.
             half: (self.half - 0.5 * threshold).max(0.05 * self.half),
         }
+    }
+
+    /// What a play's or a fading element's functions are written in: what fades along the path of `u^k` fades along that of each power of
+    /// the voltage, and what fades along that of 1 stays 1.
+    fn of_element(&self, threshold: f64) -> Window {
+        match self.family {
+            Family::Duhem => self.of_input(),
+            _ => self.of_play(threshold),
+        }
+    }
+
+    /// The three powers that fading elements follow, straight lines beyond the range.
+    #[inline(always)]
+    pub(crate) fn followed(&self, v: f64) -> [f64; 3] {
+        let mut cells = [0.0; 3];
+        powers((v - self.middle) / self.half, &mut cells);
+        cells
+    }
+
+    /// The voltage from -1 to 1 over the range.
+    pub(crate) fn about_the_middle(&self, v: f64) -> f64 {
+        (v - self.middle) / self.half
+    }
+
+    /// Half the range.
+    pub(crate) fn half(&self) -> f64 {
+        self.half
     }
 
     /// The input's functions into `cells`, one a power of the family.
@@ -69,7 +96,7 @@ impl Basis {
     pub(crate) fn plays<const N: usize>(&self, scales: &PlayScales<N>, w: &[f64; N], rate: f64) -> [[f64; N]; 3] {
         let mut functions = [*w, [0.0; N], [0.0; N]];
         match self.family {
-            Family::Pi | Family::Mpi | Family::Mrpi => {}
+            Family::Pi | Family::Mpi | Family::Mrpi | Family::Duhem => {}
             Family::Wrpi => functions[1] = w.map(|w| w * rate),
             Family::PlayPolynomial => {
                 for l in 0..N {
@@ -95,13 +122,7 @@ impl Basis {
         w: &[f64; N],
         rate: f64,
     ) -> [f64; N] {
-        let functions = self.plays(scales, w, rate);
-        let mut parts = [0.0; N];
-        for l in 0..N {
-            parts[l] =
-                weights[0][l] * functions[0][l] + weights[1][l] * functions[1][l] + weights[2][l] * functions[2][l];
-        }
-        parts
+        by_weight(&self.plays(scales, w, rate), weights)
     }
 
     /// What [`Self::plays`] needs of thresholds.
@@ -149,12 +170,22 @@ impl Basis {
         for (i, &threshold) in thresholds.iter().enumerate() {
             let at = |power: usize| 1 + inputs + power * n + i;
             let own: Vec<f64> = (0..3).map(|power| coefficients[at(power)]).collect();
-            let of_play = rewrite(self.of_play(threshold), &own);
+            let of_play = rewrite(self.of_element(threshold), &own);
             all[0] += of_play[0];
             (0..3).for_each(|power| all[at(power)] = of_play[power + 1]);
         }
         all
     }
+}
+
+/// Functions by their weights, added up for each element.
+#[inline(always)]
+pub(crate) fn by_weight<const N: usize>(functions: &[[f64; N]; 3], weights: &[[f64; N]; 3]) -> [f64; N] {
+    let mut parts = [0.0; N];
+    for l in 0..N {
+        parts[l] = weights[0][l] * functions[0][l] + weights[1][l] * functions[1][l] + weights[2][l] * functions[2][l];
+    }
+    parts
 }
 
 /// Middles of plays' travels, and what makes half of each one.

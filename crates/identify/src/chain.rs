@@ -3,7 +3,8 @@
 use crate::basis::{Basis, PlayScales};
 use crate::chain_trace::Trace;
 use crate::columns::Design;
-use crate::effects::{Acts, Effect, EffectName, RateLaw, Signals};
+use crate::effects::{Acts, Effect, EffectName, Family, RateLaw, Signals};
+use crate::fading::Fading;
 use crate::moving_plays::{Cells, LANES, Moving, Sums, Visit};
 use crate::start_state::InitialState;
 use hysteron_data::{Record, Role};
@@ -87,6 +88,20 @@ impl Chain {
     /// Moves some of the plays along the voltage at the stack; `visit` sees them on the whole grid.
     fn plays(&self, trace: &Trace<'_>, stack_v: &[f64], which: Range<usize>, visit: impl Visit) {
         let own = &self.design.thresholds[which];
+        if self.design.family == Family::Duhem {
+            let basis = self.basis();
+            // A lane to spare has no weight.
+            let per_half = std::array::from_fn(|l| own.get(l).map_or(1.0, |length| basis.half() / length));
+            pulp::Arch::new().dispatch(Fading {
+                per_half,
+                basis: &basis,
+                initial: trace.initial,
+                stack_v,
+                run_in: trace.run_in,
+                visit,
+            });
+            return;
+        }
         let thresholds: [f64; LANES] = std::array::from_fn(|l| own.get(l).copied().unwrap_or(0.0));
         let of_link = self.links.iter().find_map(|link| {
             let envelope = link.effect.envelope(&link.values)?;

@@ -96,6 +96,9 @@ impl Design {
     /// The first sample from which on no play that settles at all still depends on the state before the record: where
     /// runs from the highest and the lowest possible state have met.
     pub(crate) fn settled_from(&self, run: &Run<'_>) -> usize {
+        if self.family == Family::Duhem {
+            return self.faded_from(run.input);
+        }
         let start = |fraction| {
             Stepper::new(
                 self,
@@ -123,6 +126,22 @@ impl Design {
         last
     }
 }
+
+impl Design {
+    /// The first sample from which on the longest of fading elements holds less than a twentieth of the state before the record.
+    fn faded_from(&self, input: &[f64]) -> usize {
+        let longest = self.thresholds.iter().copied().fold(0.0, f64::max);
+        let mut way = 0.0;
+        let steps = input.windows(2).position(|w| {
+            way += (w[1] - w[0]).abs();
+            way > FADED * longest
+        });
+        steps.map_or(input.len(), |k| k + 1)
+    }
+}
+
+/// Lengths along which a state fades to a twentieth.
+const FADED: f64 = 3.0;
 
 /// The plays of one run, moving sample by sample.
 struct Stepper<'a> {
@@ -174,7 +193,8 @@ pub(crate) fn fill(family: Family, input: f64, rate: f64, outputs: &[f64], row: 
     let n = outputs.len();
     plays[..n].copy_from_slice(outputs);
     match family {
-        Family::Pi | Family::Mpi | Family::Mrpi => {}
+        // Fading elements are no plays: chains alone run them.
+        Family::Pi | Family::Mpi | Family::Mrpi | Family::Duhem => {}
         Family::Wrpi => {
             for (cell, &w) in plays[n..].iter_mut().zip(outputs) {
                 *cell = w * rate;
@@ -202,6 +222,7 @@ pub(crate) fn output(family: Family, coefficients: &[f64], input: f64, rate: f64
             Family::Pi => pi_model::output(g[0], of_plays, input, outputs),
             Family::Mpi | Family::Mrpi => mpi::output(g[1], g[0], of_plays, input, outputs),
             Family::Wrpi => wrpi::output(g[1], g[0], &of_plays[..n], &of_plays[n..], input, rate, outputs),
+            Family::Duhem => f64::NAN,
             Family::PlayPolynomial => {
                 let (linear, rest) = of_plays.split_at(n);
                 let (quadratic, cubic) = rest.split_at(n);

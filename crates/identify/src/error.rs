@@ -1,5 +1,6 @@
 //! What can go wrong when a model is fitted, read or run.
 
+use crate::family::Family;
 use hysteron_effects::{EffectError, EffectName, UnknownEffect};
 
 /// An error of identification.
@@ -37,6 +38,15 @@ pub enum IdentifyError {
     NoSwarm {
         /// The family.
         family: &'static str,
+    },
+    /// A family that runs from voltage to position alone.
+    #[error(
+        "`{family}` runs from voltage to position alone: its elements fade along the voltage's path; fit it without \
+         --direction inverse, and `design` makes the inverse"
+    )]
+    ForwardOnly {
+        /// The family.
+        family: Family,
     },
     /// An effect that is not in the catalogue, or an effect file that is refused.
     #[error(transparent)]

@@ -3,12 +3,12 @@
 use crate::columns::{Design, Run};
 use crate::covered::Covered;
 use crate::error::IdentifyError;
-use crate::family::{Direction, FREE_PLAYS, Family, MAX_PLAYS, peak_to_peak, range};
+use crate::family::{Direction, FADING_ELEMENTS, FREE_PLAYS, Family, MAX_PLAYS, peak_to_peak, range};
 use crate::history::record_errors;
 use crate::initial;
 use crate::model::{FittedOn, FittedRecord, Method, Model};
 use crate::objective::{self, Weighting, runs};
-use crate::placement::{Placement, free_thresholds, thresholds};
+use crate::placement::{Placement, fading_lengths, free_thresholds, thresholds};
 use crate::search::{Search, Shape};
 use crate::separable::{self, Solved};
 use crate::start_state::InitialState;
@@ -64,6 +64,7 @@ impl FitOptions {
 pub fn default_plays(family: Family) -> usize {
     match family {
         Family::PlayPolynomial => FREE_PLAYS,
+        Family::Duhem => FADING_ELEMENTS,
         Family::Pi | Family::Mpi | Family::Wrpi | Family::Mrpi => 10,
     }
 }
@@ -117,9 +118,10 @@ pub fn fit(
     let inputs: Vec<&[f64]> = runs.iter().map(|run| run.input).collect();
     let placed = match (options.family, options.placement) {
         (Family::PlayPolynomial, Placement::Data) => free_thresholds(options.plays, &inputs),
+        (Family::Duhem, _) => fading_lengths(options.plays, &inputs),
         (_, placement) => thresholds(placement, options.plays, &inputs),
     };
-    if options.family == Family::PlayPolynomial && options.direction == Direction::Forward {
+    if options.family.is_free() && options.direction == Direction::Forward {
         return free_shape(dataset, options, &runs, placed, progress);
     }
     let rate_independent = Design::still(options.family, placed.clone());
@@ -129,7 +131,7 @@ pub fn fit(
     // A level taken for granted, where plays wider than the swing hold something, would bend all plays.
     let open: Vec<bool> = runs
         .iter()
-        .map(|run| initial::holds_a_level(&placed, run.input, run.initial))
+        .map(|run| initial::holds_a_level(&rate_independent, run.input, run.initial))
         .collect();
     if !open.iter().all(|open| *open) {
         for (run, open) in runs.iter_mut().zip(open) {
@@ -238,7 +240,10 @@ fn check(runs: &[Run<'_>], options: &FitOptions) -> Result<(), IdentifyError> {
             max: MAX_PLAYS,
         });
     }
-    if options.method == Method::Mpso && options.family == Family::PlayPolynomial {
+    if options.family == Family::Duhem && options.direction == Direction::Inverse {
+        return Err(IdentifyError::ForwardOnly { family: options.family });
+    }
+    if options.method == Method::Mpso && options.family.is_free() {
         return Err(IdentifyError::NoSwarm {
             family: options.family.name(),
         });

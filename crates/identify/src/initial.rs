@@ -2,7 +2,7 @@
 //! is not in the file.
 
 use crate::columns::{Design, Run};
-use crate::family::peak_to_peak;
+use crate::family::{Family, peak_to_peak};
 use crate::period;
 use crate::start_state::InitialState;
 
@@ -119,7 +119,11 @@ pub(crate) fn skip_unsettled(design: &Design, run: &mut Run<'_>) {
 
 /// Whether the widest plays hold something over a record that the record does not show: its drive swings less than they are wide, and it
 /// begins in the midst of it.
-pub(crate) fn holds_a_level(thresholds: &[f64], input: &[f64], guess: InitialState) -> bool {
+pub(crate) fn holds_a_level(design: &Design, input: &[f64], guess: InitialState) -> bool {
+    if design.family == Family::Duhem {
+        return false;
+    }
+    let thresholds = &design.thresholds;
     let widest = thresholds.iter().copied().fold(0.0, f64::max);
     let swing = peak_to_peak(input);
     let in_the_midst = matches!(guess, InitialState::Remanent { fraction } if fraction > 0.0);
@@ -128,7 +132,7 @@ pub(crate) fn holds_a_level(thresholds: &[f64], input: &[f64], guess: InitialSta
 
 /// Chooses the initial state under which a fitted model explains the record best, from its very first sample.
 pub(crate) fn choose(design: &Design, coefficients: &[f64], run: &Run<'_>) -> InitialState {
-    choose_by(run.initial, run.output, |initial| {
+    choose_by(run.initial, run.output, false, |initial| {
         let from = Run { initial, ..*run };
         let mut modelled = Vec::with_capacity(run.input.len());
         design.simulate(coefficients, &from, |_, y| modelled.push(y));
@@ -157,6 +161,7 @@ struct Misfit {
 pub(crate) fn choose_by(
     guess: InitialState,
     measured: &[f64],
+    fades: bool,
     modelled: impl Fn(InitialState) -> Vec<f64>,
 ) -> InitialState {
     let misfit = |initial| {
@@ -176,12 +181,12 @@ pub(crate) fn choose_by(
     let stands = misfit(guess);
     let periodic = matches!(guess, InitialState::Periodic { .. });
     let offset = stands.offset > BELIEVED_OFFSET * stands.whole;
-    let steps = if periodic && !offset { 2 } else { 8 };
+    let steps = if periodic && !offset && !fades { 2 } else { 8 };
     let scanned = (0..=steps)
         .map(|i| f64::from(i) / f64::from(steps))
         .map(|fraction| (fraction, remanent(fraction).whole));
     let (mut best, mut least) = scanned.fold((0.0, f64::INFINITY), |a, b| if b.1 < a.1 { b } else { a });
-    if least < 1.2 * stands.whole || !periodic || offset {
+    if least < 1.2 * stands.whole || !periodic || offset || fades {
         let width = 1.0 / f64::from(steps);
         let refined = golden_section((best - width).max(0.0), (best + width).min(1.0), 12, |fraction| {
             remanent(fraction).whole
@@ -191,6 +196,7 @@ pub(crate) fn choose_by(
         }
     }
     let share = match guess {
+        InitialState::Periodic { .. } if fades => BELIEVED,
         InitialState::Periodic { .. } => BELIEVED_OFFSET,
         InitialState::Remanent { .. } => BELIEVED,
     };
@@ -263,7 +269,7 @@ mod tests {
             InitialState::Periodic { .. } => response(|_| 9.0),
             InitialState::Remanent { fraction } => response(|_| 60.0 * (fraction - 0.2)),
         };
-        let InitialState::Remanent { fraction } = choose_by(guess, &measured, far_off) else {
+        let InitialState::Remanent { fraction } = choose_by(guess, &measured, false, far_off) else {
             panic!("the guess stood");
         };
         assert!((fraction - 0.2).abs() < 0.01, "{fraction}");
@@ -271,7 +277,7 @@ mod tests {
             InitialState::Periodic { .. } => response(|k| if k % PERIOD < PERIOD / 2 { 0.5 } else { -0.3 }),
             InitialState::Remanent { .. } => response(|_| 60.0),
         };
-        assert_eq!(choose_by(guess, &measured, shape), guess);
+        assert_eq!(choose_by(guess, &measured, false, shape), guess);
     }
 
     /// A first quarter on another branch is forgotten at the far end of the drive, and the record does not begin at rest from above; what

@@ -16,6 +16,7 @@ pub mod core_model;
 mod cover;
 pub mod covered;
 pub mod error;
+mod fading;
 pub mod family;
 pub mod fit;
 pub mod grid;

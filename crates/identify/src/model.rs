@@ -295,7 +295,7 @@ impl Model {
         let of_plays: &[(&str, String)] = match self.family {
             Family::Pi | Family::Mpi | Family::Mrpi => &[("weight", slope(1))],
             Family::Wrpi => &[("weight", slope(1)), ("rate_weight", format!("{output} s/{input}^2"))],
-            Family::PlayPolynomial => &[
+            Family::PlayPolynomial | Family::Duhem => &[
                 ("weight", slope(1)),
                 ("weight_quadratic", slope(2)),
                 ("weight_cubic", slope(3)),

@@ -120,6 +120,9 @@ impl Model {
             }
         }
         let h = file.hysteresis;
+        if h.family == Family::Duhem && file.direction == Direction::Inverse {
+            return Err(refuse(IdentifyError::ForwardOnly { family: h.family }.to_string()));
+        }
         check_thresholds(&h.thresholds).map_err(refuse)?;
         check_effects(&file.effects, file.direction).map_err(refuse)?;
         let mut model = Self {

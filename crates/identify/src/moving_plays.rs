@@ -1,6 +1,6 @@
 //! Plays on their way along a voltage, by the widest vectors of the processor.
 
-use crate::basis::{Basis, PlayScales};
+use crate::basis::{Basis, PlayScales, by_weight};
 use crate::effects::RateLaw;
 use hysteron_core::envelope::Envelope;
 
@@ -24,6 +24,9 @@ pub(crate) struct Moving<'m, V> {
 pub(crate) trait Visit {
     /// Outputs at a sample of the grid, and the voltage's rate there, volts per second.
     fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]);
+
+    /// Functions of elements that are no plays.
+    fn functions(&mut self, sample: usize, functions: &[[f64; LANES]; 3]);
 }
 
 /// Adds the plays' part of the position; nothing where there is nothing to add it to.
@@ -38,12 +41,23 @@ impl Visit for Sums<'_> {
     #[inline(always)]
     fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]) {
         if let Some(sum) = self.into.get_mut(sample) {
-            let parts = self.basis.weighed(self.scales, self.weights, w, rate);
-            // In pairs, so that no sum waits for all the others.
-            let four: [f64; LANES / 2] = std::array::from_fn(|l| parts[l] + parts[l + LANES / 2]);
-            *sum += (four[0] + four[2]) + (four[1] + four[3]);
+            *sum += total(&self.basis.weighed(self.scales, self.weights, w, rate));
         }
     }
+
+    #[inline(always)]
+    fn functions(&mut self, sample: usize, functions: &[[f64; LANES]; 3]) {
+        if let Some(sum) = self.into.get_mut(sample) {
+            *sum += total(&by_weight(functions, self.weights));
+        }
+    }
+}
+
+/// In pairs, so that no sum waits for all the others.
+#[inline(always)]
+fn total(parts: &[f64; LANES]) -> f64 {
+    let four: [f64; LANES / 2] = std::array::from_fn(|l| parts[l] + parts[l + LANES / 2]);
+    (four[0] + four[2]) + (four[1] + four[3])
 }
 
 /// The same, and keeps all functions of the plays.
@@ -62,13 +76,31 @@ impl Visit for Cells<'_> {
     #[inline(always)]
     fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]) {
         self.sums.at(sample, rate, w);
-        if self.only.is_some_and(|only| only.get(self.next) != Some(&sample)) {
-            return;
+        if self.wants(sample) {
+            self.keep(&self.sums.basis.plays(self.sums.scales, w, rate));
         }
-        let functions = self.sums.basis.plays(self.sums.scales, w, rate);
+    }
+
+    #[inline(always)]
+    fn functions(&mut self, sample: usize, functions: &[[f64; LANES]; 3]) {
+        self.sums.functions(sample, functions);
+        if self.wants(sample) {
+            self.keep(functions);
+        }
+    }
+}
+
+impl Cells<'_> {
+    #[inline(always)]
+    fn wants(&self, sample: usize) -> bool {
+        self.only.is_none_or(|only| only.get(self.next) == Some(&sample))
+    }
+
+    #[inline(always)]
+    fn keep(&mut self, functions: &[[f64; LANES]; 3]) {
         for (of_power, own) in self.series.chunks_exact_mut(self.count).zip(functions) {
             for (cells, value) in of_power.iter_mut().zip(own) {
-                cells[self.next] = value;
+                cells[self.next] = *value;
             }
         }
         self.next += 1;

@@ -156,7 +156,7 @@ fn search_box(design: &Design, runs: &[Run<'_>]) -> Vec<(f64, f64)> {
             bounds.extend(design.thresholds.iter().map(|_| (-limit, limit)));
         }
         Family::Mrpi => bounds.extend([(0.0, 1e-4), (0.0, 1e-4)]),
-        Family::Pi | Family::Mpi | Family::PlayPolynomial => {}
+        Family::Pi | Family::Mpi | Family::PlayPolynomial | Family::Duhem => {}
     }
     bounds
 }

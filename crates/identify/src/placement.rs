@@ -1,5 +1,6 @@
 //! Where the thresholds of the play operators are put.
 
+use crate::fading::lengths;
 use crate::family::range;
 use serde::{Deserialize, Serialize};
 
@@ -55,6 +56,11 @@ const FREE_END: f64 = 0.9;
 pub(crate) fn free_thresholds(plays: usize, inputs: &[&[f64]]) -> Vec<f64> {
     let Some(span) = span(inputs) else { return Vec::new() };
     data_quantiles(plays, inputs, span, FREE_END)
+}
+
+/// Lengths along which the elements of Duhem's family fade, strictly increasing; empty where the inputs do not move.
+pub(crate) fn fading_lengths(elements: usize, inputs: &[&[f64]]) -> Vec<f64> {
+    span(inputs).map_or_else(Vec::new, |span| lengths(elements, span))
 }
 
 /// Number of cells of the histogram of distances; far finer than the spacing of the largest number of plays.

@@ -3,9 +3,9 @@
 use crate::chain::{Chain, Link, Own};
 use crate::chain_trace::Trace;
 use crate::columns::{Design, Run};
-use crate::effects::Family;
 use crate::error::IdentifyError;
-use crate::family::{Direction, peak_to_peak};
+use crate::fading;
+use crate::family::{Direction, Family, peak_to_peak};
 use crate::initial;
 use crate::model::{FittedEffect, Model, Simulation};
 use crate::objective::run_of;
@@ -113,9 +113,17 @@ impl Model {
         }
     }
 
+    /// What the fading elements of Duhem's family hold of `v`, `v^2` and `v^3` at rest at 0 V; nothing of other families.
+    pub fn fading_at_rest(&self) -> Vec<[f64; 3]> {
+        match self.family {
+            Family::Duhem => fading::at_rest(&self.thresholds, [self.input_min, self.input_max]),
+            _ => Vec::new(),
+        }
+    }
+
     /// The chain of a model that has effects or a free shape, with the coefficients of its basis; `None` where the plays alone run.
     pub(crate) fn chain(&self) -> Option<(Chain, Vec<f64>)> {
-        let free = self.family == Family::PlayPolynomial && self.direction == Direction::Forward;
+        let free = self.family.is_free() && self.direction == Direction::Forward;
         if self.effects.is_empty() && !free {
             return None;
         }
@@ -161,11 +169,16 @@ fn prepare<'a>(chain: &Chain, coefficients: &[f64], record: &'a Record) -> (Trac
     let fine = chain.dynamic();
     let guess = initial::guess(&record.voltage_v, &record.position_um);
     let trace = Trace::new(record, guess, fine);
-    let chosen = initial::choose_by(guess, &record.position_um, |initial| {
-        let from = trace.starting_at(initial, fine);
-        let own = chain.settle(coefficients, &from);
-        chain.respond(coefficients, &from, &own)
-    });
+    let chosen = initial::choose_by(
+        guess,
+        &record.position_um,
+        chain.design.family == Family::Duhem,
+        |initial| {
+            let from = trace.starting_at(initial, fine);
+            let own = chain.settle(coefficients, &from);
+            chain.respond(coefficients, &from, &own)
+        },
+    );
     let trace = trace.starting_at(chosen, fine);
     let own = chain.settle(coefficients, &trace);
     (trace, own)
@@ -219,7 +232,6 @@ fn simulate_voltage(
 mod tests {
     use super::*;
     use crate::effects::EffectId;
-    use crate::family::Family;
     use crate::fit::{FitOptions, fit};
     use crate::model::Parameter;
     use hysteron_data::{Dataset, Role};

@@ -146,7 +146,16 @@ fn val_every_family_explains_the_stage_both_ways() {
                 direction,
                 ..FitOptions::new(family)
             };
-            let report = fit(&dataset, &options, &|_| ()).unwrap();
+            let report = fit(&dataset, &options, &|_| ());
+            if (family, direction) == (Family::Duhem, Direction::Inverse) {
+                let refused = report.unwrap_err().to_string();
+                assert!(
+                    refused.starts_with("`duhem` runs from voltage to position alone"),
+                    "{refused}"
+                );
+                continue;
+            }
+            let report = report.unwrap();
             // The objective is the sum over two records of the squared relative error; a straight line leaves 6 % each.
             let relative = (report.objective / 2.0).sqrt();
             assert!(relative < 0.03, "{family} {direction:?}: {relative}");

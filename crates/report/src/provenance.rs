@@ -16,9 +16,10 @@ pub fn facts(data: &str, model_file: &str, dataset: &Dataset, model: &Model) -> 
         (
             "model",
             format!(
-                "{}, {} plays, {} ({model_file})",
+                "{}, {} {}, {} ({model_file})",
                 model.family,
                 model.thresholds.len(),
+                model.family.elements(),
                 model.direction.name()
             ),
         ),

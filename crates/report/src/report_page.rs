@@ -66,7 +66,12 @@ fn parameters(model: &Model) -> Section {
             Cell::text(unit_text(unit)),
         ])
     };
-    let caption = format!("{} with {} plays", model.family, model.thresholds.len());
+    let caption = format!(
+        "{} with {} {}",
+        model.family,
+        model.thresholds.len(),
+        model.family.elements()
+    );
     let mut table = Table::new(caption, &columns);
     for p in model.parameters() {
         table = row(table, p.name, p.value, p.standard_error, &p.unit);
@@ -86,7 +91,11 @@ fn parameters(model: &Model) -> Section {
     Section::new("The model")
         .with(Block::Facts(vec![
             (
-                format!("thresholds, {}", unit_text(model.direction.input_unit())),
+                format!(
+                    "{}s, {}",
+                    model.family.of_an_element(),
+                    unit_text(model.direction.input_unit())
+                ),
                 thresholds.join(", "),
             ),
             (

@@ -62,9 +62,10 @@ fn text(args: &AddArgs, name: &EffectName, added: &Added) -> String {
             // Writing to a String does not fail.
             let _ = writeln!(
                 text,
-                "  the hysteresis is now {} with {} plays",
+                "  the hysteresis is now {} with {} {}",
                 added.model.family,
-                added.model.thresholds.len()
+                added.model.thresholds.len(),
+                added.model.family.elements()
             );
         }
     }

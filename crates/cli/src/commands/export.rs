@@ -10,7 +10,7 @@ use crate::output;
 use clap::{Args, ValueEnum};
 use hysteron_control::design::Controller;
 use hysteron_control::export::{Bench, Ends, RAMP_RANGES_PER_S, export, top};
-use hysteron_identify::{Direction, Model};
+use hysteron_identify::{Direction, IdentifyError, Model};
 use hysteron_plant::StageConfig;
 use hysteron_report::law_table_text;
 use hysteron_table::gains::{Design, LoopData, design};
@@ -352,7 +352,7 @@ fn table(
         adc_min_um: ends.adc_um[0],
         adc_top_um,
         covered,
-        ..inverse(model)
+        ..inverse(model)?
     };
     // Before its slopes are used; K_i is no part of them.
     let [smallest, _] = table.sweep().map_err(refused)?.slopes_v_per_um;
@@ -372,7 +372,7 @@ fn table(
 }
 
 /// A table that has the model's inverse and nothing else.
-fn inverse(model: &Model) -> Table {
+fn inverse(model: &Model) -> Result<Table, IdentifyError> {
     let parameters = model.parameters();
     let number = |name: &str| {
         let found = parameters.iter().find(|parameter| parameter.name == name);
@@ -390,8 +390,9 @@ fn inverse(model: &Model) -> Table {
         hysteron_identify::Family::Wrpi => Family::Wrpi,
         hysteron_identify::Family::Mrpi => Family::Mrpi,
         hysteron_identify::Family::PlayPolynomial => Family::PlayPolynomial,
+        family @ hysteron_identify::Family::Duhem => return Err(IdentifyError::ForwardOnly { family }),
     };
-    Table {
+    Ok(Table {
         alpha_s: number("alpha"),
         beta_s: number("beta"),
         offset_v: number("offset"),
@@ -406,5 +407,5 @@ fn inverse(model: &Model) -> Table {
         weights_quadratic_v_per_um2: list("weight_quadratic"),
         weights_cubic_v_per_um3: list("weight_cubic"),
         ..Table::empty(family)
-    }
+    })
 }

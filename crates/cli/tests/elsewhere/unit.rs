@@ -206,6 +206,7 @@ fn val_every_family_as_a_unit_is_the_model() {
         ("weight_cubic[3]", 2e-7, "um/V^3"),
     ];
     same_as_the_model(&with("play-polynomial", &free), "play-polynomial");
+    same_as_the_model(&with("duhem", &free), "duhem");
 }
 
 /// A table with feedback, two modes and creep.

@@ -6,7 +6,7 @@ use super::system::within_bounds;
 use super::trial::{Trial, judge};
 use super::{Search, Shape, bounds, chosen_states, has, start_in};
 use crate::chain::{Chain, Link, Own, Stroke};
-use crate::effects::{Bounds, Effect, Facts, Family};
+use crate::effects::{Bounds, Effect, Facts};
 use crate::family::range;
 use crate::normal::Normal;
 use crate::start_state::InitialState;
@@ -331,7 +331,7 @@ impl Search<'_> {
 
     /// The parameters of an effect, and the states of the records, beside plays that are too stiff to take its part.
     fn beside_straight_plays(&self, effect: &Arc<dyn Effect>) -> Option<(Vec<f64>, Vec<InitialState>)> {
-        if self.standing.family() != Family::PlayPolynomial {
+        if !self.standing.family().is_free() {
             return None;
         }
         let straight = Search::new(self.dataset, &self.model(), &Shape::Straight, self.noise_um).ok()?;

@@ -18,10 +18,10 @@ use crate::chain_facts::facts;
 use crate::columns::Design;
 use crate::effects::{Bounds, Effect, Facts, Family};
 use crate::error::IdentifyError;
-use crate::family::FREE_PLAYS;
+use crate::family::{FADING_ELEMENTS, FREE_PLAYS};
 use crate::initial;
 use crate::model::Model;
-use crate::placement::free_thresholds;
+use crate::placement::{fading_lengths, free_thresholds};
 use crate::start_state::InitialState;
 use fitted::{Descent, Fitted, Levels, Standing};
 use hysteron_data::{Dataset, Record, Role};
@@ -34,6 +34,16 @@ const FIRST_RIDGE: f64 = 1e-7;
 /// Times that the states of the records and the chain follow each other.
 const MOST_TURNS: usize = 4;
 
+/// Mean fall of the logarithms of what is left of a part, foretold from the others, from which fading elements go before plays.
+const FADES: f64 = 0.1;
+
+/// Fading elements that leave more at first, in the same measure, will not come below plays.
+const WITHIN_REACH: f64 = 1.0;
+
+/// Times that states and coefficients of fading elements follow each other, and the fall, in the same measure, below which they stop.
+const MOST_FOLLOWED: usize = 24;
+const LITTLE: f64 = 0.02;
+
 /// The hysteresis that a search fits its effects around.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
@@ -41,6 +51,8 @@ pub enum Shape {
     Own,
     /// The free shape: [`FREE_PLAYS`] plays where the records exercise them, each through a cubic.
     Free,
+    /// Fading elements of Duhem's family instead of plays.
+    Fading,
     /// As many plays in the same places with a weight each, behind an input function that is linear.
     Straight,
 }
@@ -91,8 +103,50 @@ impl<'a> Search<'a> {
             let point = search.settled_point(Levels::OfTheState);
             search.standing = search.judged(point);
         }
+        if *shape == Shape::Own && search.standing.family() == Family::Duhem {
+            search.follow_states();
+        }
         search.start_held_out();
         Ok(search)
+    }
+
+    /// As [`Self::new`], around the free shape that foretells the parts of the records from each other better: plays, each through a
+    /// cubic, or fading elements.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn free(dataset: &'a Dataset, model: &Model, noise_um: f64) -> Result<Self, IdentifyError> {
+        let of = |shape: Shape| move || Self::new(dataset, model, &shape, noise_um);
+        match rayon::join(of(Shape::Free), of(Shape::Fading)) {
+            (Ok(plays), Ok(mut fading)) => {
+                let parts = plays.standing.parts.len().max(1) as f64;
+                let plays_leave = plays.foretold(&plays.standing);
+                if fading.foretold(&fading.standing) < plays_leave + WITHIN_REACH * parts {
+                    fading.follow_states();
+                    fading.start_held_out();
+                }
+                let fades = fading.foretold(&fading.standing) < plays_leave - FADES * parts;
+                Ok(if fades { fading } else { plays })
+            }
+            (Ok(plays), Err(_)) => Ok(plays),
+            (Err(_), fading) => fading,
+        }
+    }
+
+    /// What fading elements hold from before a record never ends: states and coefficients follow each other until that brings little.
+    fn follow_states(&mut self) {
+        let parts = self.standing.parts.len().max(1) as f64;
+        for _ in 0..MOST_FOLLOWED {
+            let before = self.foretold(&self.standing);
+            if !self.choose_states() {
+                break;
+            }
+            let point = self.settled_point(Levels::OfTheState);
+            self.standing = self.judged(point);
+            if before - self.foretold(&self.standing) < LITTLE * parts {
+                break;
+            }
+        }
     }
 
     /// The chain as it stands, judged.
@@ -226,11 +280,16 @@ fn chosen_states(
         }
         let record = prepared.record();
         let guess = initial::guess(&record.voltage_v, &record.position_um);
-        initial::choose_by(guess, &record.position_um, |state| {
-            let trace = prepared.trace(dynamic).starting_at(state, dynamic);
-            let own = fitted.chain.settle(&fitted.coefficients, &trace);
-            fitted.chain.respond(&fitted.coefficients, &trace, &own)
-        })
+        initial::choose_by(
+            guess,
+            &record.position_um,
+            fitted.chain.design.family == Family::Duhem,
+            |state| {
+                let trace = prepared.trace(dynamic).starting_at(state, dynamic);
+                let own = fitted.chain.settle(&fitted.coefficients, &trace);
+                fitted.chain.respond(&fitted.coefficients, &trace, &own)
+            },
+        )
     };
     records.par_iter().enumerate().map(chosen).collect()
 }
@@ -252,6 +311,7 @@ fn chain_in(dataset: &Dataset, model: &Model, shape: &Shape) -> Result<(Chain, F
     let family = match shape {
         Shape::Own => model.family,
         Shape::Free => Family::PlayPolynomial,
+        Shape::Fading => Family::Duhem,
         Shape::Straight => Family::Pi,
     };
     let mut facts = facts(dataset, family);
@@ -268,6 +328,7 @@ fn chain_in(dataset: &Dataset, model: &Model, shape: &Shape) -> Result<(Chain, F
     let thresholds = match shape {
         Shape::Own => model.thresholds.clone(),
         Shape::Free | Shape::Straight => free_thresholds(FREE_PLAYS, &fitted),
+        Shape::Fading => fading_lengths(FADING_ELEMENTS, &fitted),
     };
     if thresholds.is_empty() {
         return Err(IdentifyError::NoExcitation { input: "voltage" });
@@ -285,7 +346,7 @@ fn start(chain: Chain, facts: &Facts, records: &[Prepared<'_>]) -> Fitted {
     coefficients[0] = 0.5 * (low + high);
     // Half the stroke over half the range; the plays take their part of it when they are fitted.
     let slope = 0.5 * (high - low);
-    coefficients[1] = if chain.design.family == Family::PlayPolynomial {
+    coefficients[1] = if chain.design.family.is_free() {
         slope
     } else {
         2.0 * slope / (facts.voltage_v[1] - facts.voltage_v[0]).max(f64::MIN_POSITIVE)

@@ -158,7 +158,7 @@ fn one<'a>(record: &'a Record, fits: bool, design: &Design, budget: &Budget) -> 
         } else {
             0.0
         },
-        holds_a_level: initial::holds_a_level(&design.thresholds, &record.voltage_v, guess),
+        holds_a_level: initial::holds_a_level(design, &record.voltage_v, guess),
         settled: run.fit_from,
         few_rows: rows.iter().copied().step_by(every).collect(),
         parts: (0..rows.len())

@@ -111,8 +111,8 @@ pub(super) fn judge(
         point: &point,
     };
     let ridge = match point.chain.design.family {
-        Family::PlayPolynomial if !same_ridge => pool.best_ridge(),
-        Family::PlayPolynomial => point.ridge,
+        family if family.is_free() && !same_ridge => pool.best_ridge(),
+        family if family.is_free() => point.ridge,
         _ => LINEAR_RIDGE,
     };
     let mut solution = pool.solve(ridge);

@@ -9,9 +9,10 @@ pub fn model_text(model: &Model) -> String {
     let records = model.fitted_on.records.len();
     let samples: usize = model.fitted_on.records.iter().map(|record| record.samples).sum();
     let mut text = format!(
-        "{} with {} plays, {}, fitted to {records} record{} ({samples} samples)\n\n",
+        "{} with {} {}, {}, fitted to {records} record{} ({samples} samples)\n\n",
         model.family,
         model.thresholds.len(),
+        model.family.elements(),
         model.direction.name(),
         if records == 1 { "" } else { "s" }
     );
@@ -21,8 +22,12 @@ pub fn model_text(model: &Model) -> String {
     // Writing to a String does not fail.
     let _ = writeln!(
         text,
-        "  {:<22} {:>12} {:>11}  {:<10} threshold, {input}",
-        "parameter", "value", "std. error", "unit"
+        "  {:<22} {:>12} {:>11}  {:<10} {}, {input}",
+        "parameter",
+        "value",
+        "std. error",
+        "unit",
+        model.family.of_an_element()
     );
     for row in written(&amounts) {
         let threshold = play(&row.name).and_then(|i| model.thresholds.get(i)).map_or_else(

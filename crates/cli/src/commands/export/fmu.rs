@@ -31,9 +31,10 @@ pub(super) fn write_stage(model: &Model, args: &ExportArgs) -> Result<Done, CliE
     )?;
     let unit = Fmu::of_stage(model, &name(args)?, rate_hz);
     let said = format!(
-        "{} with {} plays and {} effects at {} Hz, from rest at 0 V\n",
+        "{} with {} {} and {} effects at {} Hz, from rest at 0 V\n",
         model.family,
         model.thresholds.len(),
+        model.family.elements(),
         model.effects.len(),
         short(rate_hz)
     );
