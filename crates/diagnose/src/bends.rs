@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// The model's own plays, and as many of its kind as the free shape has with bends beside them; all with what was found.
 pub(crate) fn bends(model: &Model, investigation: &Investigation<'_>) -> Bends {
     let mut evidence = Bends::default();
-    if model.family == Family::PlayPolynomial || !investigation.shape_determined {
+    if model.family.is_free() || !investigation.shape_determined {
         return evidence;
     }
     let search = &investigation.search;
@@ -23,6 +23,10 @@ pub(crate) fn bends(model: &Model, investigation: &Investigation<'_>) -> Bends {
     with_found.envelope = model.envelope;
     let mut fine_plays = with_found.clone();
     with_found.thresholds.clone_from(&model.thresholds);
+    if free.family() == Family::Duhem {
+        // Its lengths are no thresholds.
+        fine_plays.thresholds.clone_from(&model.thresholds);
+    }
     if fine_plays.family == Family::Mrpi && fine_plays.envelope.is_none() {
         fine_plays.family = Family::Mpi;
     }

@@ -60,7 +60,8 @@ impl<'a> Investigation<'a> {
         noise_um: f64,
         reasons: &[Reason],
     ) -> Result<Self, IdentifyError> {
-        let mut search = searched(dataset, model, &Shape::Free, noise_um)?;
+        let free = |noise_um: f64| Search::free(dataset, model, noise_um);
+        let mut search = searched(&free, noise_um)?;
         let strokes = search.strokes_um();
         let mut shape_determined = true;
         let moving = strokes
@@ -88,7 +89,7 @@ impl<'a> Investigation<'a> {
         noise_um: f64,
         reasons: &[Reason],
     ) -> Result<Self, IdentifyError> {
-        let search = searched(dataset, model, &Shape::Own, noise_um)?;
+        let search = searched(&|noise_um| Search::new(dataset, model, &Shape::Own, noise_um), noise_um)?;
         Ok(Self::of(search, model, own, true, reasons))
     }
 
@@ -327,17 +328,15 @@ impl<'a> Investigation<'a> {
 
 /// A search whose noise is no more than what the best-known record leaves: a floor above it counts something else as noise.
 fn searched<'a>(
-    dataset: &'a Dataset,
-    model: &Model,
-    shape: &Shape,
+    search: &dyn Fn(f64) -> Result<Search<'a>, IdentifyError>,
     noise_um: f64,
 ) -> Result<Search<'a>, IdentifyError> {
-    let search = Search::new(dataset, model, shape, noise_um)?;
-    let least_um = least_left_um(search.standing(), &search.strokes_um());
+    let found = search(noise_um)?;
+    let least_um = least_left_um(found.standing(), &found.strokes_um());
     if least_um < noise_um {
-        return Search::new(dataset, model, shape, least_um);
+        return search(least_um);
     }
-    Ok(search)
+    Ok(found)
 }
 
 /// The least error of a record that moves, micrometres rms.

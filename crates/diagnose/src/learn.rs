@@ -15,7 +15,7 @@ use hysteron_data::Dataset;
 use hysteron_identify::add::told;
 use hysteron_identify::effects::{UserEffect, find};
 use hysteron_identify::{
-    Adding, Change, EffectId, EffectName, Family, FitOptions, IdentifyError, Model, Step, add, check_own_effect, fit,
+    Adding, Change, EffectId, EffectName, FitOptions, IdentifyError, Model, Step, add, check_own_effect, fit,
     present_step, remove,
 };
 use serde::Serialize;
@@ -203,7 +203,7 @@ fn go_on(
 /// The diagnosis of the start, as it reads once its effects are in the model.
 fn after_all(diagnosis: &mut Diagnosis, model: &Model) {
     let has = |name: &EffectName| model.effects.iter().any(|fitted| fitted.name == *name);
-    let shaped = model.family == Family::PlayPolynomial;
+    let shaped = model.family.is_free();
     let taken = |name: &EffectName| has(name) || shaped && *name == EffectId::HysteresisShape;
     let left = &diagnosis.unexplained;
     let structured = left.percent > crate::rules::MATTERS_PERCENT && left.percent > 2.0 * left.noise_percent;
@@ -363,7 +363,7 @@ impl<'a> Climb<'a> {
 
     /// The free shape as a step of its own, where it is what holds the error up and the records determine it.
     fn shape(&mut self, investigation: &Investigation<'_>) {
-        if self.model.family == Family::PlayPolynomial || !investigation.shape_determined || investigation.one_loop() {
+        if self.model.family.is_free() || !investigation.shape_determined || investigation.one_loop() {
             return;
         }
         let shape = find(EffectId::HysteresisShape);

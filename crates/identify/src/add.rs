@@ -1,6 +1,6 @@
 //! Adds an effect to a model, or takes one out: everything fitted anew, errors before and after on every record.
 
-use crate::effects::{Effect, EffectName, FREE_SHAPE, Family, Shape as Reshaped, UserEffect};
+use crate::effects::{Effect, EffectName, FREE_SHAPE, Shape as Reshaped, UserEffect};
 use crate::error::IdentifyError;
 use crate::family::Direction;
 use crate::history::{self, record_errors};
@@ -87,6 +87,10 @@ pub fn add_held(
     let before = history::present_step(dataset, model);
     progress(0.1);
     let own = Search::new(dataset, model, &Shape::Own, adding.noise_um)?;
+    if name == FREE_SHAPE && !model.family.is_free() {
+        let search = Search::free(dataset, model, adding.noise_um)?;
+        return Ok(told(dataset, model, &search, &name, before));
+    }
     if effect.bounds(own.facts()).map_err(refuse)?.is_empty() {
         let reshaped = reshaped(dataset, model, effect, &own)
             .ok_or_else(|| refuse("the model's family of plays has it already".to_owned()))?;
@@ -100,10 +104,10 @@ pub fn add_held(
     };
     let of_own = own.candidate_held(effect, held);
     progress(0.5);
-    let free = if model.family == Family::PlayPolynomial || adding.keep_family || one_loop(dataset) {
+    let free = if model.family.is_free() || adding.keep_family || one_loop(dataset) {
         None
     } else {
-        Search::new(dataset, model, &Shape::Free, adding.noise_um).ok()
+        Search::free(dataset, model, adding.noise_um).ok()
     };
     progress(0.6);
     let of_own = of_own.map(|trial| {
