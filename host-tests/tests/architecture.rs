@@ -149,6 +149,46 @@ fn val_the_core_is_no_std_and_safe() {
     assert!(!text.contains("extern crate alloc"));
 }
 
+/// What a library of control asks for has the name of a field; which option gives it, the command line says.
+#[test]
+fn val_no_library_of_control_names_an_option() {
+    for name in ["identify", "control", "tracking", "trials"] {
+        let mut files = Vec::new();
+        collect(
+            &Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../crates/{name}/src")),
+            &mut files,
+        );
+        assert!(!files.is_empty());
+        for file in files {
+            let named = options(&std::fs::read_to_string(&file).unwrap());
+            assert!(named.is_empty(), "{}: {named:?}", file.display());
+        }
+    }
+}
+
+#[test]
+fn val_an_option_in_a_message_is_found() {
+    let text = "// --a comment\nfn f(k: u8) -> u8 {\n    k--1 /* no */\n}\n\"give --top-v\"; \"a -- b --\"\n#[cfg(test)]\n\"--in-a-test\"\n";
+    assert_eq!(options(text), ["--top-v"]);
+}
+
+/// Options in the code of a file, its comments and its tests left out.
+fn options(text: &str) -> Vec<String> {
+    let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+    let lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
+    let behind = lines.flat_map(|line| line.split("--").skip(1));
+    let word = |rest: &str| {
+        rest.chars()
+            .take_while(|c| c.is_ascii_lowercase() || *c == '-')
+            .collect::<String>()
+    };
+    behind
+        .map(word)
+        .filter(|word| word.starts_with(|c: char| c.is_ascii_lowercase()))
+        .map(|word| format!("--{word}"))
+        .collect()
+}
+
 /// The top-level modules of a crate, each with those that it uses; tests left out.
 fn modules(name: &str) -> BTreeMap<String, BTreeSet<String>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../crates/{name}/src"));

@@ -3,6 +3,7 @@
 use hysteron_data::DataError;
 use hysteron_identify::IdentifyError;
 use hysteron_identify::effects::{EffectError, UnknownEffect};
+use hysteron_report::option;
 use std::path::PathBuf;
 
 /// Everything a command can end with but an answer.
@@ -81,6 +82,28 @@ pub(crate) enum CliError {
     /// An answer that cannot be turned into JSON.
     #[error("cannot write JSON: {0}")]
     Json(#[from] serde_json::Error),
+}
+
+impl CliError {
+    /// What it says, with settings by the names of their options.
+    pub(crate) fn worded(&self) -> String {
+        match self {
+            Self::Control(error) => error.worded(option),
+            Self::Tracking(error) => error.worded(option),
+            Self::Trial(error) => error.worded(option),
+            _ => self.to_string(),
+        }
+    }
+
+    /// The option that says what a library asks for in words.
+    pub(crate) fn option_to_give(&self) -> Option<String> {
+        let Self::Identify(error) = self else { return None };
+        match error {
+            IdentifyError::NoSwarm { .. } => Some("give --method separable".to_owned()),
+            IdentifyError::CorePlays { wanted, .. } => Some(format!("give --plays {wanted}")),
+            _ => None,
+        }
+    }
 }
 
 impl From<UnknownEffect> for CliError {

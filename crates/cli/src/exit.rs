@@ -44,7 +44,7 @@ struct Said {
 
 impl Said {
     fn of(error: &CliError) -> Self {
-        let mut text = error.to_string();
+        let mut text = error.worded();
         let mut cause = error.source();
         while let Some(inner) = cause {
             let words = inner.to_string();
@@ -54,6 +54,7 @@ impl Said {
             cause = inner.source();
         }
         let help = miette::Diagnostic::help(error).map(|help| help.to_string());
+        let help = error.option_to_give().or(help);
         Self { text, help }
     }
 }

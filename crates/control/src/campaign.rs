@@ -70,7 +70,7 @@ pub fn on_process(
         for (number, command) in (1..).zip(&commands) {
             match usable(command, &command.on_process(stage)?) {
                 Ok(record) => records.push(record),
-                Err(reason) => wrong.push(format!("{}: {reason}", command.file)),
+                Err(reason) => wrong.push(reason.behind(format!("{}: ", command.file))),
             }
             progress(f64::from(number) / total);
         }

@@ -1,5 +1,6 @@
 //! What can go wrong when a controller is designed, read or run.
 
+use crate::message::{Message, Naming, Setting};
 use crate::process::ProcessError;
 use hysteron_core::error::ParamError;
 use hysteron_excitation::ParameterError;
@@ -21,12 +22,12 @@ pub enum ControlError {
     #[error(transparent)]
     Process(#[from] ProcessError),
     /// A chain that cannot be undone.
-    #[error("no controller: {what}; {advice}")]
+    #[error("{}", no_controller(what, advice, Setting::field))]
     Design {
         /// What stands in the way.
         what: String,
         /// What to do.
-        advice: &'static str,
+        advice: Message,
     },
     /// A controller file that cannot be read or written.
     #[error("{file}: {reason}")]
@@ -37,29 +38,29 @@ pub enum ControlError {
         reason: String,
     },
     /// A plan of a campaign that cannot be read.
-    #[error("{file}: {reason}")]
+    #[error("{}", plan(file, reason, Setting::field))]
     Plan {
         /// The file.
         file: String,
         /// What is wrong.
-        reason: String,
+        reason: Message,
     },
     /// A wish for a design that makes no sense, in words.
     #[error("{0}")]
-    Wish(String),
+    Wish(Message),
     /// Records that cannot be used.
-    #[error("{} of {asked} records cannot be used:\n{}", wrong.len(), wrong.join("\n"))]
+    #[error("{}", unusable(wrong, *asked, Setting::field))]
     Unusable {
         /// A sentence for each.
-        wrong: Vec<String>,
+        wrong: Vec<Message>,
         /// How many commands were played.
         asked: usize,
     },
     /// What came back of a plan and cannot be used yet.
-    #[error("the recordings cannot be used yet:\n{}", wrong.join("\n"))]
+    #[error("{}", recordings(wrong, Setting::field))]
     Recordings {
         /// A sentence for each reason.
-        wrong: Vec<String>,
+        wrong: Vec<Message>,
     },
     /// A reference that is not finite.
     #[error("reference_um[{index}] = {value} is not finite; give micrometres")]
@@ -69,4 +70,45 @@ pub enum ControlError {
         /// What was given.
         value: f64,
     },
+}
+
+impl ControlError {
+    /// What it says, with settings in a front end's names.
+    pub fn worded(&self, name: Naming) -> String {
+        match self {
+            Self::Design { what, advice } => no_controller(what, advice, name),
+            Self::Plan { file, reason } => plan(file, reason, name),
+            Self::Wish(message) => message.worded(name),
+            Self::Unusable { wrong, asked } => unusable(wrong, *asked, name),
+            Self::Recordings { wrong } => recordings(wrong, name),
+            Self::Process(error) => error.worded(name),
+            Self::Excitation(_)
+            | Self::Identify(_)
+            | Self::Control(_)
+            | Self::ControllerFile { .. }
+            | Self::Reference { .. } => self.to_string(),
+        }
+    }
+}
+
+fn no_controller(what: &str, advice: &Message, name: Naming) -> String {
+    format!("no controller: {what}; {}", advice.worded(name))
+}
+
+fn plan(file: &str, reason: &Message, name: Naming) -> String {
+    format!("{file}: {}", reason.worded(name))
+}
+
+fn unusable(wrong: &[Message], asked: usize, name: Naming) -> String {
+    let count = wrong.len();
+    format!("{count} of {asked} records cannot be used:\n{}", lines(wrong, name))
+}
+
+fn recordings(wrong: &[Message], name: Naming) -> String {
+    format!("the recordings cannot be used yet:\n{}", lines(wrong, name))
+}
+
+fn lines(wrong: &[Message], name: Naming) -> String {
+    let lines: Vec<String> = wrong.iter().map(|message| message.worded(name)).collect();
+    lines.join("\n")
 }

@@ -2,6 +2,7 @@
 
 use crate::design::{Controller, ReferenceKind};
 use crate::error::ControlError;
+use crate::message::{Message, Setting};
 use crate::reference::Shape;
 use realfft::RealFftPlanner;
 use std::f64::consts::PI;
@@ -85,7 +86,7 @@ pub fn band_hz(controller: &Controller) -> Result<f64, ControlError> {
     if controller.reference == ReferenceKind::Live {
         return Err(ControlError::Design {
             what: "iterative learning needs a reference that is known ahead and repeats, and this controller is for live ones".into(),
-            advice: "design it with --reference previewed",
+            advice: Message::from("design it with ").naming(Setting::Previewed),
         });
     }
     Ok(controller.preview_quality()?.bandwidth_hz)

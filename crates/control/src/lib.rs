@@ -15,6 +15,7 @@ pub mod expected;
 pub mod export;
 pub mod figures;
 pub mod learning;
+pub mod message;
 pub mod on_model;
 pub mod plan;
 pub mod process;

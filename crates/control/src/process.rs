@@ -6,6 +6,7 @@ use crate::design::Controller;
 use crate::design::beyond::Programme;
 use crate::error::ControlError;
 use crate::expected::{Plan, Played, Report, Row};
+use crate::message::{Naming, Setting};
 use crate::reference::Reference;
 use hysteron_core::surroundings::LoopInput;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -36,10 +37,7 @@ pub enum ProcessError {
         source: std::io::Error,
     },
     /// No answer in time.
-    #[error(
-        "process `{command}` gave no answer to line {line} within {seconds} s; it must write a line for each line that it reads and flush \
-         it at once; --timeout gives it longer"
-    )]
+    #[error("{}", silent(command, *line, *seconds, Setting::field))]
     Silent {
         /// The command.
         command: String,
@@ -82,6 +80,24 @@ pub enum ProcessError {
         /// What it wrote.
         found: String,
     },
+}
+
+impl ProcessError {
+    /// What it says, with settings in a front end's names.
+    pub fn worded(&self, name: Naming) -> String {
+        match self {
+            Self::Silent { command, line, seconds } => silent(command, *line, *seconds, name),
+            _ => self.to_string(),
+        }
+    }
+}
+
+fn silent(command: &str, line: u64, seconds: f64, name: Naming) -> String {
+    format!(
+        "process `{command}` gave no answer to line {line} within {seconds} s; it must write a line for each line that it reads and flush it \
+         at once; {} gives it longer",
+        name(Setting::Timeout)
+    )
 }
 
 /// How a stage is started as a process.

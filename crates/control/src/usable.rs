@@ -1,6 +1,7 @@
 //! Whether what came back of a campaign's commands can be used, and cut to what is.
 
 use crate::campaign::{Command, PERIODS_KEPT};
+use crate::message::{Message, Setting};
 use crate::plan::Purpose;
 use hysteron_data::{Record, Role};
 use hysteron_identify::family::{peak_to_peak, range};
@@ -16,7 +17,7 @@ const STANDS_OUT: f64 = 100.0;
 ///
 /// # Errors
 /// What is wrong with the position, in a sentence, and what to do.
-pub fn usable(command: &Command, record: &Record) -> Result<Record, String> {
+pub fn usable(command: &Command, record: &Record) -> Result<Record, Message> {
     let n = command.voltage_v.len();
     let part = |series: &[f64]| -> Vec<f64> { series.iter().take(n).skip(command.skip).copied().collect() };
     let cut = Record {
@@ -49,7 +50,7 @@ const MOVES: f64 = 30.0;
 ///
 /// # Errors
 /// What is wrong with it, in a sentence, and what to do.
-pub fn moved(record: &Record, at_rest: &Record) -> Result<(), String> {
+pub fn moved(record: &Record, at_rest: &Record) -> Result<(), Message> {
     at_its_end(record)?;
     let n = at_rest.len() as f64;
     let mean = at_rest.position_um.iter().sum::<f64>() / n;
@@ -58,30 +59,31 @@ pub fn moved(record: &Record, at_rest: &Record) -> Result<(), String> {
     if went_um >= MOVES * noise_um {
         return Ok(());
     }
-    Err(format!(
+    Err(Message::from(format!(
         "the position goes {went_um:.4} um and is {noise_um:.4} um rms at rest; is the amplifier on, and the sensor that of this axis?"
-    ))
+    )))
 }
 
-fn at_its_end(record: &Record) -> Result<(), String> {
+fn at_its_end(record: &Record) -> Result<(), Message> {
     let (low, high) = range(record.position_um.iter().copied());
     if high <= low {
-        return Err("the position stands still".to_owned());
+        return Err("the position stands still".into());
     }
     for end in [low, high] {
         let stuck = record.stuck_at(end);
         if stuck as f64 > AT_ITS_END * record.len() as f64 {
-            return Err(format!(
+            let stands = format!(
                 "the position stands at {end} um for {stuck} samples while the command moves; the sensor or its converter is at its \
-                 end: shift its range, or take a lower --top-v"
-            ));
+                 end: shift its range, or take a lower "
+            );
+            return Err(Message::from(stands).naming(Setting::TopV));
         }
     }
     Ok(())
 }
 
 /// Whole periods, of which what they share is compared with what they do not.
-fn stands_out(position_um: &[f64], periods: usize) -> Result<(), String> {
+fn stands_out(position_um: &[f64], periods: usize) -> Result<(), Message> {
     let n = position_um.len() / periods;
     let means: Vec<f64> = position_um
         .chunks(n)
@@ -99,12 +101,12 @@ fn stands_out(position_um: &[f64], periods: usize) -> Result<(), String> {
     if ratio >= STANDS_OUT {
         return Ok(());
     }
-    Err(format!(
+    Err(Message::from(format!(
         "the response stands out of what does not repeat by {:.0} dB, {:.0} are needed; look \
          for what disturbs the stage at rest, or choose a finer range of the sensor",
         10.0 * ratio.log10(),
         10.0 * STANDS_OUT.log10()
-    ))
+    )))
 }
 
 #[cfg(test)]
@@ -157,7 +159,7 @@ mod tests {
             let (command, mut record) = pair();
             record.position_um.iter_mut().for_each(change);
             let reason = usable(&command, &record).unwrap_err();
-            assert!(reason.contains(said), "{said}: {reason}");
+            assert!(reason.to_string().contains(said), "{said}: {reason}");
         }
     }
 
@@ -172,13 +174,13 @@ mod tests {
         };
         assert_eq!(moved(&driven, &at_rest), Ok(()));
         let still = moved(&at_rest, &at_rest).unwrap_err();
-        assert!(still.contains("is the amplifier on"), "{still}");
+        assert!(still.to_string().contains("is the amplifier on"), "{still}");
         let clipped = Record {
             position_um: driven.position_um.iter().map(|y| y.min(8.0)).collect(),
             ..driven
         };
         let clipped = moved(&clipped, &at_rest).unwrap_err();
-        assert!(clipped.contains("stands at 8 um for"), "{clipped}");
+        assert!(clipped.to_string().contains("stands at 8 um for"), "{clipped}");
     }
 
     #[test]
@@ -193,6 +195,6 @@ mod tests {
         assert!(usable(&command, &record).is_ok());
         record.position_um = (0..5000).map(|k| periodic(k) + 0.2 * noise(k)).collect();
         let reasons = usable(&command, &record).unwrap_err();
-        assert!(reasons.contains("20 are needed"), "{reasons}");
+        assert!(reasons.to_string().contains("20 are needed"), "{reasons}");
     }
 }

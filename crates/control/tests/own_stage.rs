@@ -202,7 +202,7 @@ fn val_a_plan_is_read_back_and_a_changed_command_refused() {
         "{reason}"
     );
     let nowhere = Plan::read(&folder.path().join("nowhere")).unwrap_err().to_string();
-    assert!(nowhere.contains("--plan names the folder"), "{nowhere}");
+    assert!(nowhere.contains("`folder` names the folder"), "{nowhere}");
 }
 
 /// Under names of an instrument, backwards, one behind a trigger, one behind a monitor with noise and half a percent: all are known.

@@ -78,7 +78,7 @@ pub fn add_held(
     };
     if model.direction == Direction::Inverse {
         return Err(refuse(
-            "the model runs from position to voltage; fit one with --direction forward".to_owned(),
+            "the model runs from position to voltage; fit one with the direction forward".to_owned(),
         ));
     }
     if dataset.with_role(Role::Identify).next().is_none() {

@@ -196,7 +196,7 @@ mod tests {
         let refused = model.to_core::<f32, 12>(0.0, 26.0, 50e3).unwrap_err();
         assert_eq!(
             refused.to_string(),
-            "the model has 10 plays, the control table has 12; fit with --plays 12"
+            "the model has 10 plays, the control table has 12; fit with 12 plays"
         );
         assert!(model.to_core::<f32, 10>(26.0, 0.0, 50e3).is_err());
     }

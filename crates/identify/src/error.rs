@@ -34,7 +34,7 @@ pub enum IdentifyError {
         parameters: usize,
     },
     /// A particle swarm has a family without parameters for it.
-    #[error("`--method mpso` fits pi, mpi, wrpi and mrpi as the paper does; for `{family}` use `--method separable`")]
+    #[error("the method mpso fits pi, mpi, wrpi and mrpi as the paper does; for `{family}` use the method separable")]
     NoSwarm {
         /// The family.
         family: &'static str,
@@ -83,7 +83,7 @@ pub enum IdentifyError {
         effect: EffectName,
     },
     /// A model with another number of plays than the table it is to fill.
-    #[error("the model has {plays} plays, the control table has {wanted}; fit with --plays {wanted}")]
+    #[error("the model has {plays} plays, the control table has {wanted}; fit with {wanted} plays")]
     CorePlays {
         /// Plays of the model.
         plays: usize,

@@ -72,21 +72,20 @@ fn advance(basis: &Basis, per_half: &[f64; LANES], [from_v, to_v]: [f64; 2], z: 
 /// both branches follow from what is continuous at the turns.
 fn cycled(per_half: &[f64; LANES], u: f64) -> [States; 2] {
     let u = u.clamp(-1.0, 1.0);
-    let mut states = [[[0.0; LANES]; POWERS]; 2];
-    for l in 0..LANES {
+    let of = |p: usize, l: usize| {
         let length = 1.0 / per_half[l];
         let end = (-2.0 / length).exp();
-        for p in 0..POWERS {
-            let rising = |u: f64| solution(p + 1, u, length);
-            let falling = |u: f64| solution(p + 1, u, -length);
-            let (low, high) = (falling(-1.0) - rising(-1.0), rising(1.0) - falling(1.0));
-            let up = (low + end * high) / (1.0 - end * end);
-            let down = high + end * up;
-            states[0][p][l] = rising(u) + up * (-(u + 1.0) / length).exp();
-            states[1][p][l] = falling(u) + down * (-(1.0 - u) / length).exp();
-        }
-    }
-    states
+        let rising = |u: f64| solution(p + 1, u, length);
+        let falling = |u: f64| solution(p + 1, u, -length);
+        let (low, high) = (falling(-1.0) - rising(-1.0), rising(1.0) - falling(1.0));
+        let up = (low + end * high) / (1.0 - end * end);
+        let down = high + end * up;
+        [
+            rising(u) + up * (-(u + 1.0) / length).exp(),
+            falling(u) + down * (-(1.0 - u) / length).exp(),
+        ]
+    };
+    [0, 1].map(|branch| std::array::from_fn(|p| std::array::from_fn(|l| of(p, l)[branch])))
 }
 
 /// The states of elements of these lengths at 0 V, come down to in cycles over a range of voltages: what they hold of `v`, `v^2`, `v^3`.

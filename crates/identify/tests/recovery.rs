@@ -283,7 +283,7 @@ fn refuse_what_cannot_be_fitted() {
         ..FitOptions::new(Family::PlayPolynomial)
     };
     let message =
-        "`--method mpso` fits pi, mpi, wrpi and mrpi as the paper does; for `play-polynomial` use `--method separable`";
+        "the method mpso fits pi, mpi, wrpi and mrpi as the paper does; for `play-polynomial` use the method separable";
     check(&dataset, swarm, message);
     dataset.records[0].voltage_v.truncate(10);
     dataset.records[0].position_um.truncate(10);

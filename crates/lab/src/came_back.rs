@@ -180,7 +180,7 @@ pub(crate) fn pass(app: &App, number: usize) -> Result<Download, Refusal> {
     }
     let zipped = |error: &dyn std::fmt::Display| Refusal::disk(&session, error);
     let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
-    for (name, text) in plan.files(number).map_err(Refusal::unusable)? {
+    for (name, text) in plan.files(number)? {
         archive
             .start_file(format!("{ARCHIVED}/{name}"), zip::write::SimpleFileOptions::default())
             .map_err(|error| zipped(&error))?;

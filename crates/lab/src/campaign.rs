@@ -16,7 +16,7 @@ use hysteron_control::plan::came_back::{CameBack, Checked, Given};
 use hysteron_control::plan::{FILE, Plan};
 use hysteron_data::import::name_apart;
 use hysteron_data::{Dataset, Overwrite, Record, write_dataset};
-use hysteron_report::came_back_text;
+use hysteron_report::{came_back_text, option};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -163,7 +163,7 @@ pub(crate) fn plan(app: &Arc<App>, asked: &Asked) -> Result<(), Refusal> {
         seed: asked.seed,
         ..Given::default()
     };
-    given.protocol().map_err(Refusal::unusable)?;
+    given.protocol()?;
     let mut options = Options::default();
     options.number("top-v", asked.top_v);
     options.number("rate-hz", asked.rate_hz);
@@ -173,7 +173,7 @@ pub(crate) fn plan(app: &Arc<App>, asked: &Asked) -> Result<(), Refusal> {
     let own = Arc::clone(app);
     jobs::start(app, "planning", move |progress| {
         progress.at(0.1, "the commands of the first pass");
-        let plan = given.plan().map_err(Refusal::unusable)?;
+        let plan = given.plan()?;
         // The last look at whether it was stopped.
         progress.at(0.5, "its files");
         let folder = end(&own)?;
@@ -222,7 +222,7 @@ fn words(plan: &Plan) -> Vec<String> {
 
 /// The files of a pass, the plan itself last.
 fn write_pass(session: &Path, plan: &Plan, number: usize) -> Result<(), Refusal> {
-    for (name, text) in plan.files(number).map_err(Refusal::unusable)? {
+    for (name, text) in plan.files(number)? {
         let file = session.join(PLAN).join(name);
         let folder = file.parent().unwrap_or(session);
         std::fs::create_dir_all(folder).map_err(|error| Refusal::disk(folder, &error))?;
@@ -234,7 +234,7 @@ fn write_pass(session: &Path, plan: &Plan, number: usize) -> Result<(), Refusal>
 /// The plan as it lies in the session.
 pub(crate) fn planned(session: &Path) -> Result<Plan, Refusal> {
     let here = format!("{}/", session.display());
-    Plan::read(&session.join(PLAN)).map_err(|error| Refusal::unusable(error.to_string().replace(&here, "")))
+    Plan::read(&session.join(PLAN)).map_err(|error| Refusal::unusable(error.worded(option).replace(&here, "")))
 }
 
 /// Looks at what came back, identifies from it, and makes the next pass until all are there.
@@ -245,7 +245,7 @@ pub(crate) fn look(app: &Arc<App>, looked: &Looked) -> Result<(), Refusal> {
         short_rests: looked.short_rests,
         ..Given::default()
     };
-    given.check_chain().map_err(Refusal::unusable)?;
+    given.check_chain()?;
     let (session, before) = {
         let mut session = app.session();
         let campaign = of(&mut session)?.clone();
@@ -290,7 +290,7 @@ fn look_at(
     let (recorded, names) = recorded(session, campaign, progress)?;
     progress.at(0.5, "which is which");
     let file = Path::new(PLAN).join(FILE);
-    let checked = Checked::new(planned(session)?, given, &file, &recorded).map_err(Refusal::unusable)?;
+    let checked = Checked::new(planned(session)?, given, &file, &recorded)?;
     let mut notes: Vec<String> = recorded
         .notices
         .iter()
@@ -324,7 +324,8 @@ fn look_at(
         next: None,
     };
     let came = checked.complete().and_then(|complete| {
-        back.doubts.extend(complete.warnings());
+        back.doubts
+            .extend(complete.warnings().iter().map(|warning| warning.worded(option)));
         progress.at(0.6, "what they tell");
         complete.identify()
     });
@@ -336,11 +337,11 @@ fn look_at(
             Ok((back, Some(came)))
         }
         Err(ControlError::Recordings { wrong }) => {
-            back.refused = wrong;
+            back.refused = wrong.iter().map(|message| message.worded(option)).collect();
             Ok((back, None))
         }
         Err(error) => {
-            back.refused = vec![error.to_string()];
+            back.refused = vec![error.worded(option)];
             Ok((back, None))
         }
     }

@@ -117,7 +117,7 @@ impl Wished {
             open: self.open,
             adapt_percent: self.adapt_percent,
         };
-        wishes.check().map_err(Refusal::unusable)?;
+        wishes.check()?;
         Ok((wishes, given))
     }
 }
@@ -144,7 +144,7 @@ fn designed(session: &Session, place: Place) -> Result<Controller, Refusal> {
             "{whose} has no controller yet; design one first"
         )));
     }
-    Controller::read(&session.folder.join(place.controller())).map_err(Refusal::unusable)
+    Ok(Controller::read(&session.folder.join(place.controller()))?)
 }
 
 /// Designs a controller; what was made of the one before goes with it.
@@ -167,10 +167,10 @@ pub(crate) fn make(app: &Arc<App>, of: Of, wished: &Wished) -> Result<(), Refusa
                 Source::Records(&dataset)
             }
         };
-        let designed = design(&source, &wishes).map_err(Refusal::unusable)?;
-        let said = design_text(&designed, wishes.margin).map_err(Refusal::unusable)?;
+        let designed = design(&source, &wishes)?;
+        let said = design_text(&designed, wishes.margin)?;
         let lights = design_lights(&designed, wishes.margin);
-        let text = designed.controller.to_toml().map_err(Refusal::unusable)?;
+        let text = designed.controller.to_toml()?;
         // The last look at whether it was stopped.
         progress.at(0.99, "");
         let mut session = own.session();
@@ -203,7 +203,7 @@ pub(crate) fn track(app: &Arc<App>, of: Of, along: &Along) -> Result<(), Refusal
     given.flag("beyond-records", along.beyond_records);
     let usual = || stage.map_or_else(|| half_the_stroke(&controller), |stage| app.stages[stage].usual_um);
     let range_um = range_um.unwrap_or_else(usual);
-    let beyond = beyond::simulated(&controller, range_um, along.beyond_records).map_err(Refusal::unusable)?;
+    let beyond = beyond::simulated(&controller, range_um, along.beyond_records)?;
     let own = Arc::clone(app);
     jobs::start(app, "tracking", move |progress| {
         let stage = stage.map(|stage| &own.stages[stage]);
@@ -215,7 +215,7 @@ pub(crate) fn track(app: &Arc<App>, of: Of, along: &Along) -> Result<(), Refusal
             }
             (None, Origin::Model(model)) => {
                 progress.at(0.02, "on the model, along all references");
-                let report = on_model(model, &controller, range_um).map_err(Refusal::unusable)?;
+                let report = on_model(model, &controller, range_um)?;
                 (
                     tracked_text(&format!("MODEL {name}"), &report),
                     report.rows,
@@ -264,7 +264,7 @@ pub(crate) fn table(app: &Arc<App>, of: Of, bench: &Bench) -> Result<(), Refusal
     let (bench, given) = bench.read(&name)?;
     let own = Arc::clone(app);
     jobs::start(app, "making the table", move |_| {
-        let exported = export(&controller, &bench).map_err(Refusal::unusable)?;
+        let exported = export(&controller, &bench)?;
         let refused = |error| Refusal::unusable(format!("{name}: {error}"));
         let text = exported.table.to_toml().map_err(refused)?;
         let said = law_table_text(&controller, &exported);

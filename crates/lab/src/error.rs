@@ -2,6 +2,7 @@
 
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
+use hysteron_control::ControlError;
 
 /// Why the workbench cannot start.
 #[derive(Debug, thiserror::Error)]
@@ -74,6 +75,13 @@ impl Refusal {
             StatusCode::INTERNAL_SERVER_ERROR,
             format!("{}: {source}", what.display()),
         )
+    }
+}
+
+impl From<ControlError> for Refusal {
+    /// The page's fields have the names of the options beside them.
+    fn from(error: ControlError) -> Self {
+        Self::unusable(error.worded(hysteron_report::option))
     }
 }
 

@@ -300,7 +300,7 @@ impl Bench<'_> {
             }
             let figures = judge(&run, self.period_s()).ok_or_else(|| StageError::Conflict {
                 what: format!("the reference {key} does not move"),
-                advice: "give a range with --range LOW,HIGH that ascends",
+                advice: "give a range whose second end lies above its first",
             })?;
             rms_percent.insert(key.to_owned(), figures.true_percent);
             adapted.extend(run.adapted.map(|learned| (key.to_owned(), learned)));

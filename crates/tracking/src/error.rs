@@ -1,6 +1,7 @@
 //! What can go wrong when a loop is run on the simulated stage.
 
 use hysteron_control::ControlError;
+use hysteron_control::message::Naming;
 use hysteron_core::error::ParamError;
 use hysteron_identify::IdentifyError;
 use hysteron_plant::StageError;
@@ -20,4 +21,14 @@ pub enum TrackingError {
     /// A law of the paper that the core refuses.
     #[error("the control law cannot be built: {0}")]
     Law(#[from] ParamError),
+}
+
+impl TrackingError {
+    /// What it says, with settings in a front end's names.
+    pub fn worded(&self, name: Naming) -> String {
+        match self {
+            Self::Control(error) => error.worded(name),
+            Self::Stage(_) | Self::Identify(_) | Self::Law(_) => self.to_string(),
+        }
+    }
 }

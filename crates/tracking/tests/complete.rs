@@ -397,7 +397,7 @@ fn refuse_to_learn_live_references() {
     };
     let refused = learn_references(&places, &live, 3).unwrap_err().to_string();
     assert!(
-        refused.contains("known ahead and repeats") && refused.contains("--reference previewed"),
+        refused.contains("known ahead and repeats") && refused.contains("a previewed `reference`"),
         "{refused}"
     );
 }

@@ -2,6 +2,7 @@
 
 use hysteron_board::{BoardError, Fault};
 use hysteron_control::ControlError;
+use hysteron_control::message::{Message, Naming, Setting};
 use hysteron_identify::IdentifyError;
 use hysteron_plant::StageError;
 use hysteron_table::TableError;
@@ -72,17 +73,15 @@ pub enum TrialError {
         lost: u64,
     },
     /// A record that is of no use.
-    #[error("{name}: {why}")]
+    #[error("{}", useless(name, why, Setting::field))]
     Useless {
         /// The record.
         name: String,
         /// Why, and what to do.
-        why: String,
+        why: Message,
     },
     /// A real board that stopped.
-    #[error(
-        "{name}: the board stopped at tick {tick} with fault {fault:?}; clear it at the board, and give a narrower --range"
-    )]
+    #[error("{}", stopped(name, *tick, *fault, Setting::field))]
     Stopped {
         /// The reference.
         name: String,
@@ -110,4 +109,32 @@ pub enum TrialError {
         /// Why.
         fault: Fault,
     },
+}
+
+impl TrialError {
+    /// What it says, with settings in a front end's names.
+    pub fn worded(&self, name: Naming) -> String {
+        match self {
+            Self::Control(error) => error.worded(name),
+            Self::Tracking(error) => error.worded(name),
+            Self::Useless { name: record, why } => useless(record, why, name),
+            Self::Stopped {
+                name: reference,
+                tick,
+                fault,
+            } => stopped(reference, *tick, *fault, name),
+            _ => self.to_string(),
+        }
+    }
+}
+
+fn useless(record: &str, why: &Message, name: Naming) -> String {
+    format!("{record}: {}", why.worded(name))
+}
+
+fn stopped(reference: &str, tick: u64, fault: Fault, name: Naming) -> String {
+    format!(
+        "{reference}: the board stopped at tick {tick} with fault {fault:?}; clear it at the board, and make {} narrower",
+        name(Setting::Range)
+    )
 }

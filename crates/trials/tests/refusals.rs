@@ -71,7 +71,7 @@ fn refuse_references_beyond_the_records_on_a_board() {
     let beyond = run(1.2 * top_um, false).unwrap_err();
     assert!(matches!(beyond, TrialError::Control(_)), "{beyond:?}");
     let said = beyond.to_string();
-    for part in ["the records cover", "--range LOW,HIGH", "--beyond-records"] {
+    for part in ["the records cover", "`range_um`", "`beyond_records`"] {
         assert!(said.contains(part), "{part}: {said}");
     }
     // Records that swing to 5 Hz have none of the references.

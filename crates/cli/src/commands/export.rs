@@ -12,7 +12,7 @@ use hysteron_control::design::Controller;
 use hysteron_control::export::{Bench, Ends, RAMP_RANGES_PER_S, export, top};
 use hysteron_identify::{Direction, IdentifyError, Model};
 use hysteron_plant::StageConfig;
-use hysteron_report::law_table_text;
+use hysteron_report::{law_table_text, option};
 use hysteron_table::gains::{Design, LoopData, design};
 use hysteron_table::{FORMAT, Family, Table, TableError, short};
 use hysteron_tracking::ends::ends_of;
@@ -249,7 +249,7 @@ fn said(table: &Table, designed: Option<&Design>, args: &ExportArgs, ends: &Ends
         None => Ok(()),
     };
     for line in &ends.told {
-        let _ = writeln!(text, "{line}");
+        let _ = writeln!(text, "{}", line.worded(option));
     }
     text
 }
@@ -326,7 +326,8 @@ fn table(
     let output_min_v = ends.amplifier_v[0].max(ends.dac_v[0]);
     let output_max_v = ends.amplifier_v[1].min(dac_top_v);
     let (rate_hz, from) = rate_hz(stage.as_ref(), model, args)?;
-    ends.told.push(format!("rate {} Hz, from {from}", short(rate_hz)));
+    ends.told
+        .push(format!("rate {} Hz, from {from}", short(rate_hz)).into());
     let input_min_um = args.input_min.unwrap_or(model.input_min);
     let input_max_um = args.input_max.unwrap_or(model.input_max);
     let covered = ends.covered(

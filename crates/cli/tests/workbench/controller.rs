@@ -136,7 +136,7 @@ pub(crate) async fn the_controller(browser: &Browser, session: &Path, name: &str
     if name != "demo" {
         browser.click("#table").await;
         let said = browser.see("#table-form #fault:not([hidden])").await;
-        assert!(said.contains("neither the options nor the records say"), "{said}");
+        assert!(said.contains("neither you nor the records say"), "{said}");
         assert!(said.contains("give --dac LOW,HIGH"), "{said}");
         for (field, value) in [
             ("#table-dac_min_v", "-10"),

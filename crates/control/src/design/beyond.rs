@@ -1,41 +1,42 @@
-//! Nothing leaves the records that were taken, unless `--beyond-records` says so: then the file remembers it.
+//! Nothing leaves the records that were taken, unless that is granted: then the file remembers it.
 
 use super::Controller;
 use crate::error::ControlError;
+use crate::message::{Message, Setting};
 use crate::reference::{SHAPES, Shape};
 use hysteron_identify::Covered;
 use hysteron_identify::covered::{Beyond, Envelope};
 use serde::Serialize;
 
-/// Values that are asked for, and the option that asks.
-pub struct Asked<'a> {
+/// Values that are asked for, and the setting that asks.
+pub struct Asked {
     /// What of the records it is held to.
     envelope: fn(&Covered) -> Option<Envelope>,
     values: Vec<f64>,
-    option: &'a str,
+    setting: Setting,
 }
 
-impl<'a> Asked<'a> {
+impl Asked {
     /// Limits of the command, volts.
-    pub fn voltage(values: &[f64], option: &'a str) -> Self {
-        Self::new(Covered::command_v, values, option)
+    pub fn voltage(values: &[f64], setting: Setting) -> Self {
+        Self::new(Covered::command_v, values, setting)
     }
 
     /// References, micrometres.
-    pub fn position(values: &[f64], option: &'a str) -> Self {
-        Self::new(Covered::reference_um, values, option)
+    pub fn position(values: &[f64], setting: Setting) -> Self {
+        Self::new(Covered::reference_um, values, setting)
     }
 
     /// The rate, hertz.
-    pub fn rate(value: f64, option: &'a str) -> Self {
-        Self::new(Covered::rate_hz, &[value], option)
+    pub fn rate(value: f64, setting: Setting) -> Self {
+        Self::new(Covered::rate_hz, &[value], setting)
     }
 
-    fn new(envelope: fn(&Covered) -> Option<Envelope>, values: &[f64], option: &'a str) -> Self {
+    fn new(envelope: fn(&Covered) -> Option<Envelope>, values: &[f64], setting: Setting) -> Self {
         Self {
             envelope,
             values: values.to_vec(),
-            option,
+            setting,
         }
     }
 }
@@ -44,18 +45,20 @@ impl<'a> Asked<'a> {
 ///
 /// # Errors
 /// [`ControlError::Wish`] for what leaves the records without being granted.
-pub fn granted(covered: &mut Covered, asked: &[Asked<'_>], beyond_records: bool) -> Result<(), ControlError> {
+pub fn granted(covered: &mut Covered, asked: &[Asked], beyond_records: bool) -> Result<(), ControlError> {
     for asked in asked {
         let envelope = (asked.envelope)(covered);
         let Some(beyond) = envelope.and_then(|envelope| envelope.left_by(&asked.values)) else {
             continue;
         };
         if !beyond_records {
-            return Err(ControlError::Wish(format!(
-                "{beyond}; stay within with {}, or {}; --beyond-records leaves them all the same, and the file says so",
-                asked.option,
-                beyond.field.widen()
-            )));
+            let within = Message::from(format!("{beyond}; stay within with ")).naming(asked.setting);
+            return Err(ControlError::Wish(
+                within
+                    .and(format!(", or {}; ", beyond.field.widen()))
+                    .naming(Setting::BeyondRecords)
+                    .and(" leaves them all the same, and the file says so"),
+            ));
         }
         if !covered.beyond.contains(&beyond) {
             covered.beyond.push(beyond);
@@ -77,7 +80,7 @@ pub fn references(
         beyond: Vec::new(),
         ..controller.model.covered.clone()
     };
-    let asked = [Asked::position(&range_um, "--range LOW,HIGH")];
+    let asked = [Asked::position(&range_um, Setting::Range)];
     granted(&mut covered, &asked, beyond_records)?;
     Ok(covered.beyond)
 }
@@ -154,10 +157,12 @@ pub fn real(controller: &Controller, range_um: [f64; 2], beyond_records: bool) -
     let is_within = |name: &str| left.iter().all(|(beyond, _)| *beyond != name);
     let played: Vec<_> = SHAPES.into_iter().filter(|(name, _)| is_within(name)).collect();
     if let ([], Some((_, first))) = (played.as_slice(), left.first()) {
-        return Err(ControlError::Wish(format!(
-            "{}; no reference is slow enough to be played. --beyond-records plays them all the same, and the answer says so",
-            unknown(first)
-        )));
+        let slow = format!("{}; no reference is slow enough to be played. ", unknown(first));
+        return Err(ControlError::Wish(
+            Message::from(slow)
+                .naming(Setting::BeyondRecords)
+                .and(" plays them all the same, and the answer says so"),
+        ));
     }
     let not_played = left.into_iter();
     Ok(Programme {

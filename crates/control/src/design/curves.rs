@@ -108,7 +108,7 @@ mod tests {
                 .check()
                 .unwrap_err()
                 .to_string()
-                .starts_with("--adapt 50: 0.01 to 20 percent")
+                .starts_with("`adapt_percent` 50: 0.01 to 20 percent")
         );
     }
 

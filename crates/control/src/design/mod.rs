@@ -225,7 +225,7 @@ impl Controller {
                 "the controller has {} preview coefficients, the law {TAPS}",
                 self.preview.len()
             ),
-            advice: "design the controller again with this version",
+            advice: "design the controller again with this version".into(),
         })?;
         let ([b0, b1, b2], [a1, a2]) = second_mode(model)?.coefficients();
         let (creep_fast, creep_slow) = model.creep.numbers()?;

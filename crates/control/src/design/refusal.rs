@@ -1,6 +1,7 @@
 //! Chains whose inverse would explode: refused with the reason and what to do.
 
 use crate::error::ControlError;
+use crate::message::{Message, Setting};
 use hysteron_identify::control::ControlModel;
 use hysteron_table::short;
 
@@ -32,7 +33,7 @@ fn error(model: &ControlModel) -> Result<(), ControlError> {
             what: format!(
                 "the model's error on its records is said to be {rms_um} um rms; it must be 0 or more and finite"
             ),
-            advice: "fit the model again: its history has the error on each record",
+            advice: "fit the model again: its history has the error on each record".into(),
         }),
         _ => Ok(()),
     }
@@ -52,7 +53,9 @@ fn latency(model: &ControlModel, samples_ahead: usize) -> Result<(), ControlErro
             1e6 * model.latency_s,
             1e6 * known_s
         ),
-        advice: "shorten the controller's latency or run it slower, or design with --reference live and accept its limits",
+        advice: Message::from("shorten the controller's latency or run it slower, or design with ")
+            .naming(Setting::Live)
+            .and(" and accept its limits"),
     })
 }
 
@@ -68,7 +71,7 @@ fn modes(model: &ControlModel) -> Result<(), ControlError> {
                     mode.frequency_hz,
                     short(mode.damping)
                 ),
-                advice: "record a longer small multisine, so that the width of the peak can be seen",
+                advice: "record a longer small multisine, so that the width of the peak can be seen".into(),
             });
         }
         if !(mode.frequency_hz > 0.0 && mode.frequency_hz < half_rate_hz) {
@@ -78,7 +81,8 @@ fn modes(model: &ControlModel) -> Result<(), ControlError> {
                     i + 1,
                     mode.frequency_hz
                 ),
-                advice: "run the controller faster, or take the mode out of the model: below it the stage is rigid",
+                advice: "run the controller faster, or take the mode out of the model: below it the stage is rigid"
+                    .into(),
             });
         }
     }
@@ -95,7 +99,7 @@ fn lag(model: &ControlModel) -> Result<(), ControlError> {
                 1e6 * model.linear.lag_s,
                 1.0 / model.sample_period_s
             ),
-            advice: "give a lag of 0 to 1000 samples, or identify again",
+            advice: "give a lag of 0 to 1000 samples, or identify again".into(),
         });
     }
     Ok(())
@@ -108,7 +112,7 @@ fn table(model: &ControlModel) -> Result<(), ControlError> {
             what: format!(
                 "the hysteresis table does not invert: its voltage falls by {slope:.3} V/um somewhere in its range"
             ),
-            advice: "record large signals over the whole stroke, slow and fast, and identify again",
+            advice: "record large signals over the whole stroke, slow and fast, and identify again".into(),
         });
     }
     Ok(())
@@ -122,7 +126,7 @@ fn limits(model: &ControlModel) -> Result<(), ControlError> {
     {
         return Err(ControlError::Design {
             what: "the limits of the command are not known".to_owned(),
-            advice: "give known.voltage_min_v and known.voltage_max_v in dataset.toml",
+            advice: "give known.voltage_min_v and known.voltage_max_v in dataset.toml".into(),
         });
     }
     Ok(())

@@ -4,6 +4,7 @@ use super::beyond::{Asked, granted};
 use super::feedback::{Effort, LARGEST_SENSITIVITY};
 use super::{Controller, ReferenceKind};
 use crate::error::ControlError;
+use crate::message::{Message, Setting};
 use crate::plan::drift::{self, Drift};
 use hysteron_data::{Dataset, Record};
 use hysteron_identify::Model;
@@ -64,17 +65,17 @@ impl Wishes {
     /// [`ControlError::Wish`] for a margin or an adaptation outside of its range.
     pub fn check(&self) -> Result<(), ControlError> {
         if let Some(percent) = self.adapt_percent.filter(|percent| !(0.01..=20.0).contains(percent)) {
-            return Err(ControlError::Wish(format!(
-                "--adapt {percent}: 0.01 to 20 percent of the gain; a stage whose gain changes by more is to be recorded again"
-            )));
+            return Err(ControlError::Wish(Message::from(Setting::AdaptPercent).and(format!(
+                " {percent}: 0.01 to 20 percent of the gain; a stage whose gain changes by more is to be recorded again"
+            ))));
         }
         let margin = self.margin;
         if (1.2..=4.0).contains(&margin) {
             return Ok(());
         }
-        Err(ControlError::Wish(format!(
-            "--margin {margin}: a peak of the sensitivity from 1.2 (hardly any feedback) to 4 (a quarter of its size from instability)"
-        )))
+        Err(ControlError::Wish(Message::from(Setting::Margin).and(format!(
+            " {margin}: a peak of the sensitivity from 1.2 (hardly any feedback) to 4 (a quarter of its size from instability)"
+        ))))
     }
 }
 
@@ -124,8 +125,8 @@ pub fn design(source: &Source<'_>, wishes: &Wishes) -> Result<Designed, ControlE
         Source::Model { model, along } => from_model(model, along, wishes)?,
     };
     let asked = [
-        Asked::voltage(&[chain.voltage_min_v, chain.voltage_max_v], "--volts LOW,HIGH"),
-        Asked::rate(1.0 / chain.sample_period_s, "--rate-hz HZ"),
+        Asked::voltage(&[chain.voltage_min_v, chain.voltage_max_v], Setting::Volts),
+        Asked::rate(1.0 / chain.sample_period_s, Setting::RateHz),
     ];
     granted(&mut chain.covered, &asked, wishes.beyond_records)?;
     chain.covered.rigid_to_hz = rigid_hz(wishes, &chain)?;
@@ -159,10 +160,12 @@ pub fn design(source: &Source<'_>, wishes: &Wishes) -> Result<Designed, ControlE
 fn rigid_hz(wishes: &Wishes, chain: &ControlModel) -> Result<Option<f64>, ControlError> {
     let half_rate_hz = 0.5 / chain.sample_period_s;
     match wishes.rigid_hz {
-        Some(hz) if !(hz >= LOWEST_RIGID_HZ && hz <= half_rate_hz) => Err(ControlError::Wish(format!(
-            "--rigid {hz}: {LOWEST_RIGID_HZ} Hz to half the controller's rate, {half_rate_hz:.0} Hz; give the frequency below which \
-             the stage surely has no mode but those of the model"
-        ))),
+        Some(hz) if !(hz >= LOWEST_RIGID_HZ && hz <= half_rate_hz) => {
+            Err(ControlError::Wish(Message::from(Setting::RigidHz).and(format!(
+                " {hz}: {LOWEST_RIGID_HZ} Hz to half the controller's rate, {half_rate_hz:.0} Hz; give the frequency below which \
+                 the stage surely has no mode but those of the model"
+            ))))
+        }
         given => Ok(given),
     }
 }
@@ -171,7 +174,7 @@ fn from_records(dataset: &Dataset, wishes: &Wishes) -> Result<ControlModel, Cont
     let mut chain = identify(dataset)?;
     if wishes.rate_hz.is_some() {
         return Err(ControlError::Wish(
-            "--rate-hz: a campaign is recorded at the controller's own rate; leave the option out".to_owned(),
+            Message::from(Setting::RateHz).and(": a campaign is recorded at the controller's own rate; leave it out"),
         ));
     }
     if let Some([low, high]) = wishes.volts {
@@ -194,11 +197,17 @@ pub fn usual_rate_hz(model: &Model) -> Option<f64> {
 fn from_model(model: &Model, along: &[Record], wishes: &Wishes) -> Result<(ControlModel, Vec<Undone>), ControlError> {
     let rate_hz = match wishes.rate_hz {
         Some(hz) if (1.0..=1e7).contains(&hz) => hz,
-        Some(hz) => return Err(ControlError::Wish(format!("--rate-hz {hz}: 1 to 10000000 hertz"))),
+        Some(hz) => {
+            let allowed = format!(" {hz}: 1 to 10000000 hertz");
+            return Err(ControlError::Wish(Message::from(Setting::RateHz).and(allowed)));
+        }
         None => usual_rate_hz(model).ok_or_else(|| {
             ControlError::Wish(
-                "the model does not say at what rate its records were taken; give the controller's with --rate-hz 50000"
-                    .to_owned(),
+                Message::from(
+                    "the model does not say at what rate its records were taken; give the controller's with ",
+                )
+                .naming(Setting::RateHz)
+                .and(", such as 50000"),
             )
         })?,
     };

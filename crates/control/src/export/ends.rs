@@ -3,6 +3,7 @@
 use super::Bench;
 use crate::design::beyond::{self, Asked};
 use crate::error::ControlError;
+use crate::message::{Message, Setting};
 use hysteron_identify::Covered;
 use hysteron_identify::covered::ToldBy;
 use hysteron_table::short;
@@ -17,25 +18,31 @@ pub struct Ends {
     /// Micrometres of the ADC's lowest code and of full scale.
     pub adc_um: [f64; 2],
     /// Where each comes from, a line each.
-    pub told: Vec<String>,
+    pub told: Vec<Message>,
 }
 
-/// Of what is asked for, the option's text, what it is, and its key in `[known]`.
-const ASKED: [(&str, &str, &str); 3] = [
+/// What is asked for: its name, its setting, what it is, its key in `[known]`, its unit.
+const ASKED: [(&str, Setting, &str, &str, &str); 3] = [
     (
-        "--amplifier LOW,HIGH",
+        "amplifier",
+        Setting::Amplifier,
         "the volts that the stack may be given",
         "voltage_min_v and voltage_max_v",
+        "V",
     ),
     (
-        "--dac LOW,HIGH",
+        "dac",
+        Setting::Dac,
         "volts at the stack of the DAC's lowest code and of full scale",
         "dac_v",
+        "V",
     ),
     (
-        "--adc LOW,HIGH",
+        "adc",
+        Setting::Adc,
         "micrometres of the ADC's lowest code and of full scale",
         "adc_um",
+        "um",
     ),
 ];
 
@@ -57,12 +64,16 @@ impl Ends {
             [bench.adc_um, stage.map(|stage| stage.adc_um), covered.adc_um, None],
         ];
         let mut told = Vec::new();
-        let mut missing = Vec::new();
+        let mut missing: Option<Message> = None;
         let mut found = [[0.0; 2]; 3];
-        for (((ends, sources), asked), unit) in found.iter_mut().zip(sources).zip(ASKED).zip(["V", "V", "um"]) {
-            let (option, what, known) = asked;
-            let name = option.split(' ').next().unwrap_or(option);
-            let from = [name, "--stage", "[known] of the dataset", "the controller's own limits"];
+        for ((ends, sources), asked) in found.iter_mut().zip(sources).zip(ASKED) {
+            let (name, setting, what, known, unit) = asked;
+            let from = [
+                Message::from(setting),
+                Setting::Stage.into(),
+                "[known] of the dataset".into(),
+                "the controller's own limits".into(),
+            ];
             match sources
                 .into_iter()
                 .zip(from)
@@ -70,23 +81,29 @@ impl Ends {
             {
                 Some(([low, high], from)) => {
                     *ends = [low, high];
-                    told.push(format!(
-                        "{} {} to {} {unit}, from {from}",
-                        name.trim_start_matches('-'),
-                        short(low),
-                        short(high)
-                    ));
+                    told.push(from.behind(format!("{name} {} to {} {unit}, from ", short(low), short(high))));
                 }
-                None => missing.push(format!("{option}, {what} ({known} in [known])")),
+                None => {
+                    let list = missing.map_or_else(
+                        || {
+                            Message::from(format!(
+                                "{}: neither you nor the records say what the table runs on; give ",
+                                bench.source
+                            ))
+                        },
+                        |list| list.and("; "),
+                    );
+                    missing = Some(list.naming(setting).and(format!(", {what} ({known} in [known])")));
+                }
             }
         }
-        if !missing.is_empty() {
-            return Err(ControlError::Wish(format!(
-                "{}: neither the options nor the records say what the table runs on; give {}; or write them into dataset.toml and \
-                 fit again; --stage NAME has those of a simulated stage",
-                bench.source,
-                missing.join("; ")
-            )));
+        if let Some(missing) = missing {
+            return Err(ControlError::Wish(
+                missing
+                    .and("; or write them into dataset.toml and fit again; ")
+                    .naming(Setting::Stage)
+                    .and(" has those of a simulated stage"),
+            ));
         }
         let [amplifier_v, dac_v, adc_um] = found;
         Ok(Self {
@@ -109,22 +126,22 @@ impl Ends {
     ) -> Result<Option<hysteron_table::Covered>, ControlError> {
         if *covered == Covered::default() {
             self.told
-                .push("the model does not say what its records cover; nothing of that is checked".to_owned());
+                .push("the model does not say what its records cover; nothing of that is checked".into());
             return Ok(None);
         }
         let mut kept = covered.clone();
         beyond::granted(
             &mut kept,
             &[
-                Asked::voltage(&commands_v, "--amplifier LOW,HIGH"),
-                Asked::position(&references_um, "--input-min and --input-max"),
-                Asked::rate(rate_hz, "--rate HZ"),
+                Asked::voltage(&commands_v, Setting::Amplifier),
+                Asked::position(&references_um, Setting::Inputs),
+                Asked::rate(rate_hz, Setting::TableRate),
             ],
             beyond_records,
         )?;
         let told_by = kept.told_by().map(|by| match by {
             ToldBy::Record(file) => file.to_owned(),
-            ToldBy::User => "--rigid, the user's word".to_owned(),
+            ToldBy::User => "the user's word".to_owned(),
         });
         let table = hysteron_table::Covered {
             voltage_v: kept.voltage_v,
@@ -141,7 +158,7 @@ impl Ends {
             table
                 .beyond
                 .iter()
-                .map(|beyond| format!("BEYOND THE RECORDS: {beyond}")),
+                .map(|beyond| format!("BEYOND THE RECORDS: {beyond}").into()),
         );
         Ok(Some(table))
     }

@@ -7,6 +7,7 @@ pub use ends::{Ends, top};
 use crate::design::Controller;
 use crate::design::prediction::{PREDICTED_HZ, reckon};
 use crate::error::ControlError;
+use crate::message::{Message, Setting};
 use hysteron_core::law_numbers::LawNumbers;
 use hysteron_core::model::{AtRest as _, Hysteresis as _};
 use hysteron_table::{FORMAT, Family, LEAST_TRUST, Table};
@@ -64,7 +65,7 @@ pub struct Exported {
     /// The table.
     pub table: Table,
     /// Where converters and amplifier come from and what leaves the records, a line each.
-    pub told: Vec<String>,
+    pub told: Vec<Message>,
 }
 
 /// The table of a controller, its references by default as far as the inverse stays within the amplifier.
@@ -118,8 +119,8 @@ pub fn export(controller: &Controller, bench: &Bench) -> Result<Exported, Contro
     let bound_um = match bench.feedback_bound_um {
         Some(bound_um) if bound_um.is_finite() && bound_um > 0.0 => bound_um,
         Some(bound_um) => {
-            return Err(ControlError::Wish(format!(
-                "--feedback-bound-um {bound_um} must be positive and finite: micrometres, a few percent of the range"
+            return Err(ControlError::Wish(Message::from(Setting::FeedbackBoundUm).and(
+                format!(" {bound_um} must be positive and finite: micrometres, a few percent of the range"),
             )));
         }
         None => needed_um(controller, bare.input_max_um - bare.input_min_um)?,
@@ -162,7 +163,7 @@ fn reach_um(numbers: &LawNumbers, [min_v, max_v]: [f64; 2]) -> Result<[f64; 2], 
     let inverse = numbers
         .inverse
         .inverse::<f64>(numbers.sample_rate_hz)
-        .map_err(|error| ControlError::Wish(format!("the controller's inverse: {error}; design it again")))?;
+        .map_err(|error| ControlError::Wish(format!("the controller's inverse: {error}; design it again").into()))?;
     let (low, high) = (numbers.inverse.min_um, numbers.inverse.max_um);
     let at = |k: u32| low + (high - low) * f64::from(k) / f64::from(STEPS);
     let mut state = inverse.at_rest(0.0, 0.0);

@@ -4,10 +4,11 @@ use super::doubts::{Doubt, Doubts, doubts};
 use super::drift::{Drift, drifts};
 use super::matching::{Returned, each, matched};
 use super::skew::Skew;
-use super::told::Remark;
+use super::told::{Remark, Wrong};
 use super::{FILE, Pass, Plan, Planned, csv, sequence_csv};
 use crate::campaign::{Protocol, TRAINING_PASSES};
 use crate::error::ControlError;
+use crate::message::{Message, Setting};
 use hysteron_acquisition::{Finding, Kind};
 use hysteron_data::{Dataset, Known, Record};
 use hysteron_identify::control::identify;
@@ -26,21 +27,21 @@ pub const LATENCY_US: [f64; 2] = [0.0, 1e4];
 /// Lowest and highest bandwidth of a sensor, hertz.
 pub const SENSOR_HZ: [f64; 2] = [1.0, 1e7];
 
-/// Refuses a value of an option that is out of its range.
+/// Refuses a value of a setting that is out of its range.
 ///
 /// # Errors
 /// A value below, above, or no number.
-pub fn within(option: &str, value: f64, [min, max]: [f64; 2], unit: &str) -> Result<(), ControlError> {
+pub fn within(setting: Setting, value: f64, [min, max]: [f64; 2], unit: &str) -> Result<(), ControlError> {
     // A NaN fails both comparisons.
     if value >= min && value <= max {
         return Ok(());
     }
-    Err(ControlError::Wish(format!(
-        "{option} {value}: give {min} to {max} {unit}"
-    )))
+    Err(ControlError::Wish(
+        Message::from(setting).and(format!(" {value}: give {min} to {max} {unit}")),
+    ))
 }
 
-/// What a person says of a campaign; each as the option of `hysteron campaign` of its name.
+/// What a person says of a campaign.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Given {
     /// Highest voltage, volts at the actuator.
@@ -65,12 +66,15 @@ impl Given {
     pub fn protocol(&self) -> Result<Protocol, ControlError> {
         let (Some(top_v), Some(rate_hz)) = (self.top_v, self.rate_hz) else {
             return Err(ControlError::Wish(
-                "a plan needs the highest voltage and the sample rate: give --top-v and --rate-hz".to_owned(),
+                Message::from("a plan needs the highest voltage and the sample rate: give ")
+                    .naming(Setting::TopV)
+                    .and(" and ")
+                    .naming(Setting::RateHz),
             ));
         };
         self.check_chain()?;
-        within("--top-v", top_v, TOP_V, "V")?;
-        within("--rate-hz", rate_hz, RATE_HZ, "Hz")?;
+        within(Setting::TopV, top_v, TOP_V, "V")?;
+        within(Setting::RateHz, rate_hz, RATE_HZ, "Hz")?;
         Ok(Protocol {
             period_s: 1.0 / rate_hz,
             top_v,
@@ -94,29 +98,35 @@ impl Given {
     /// As [`within`].
     pub fn check_chain(&self) -> Result<(), ControlError> {
         let chain = [
-            ("--latency-us", self.latency_us, LATENCY_US, "us"),
-            ("--sensor-bandwidth-hz", self.sensor_bandwidth_hz, SENSOR_HZ, "Hz"),
+            (Setting::LatencyUs, self.latency_us, LATENCY_US, "us"),
+            (Setting::SensorBandwidthHz, self.sensor_bandwidth_hz, SENSOR_HZ, "Hz"),
         ];
-        chain
-            .into_iter()
-            .try_for_each(|(option, value, ends, unit)| value.map_or(Ok(()), |value| within(option, value, ends, unit)))
+        chain.into_iter().try_for_each(|(setting, value, ends, unit)| {
+            value.map_or(Ok(()), |value| within(setting, value, ends, unit))
+        })
     }
 
-    /// Options that say otherwise than the plan are an error.
+    /// Settings that say otherwise than the plan are an error.
     fn agrees(&self, plan: &Plan, file: &Path) -> Result<(), ControlError> {
-        let check = |option: &str, given: Option<String>, planned: Option<String>, unit: &str| match (given, planned) {
-            (Some(given), Some(planned)) if given != planned => Err(ControlError::Wish(format!(
-                "{option} {given}, and {} has {planned}{unit}: leave the option out, or name the plan that was recorded with --plan",
-                file.display()
-            ))),
-            _ => Ok(()),
-        };
+        let check =
+            |setting: Setting, given: Option<String>, planned: Option<String>, unit: &str| match (given, planned) {
+                (Some(given), Some(planned)) if given != planned => {
+                    let differs = format!(
+                        " {given}, and {} has {planned}{unit}: leave it out, or name the plan that was recorded with ",
+                        file.display()
+                    );
+                    Err(ControlError::Wish(
+                        Message::from(setting).and(differs).naming(Setting::Plan),
+                    ))
+                }
+                _ => Ok(()),
+            };
         let text = |value: Option<f64>| value.map(|value| value.to_string());
         let seed = self.seed.map(|seed| seed.to_string());
-        check("--top-v", text(self.top_v), text(Some(plan.top_v)), " V")?;
-        check("--rate-hz", text(self.rate_hz), text(Some(plan.rate_hz)), " Hz")?;
-        check("--seed", seed, Some(plan.seed.to_string()), "")?;
-        check("--latency-us", text(self.latency_us), text(plan.latency_us), " us")
+        check(Setting::TopV, text(self.top_v), text(Some(plan.top_v)), " V")?;
+        check(Setting::RateHz, text(self.rate_hz), text(Some(plan.rate_hz)), " Hz")?;
+        check(Setting::Seed, seed, Some(plan.seed.to_string()), "")?;
+        check(Setting::LatencyUs, text(self.latency_us), text(plan.latency_us), " us")
     }
 }
 
@@ -127,10 +137,11 @@ impl Given {
 pub fn refuse_to_replace(folder: &Path, overwrite: bool) -> Result<(), ControlError> {
     let file = folder.join(FILE);
     if file.exists() && !overwrite {
-        return Err(ControlError::Wish(format!(
-            "{}: there is a plan already, which recordings may be of; choose another place, or give --overwrite",
+        let there = format!(
+            "{}: there is a plan already, which recordings may be of; choose another place, or give ",
             file.display()
-        )));
+        );
+        return Err(ControlError::Wish(Message::from(there).naming(Setting::Overwrite)));
     }
     Ok(())
 }
@@ -258,17 +269,17 @@ impl Checked {
     /// # Errors
     /// A sentence for each that did not.
     pub fn complete(self) -> Result<Complete, ControlError> {
-        refuse(&self.returned.wrong)?;
+        refuse(self.returned.wrong.iter().map(Wrong::message))?;
         let doubts = doubts(&self.plan, &self.returned);
         let unrested: Vec<&Doubt> = doubts.doubts.iter().filter(|doubt| doubt.is_a_short_rest()).collect();
         let begun = unrested.len();
         if !self.short_rests {
-            refuse(&unrested)?;
+            refuse(unrested.iter().map(|doubt| doubt.message()))?;
         }
         let drifts = drifts(&self.plan, &self.returned);
         let mut checked = self;
         if begun > 0 {
-            let granted = format!("; {begun} began before the stage was at rest, granted by --short-rests");
+            let granted = format!("; {begun} began before the stage was at rest, as was granted");
             checked.dataset.description.push_str(&granted);
         }
         Ok(Complete {
@@ -294,14 +305,11 @@ pub struct Complete {
 
 impl Complete {
     /// What may spoil the campaign.
-    pub fn warnings(&self) -> Vec<String> {
-        let mistakes = self.doubts.mistakes.iter().map(ToString::to_string);
-        let doubts = self.doubts.doubts.iter().map(ToString::to_string);
+    pub fn warnings(&self) -> Vec<Message> {
+        let mistakes = self.doubts.mistakes.iter().map(|finding| finding.to_string().into());
+        let doubts = self.doubts.doubts.iter().map(Doubt::message);
         let drifted = self.drifts.iter().flat_map(Drift::warnings);
-        mistakes
-            .chain(doubts)
-            .chain(drifted.map(|warning| warning.to_string()))
-            .collect()
+        mistakes.chain(doubts).chain(drifted.map(Message::from)).collect()
     }
 
     /// Identifies from the passes that came back, and makes the next one until all are there.
@@ -316,7 +324,7 @@ impl Complete {
             mut returned,
             ..
         } = self.checked;
-        refuse(&self.doubts.signs.iter().map(turned).collect::<Vec<_>>())?;
+        refuse(self.doubts.signs.iter().map(turned))?;
         let zero_um = self.doubts.zero_um.unwrap_or(0.0);
         returned.count_from(zero_um);
         // The converter's ends count from the same zero.
@@ -360,23 +368,23 @@ pub struct CameBack {
     pub next: Option<usize>,
 }
 
-fn refuse(reasons: &[impl ToString]) -> Result<(), ControlError> {
-    if reasons.is_empty() {
+fn refuse(reasons: impl Iterator<Item = Message>) -> Result<(), ControlError> {
+    let wrong: Vec<Message> = reasons.collect();
+    if wrong.is_empty() {
         return Ok(());
     }
-    let wrong = reasons.iter().map(ToString::to_string).collect();
     Err(ControlError::Recordings { wrong })
 }
 
 /// A sign of which no controller can be made.
-fn turned(finding: &Finding) -> String {
+fn turned(finding: &Finding) -> Message {
     match finding.kind {
-        Kind::NegativeGain => format!(
-            "the position falls where the voltage rises, by {:.4} um/V: turn the sensor's sign, or import it with --column \
-             position=NAME:um*-1",
+        Kind::NegativeGain => Message::from(format!(
+            "the position falls where the voltage rises, by {:.4} um/V: turn the sensor's sign, or import it with ",
             finding.figure.value.abs()
-        ),
-        _ => finding.to_string(),
+        ))
+        .naming(Setting::TurnedPosition),
+        _ => finding.to_string().into(),
     }
 }
 
@@ -385,30 +393,32 @@ fn known(given: &Given, plan: &Plan, recorded: &Dataset) -> Result<Known, Contro
     let mut known = recorded.known;
     let latency_us = given.latency_us.or(plan.latency_us);
     let delay_s = latency_us.map(|us| plan.known_delay_s(us));
-    if let (Some(latency_us), Some(by_option_s), Some(said_s)) = (latency_us, delay_s, known.delay_s)
+    if let (Some(latency_us), Some(given_s), Some(said_s)) = (latency_us, delay_s, known.delay_s)
         // A hundredth of a microsecond is rounding.
-        && (by_option_s - said_s).abs() > 1e-8
+        && (given_s - said_s).abs() > 1e-8
     {
-        return Err(ControlError::Wish(format!(
+        let differs = format!(
             "a latency of {latency_us} us and half a sample of hold are a known delay of {:.2} us, and dataset.toml has delay_s = {said_s} \
              ({:.2} us): correct one of them",
-            1e6 * by_option_s,
+            1e6 * given_s,
             1e6 * said_s
-        )));
+        );
+        return Err(ControlError::Wish(differs.into()));
     }
     known.delay_s = delay_s.or(known.delay_s);
     if known.delay_s.is_none() {
         return Err(ControlError::Wish(
-            "the latency of your controller, from reading to command, is not known: give --latency-us, or delay_s under [known] in \
-             dataset.toml, which has half a sample of hold in it"
-                .to_owned(),
+            Message::from("the latency of your controller, from reading to command, is not known: give ")
+                .naming(Setting::LatencyUs)
+                .and(", or delay_s under [known] in dataset.toml, which has half a sample of hold in it"),
         ));
     }
     if let Some(max_v) = known.voltage_max_v.filter(|max_v| *max_v < plan.cycle_to_v) {
-        return Err(ControlError::Wish(format!(
-            "the plan goes to {} V, and dataset.toml has voltage_max_v = {max_v}: correct it, or plan with a lower --top-v",
+        let above = format!(
+            "the plan goes to {} V, and dataset.toml has voltage_max_v = {max_v}: correct it, or plan with a lower ",
             short(plan.cycle_to_v)
-        )));
+        );
+        return Err(ControlError::Wish(Message::from(above).naming(Setting::TopV)));
     }
     known.sensor_bandwidth_hz = given.sensor_bandwidth_hz.or(known.sensor_bandwidth_hz);
     known.voltage_min_v = known.voltage_min_v.or(Some(plan.rest_v));

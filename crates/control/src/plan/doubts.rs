@@ -2,7 +2,7 @@
 
 use super::matching::{Returned, Taken, each};
 use super::{Plan, ZERO_MATTERS};
-use core::fmt::{self, Display, Formatter};
+use crate::message::{Message, Setting};
 use hysteron_acquisition::{Finding, Following, Kind, NoiseFloor, inspect};
 use hysteron_data::Dataset;
 use hysteron_identify::family::peak_to_peak;
@@ -84,27 +84,25 @@ impl Doubt {
             Self::AnotherZero { .. } => false,
         }
     }
-}
 
-impl Display for Doubt {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+    /// What it is and what to do.
+    pub fn message(&self) -> Message {
         match self {
             Self::NotAtRest {
                 name,
                 speed_um_per_s,
                 percent,
                 planned_s,
-            } => write!(
-                f,
+            } => Message::from(format!(
                 "{name} does not begin at rest: the position moves by {speed_um_per_s:.4} um/s, {percent:.2} % of its peak to peak over the \
-                 record; rest {planned_s} s or more at the rest voltage before it, as the plan has it, and record it again; --short-rests takes \
-                 it all the same"
-            ),
-            Self::AnotherZero { name, off_um, percent } => write!(
-                f,
+                 record; rest {planned_s} s or more at the rest voltage before it, as the plan has it, and record it again; "
+            ))
+            .naming(Setting::ShortRests)
+            .and(" takes it all the same"),
+            Self::AnotherZero { name, off_um, percent } => Message::from(format!(
                 "{name} begins {off_um:.4} um ({percent:.2} % of its peak to peak) off the other records at rest: the rest before it was too \
                  short, or the sensor's zero has drifted; these records cannot tell which. Rest longer, or let the sensor warm up"
-            ),
+            )),
         }
     }
 }

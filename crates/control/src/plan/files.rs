@@ -2,6 +2,7 @@
 
 use super::{FILE, FORMAT, Pass, Plan, Planned, check, sequence};
 use crate::error::ControlError;
+use crate::message::{Message, Setting};
 use hysteron_table::short;
 use std::fmt::Write;
 use std::path::Path;
@@ -12,10 +13,10 @@ struct Version {
     format: Option<i64>,
 }
 
-fn refused(file: &Path, reason: impl ToString) -> ControlError {
+fn refused(file: &Path, reason: impl Into<Message>) -> ControlError {
     ControlError::Plan {
         file: file.display().to_string(),
-        reason: reason.to_string(),
+        reason: reason.into(),
     }
 }
 
@@ -25,10 +26,12 @@ impl Plan {
     /// # Errors
     /// A seed beyond what TOML can hold.
     pub fn to_toml(&self) -> Result<String, ControlError> {
-        let text = toml::to_string(self)
-            .map_err(|_| ControlError::Wish(format!("--seed {}: give at most {} to a plan", self.seed, i64::MAX)))?;
+        let text = toml::to_string(self).map_err(|_| {
+            let largest = format!(" {}: give at most {} to a plan", self.seed, i64::MAX);
+            ControlError::Wish(Message::from(Setting::Seed).and(largest))
+        })?;
         Ok(format!(
-            "# The commands of `hysteron campaign` and what they are for: do not change it, `hysteron campaign --recorded` reads it.\n{text}"
+            "# The commands of a campaign and what they are for: do not change it, it is read beside what was recorded of them.\n{text}"
         ))
     }
 
@@ -41,9 +44,11 @@ impl Plan {
         let text = std::fs::read_to_string(&file).map_err(|error| {
             refused(
                 &file,
-                format!(
-                    "{error}; --plan names the folder that `hysteron campaign --top-v V --rate-hz HZ -o FOLDER` wrote"
-                ),
+                Message::from(format!("{error}; "))
+                    .naming(Setting::Plan)
+                    .and(" names the folder that ")
+                    .naming(Setting::Planning)
+                    .and(" wrote"),
             )
         })?;
         if let Ok(Version { format: Some(format) }) = toml::from_str::<Version>(&text)
@@ -112,7 +117,7 @@ fn validate(plan: &Plan, pass: &Pass, record: &Planned) -> Result<(), String> {
 
 /// The voltages of a command's file, which must be the plan's.
 fn command(file: &Path, record: &Planned) -> Result<Vec<f64>, ControlError> {
-    let text = std::fs::read_to_string(file).map_err(|error| refused(file, error))?;
+    let text = std::fs::read_to_string(file).map_err(|error| refused(file, error.to_string()))?;
     let mut voltage_v = Vec::with_capacity(record.samples);
     for (line, row) in text.lines().enumerate().skip(1) {
         let cell = row.split(',').nth(1).unwrap_or_default();

@@ -1,6 +1,7 @@
 //! What is said of recordings beside their plan.
 
 use super::matching::SAME_VOLTAGE;
+use crate::message::Message;
 use core::fmt::{self, Display, Formatter};
 
 /// Why a recording cannot be used.
@@ -65,7 +66,7 @@ pub enum Wrong {
         /// The record.
         name: String,
         /// What is wrong with it and what to do.
-        reason: String,
+        reason: Message,
     },
     /// A recording of all commands of a pass.
     Sequence {
@@ -88,6 +89,20 @@ impl Wrong {
             | Self::Clock { name, .. }
             | Self::Position { name, .. } => name == planned,
             Self::Stranger { .. } => false,
+        }
+    }
+
+    /// What is wrong and what to do.
+    pub fn message(&self) -> Message {
+        match self {
+            Self::Position { from, name, reason } => reason.clone().behind(format!("{}: ", Of(from, name))),
+            Self::Sequence { wrong, .. } => wrong.message(),
+            Self::Missing { .. }
+            | Self::Stranger { .. }
+            | Self::CutOff { .. }
+            | Self::Gain { .. }
+            | Self::Rate { .. }
+            | Self::Clock { .. } => self.to_string().into(),
         }
     }
 }

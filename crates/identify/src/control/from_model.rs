@@ -67,8 +67,8 @@ pub fn chain_of(
 ) -> Result<(ControlModel, Vec<Undone>), IdentifyError> {
     if model.direction == Direction::Inverse {
         return Err(IdentifyError::Control {
-            reason: "the model runs from position to voltage; a controller is designed from a forward model, fitted without \
-                     --direction inverse"
+            reason: "the model runs from position to voltage; a controller is designed from a model of the direction forward; \
+                     fit one"
                 .into(),
         });
     }
@@ -127,7 +127,7 @@ pub fn chain_of(
         undone.push(Undone {
             part: Part::RateDependenceOf(model.family),
             by: None,
-            note: "its loops at rest are inverted; fit --model mpi and learn names what widens them (a delay, a lag, a mode)",
+            note: "its loops at rest are inverted; fit mpi and learn names what widens them (a delay, a lag, a mode)",
         });
     }
     let quasi_static = quasi_static(model);

@@ -1,5 +1,6 @@
 //! The firmware's table of a controller, in words.
 
+use crate::options::option;
 use hysteron_control::design::Controller;
 use hysteron_control::export::Exported;
 use hysteron_table::Table;
@@ -65,7 +66,7 @@ pub fn law_table_text(controller: &Controller, exported: &Exported) -> String {
         text.push_str("heat is left out: boards have no thermometer; the feedback takes what it can of it\n");
     }
     for line in &exported.told {
-        let _ = writeln!(text, "{line}");
+        let _ = writeln!(text, "{}", line.worded(option));
     }
     text
 }

@@ -8,6 +8,7 @@ use clap::Args;
 use hysteron_control::design::Controller;
 use hysteron_control::design::beyond::{self, Asked};
 use hysteron_control::drive::{Driven, drive};
+use hysteron_control::message::Setting;
 use hysteron_data::export::{Column, TableFormat, Values, write_table};
 use hysteron_data::{Reference, read_reference};
 use hysteron_identify::family;
@@ -49,7 +50,7 @@ pub(crate) fn run(args: &DriveArgs) -> Result<Done, CliError> {
     let (low_um, high_um) = family::range(reference.reference_um.iter().copied());
     beyond::granted(
         &mut controller.model.covered.clone(),
-        &[Asked::position(&[low_um, high_um], "another reference")],
+        &[Asked::position(&[low_um, high_um], Setting::Reference)],
         args.beyond_records,
     )?;
     let driven = drive(&controller, &reference.reference_um, model.as_ref())?;

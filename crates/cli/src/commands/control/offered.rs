@@ -17,7 +17,7 @@ pub(crate) fn stages() -> Vec<SimulatedStage> {
             name,
             usual_um: usual_um(&stage),
             run: Box::new(move |controller, range_um| {
-                alone(name, &bench(&stage, SEED, range_um, controller), controller).map_err(|error| error.to_string())
+                alone(name, &bench(&stage, SEED, range_um, controller), controller).map_err(|error| error.worded())
             }),
         })
     };

@@ -8,7 +8,7 @@ use crate::output;
 use hysteron_control::plan::came_back::{Checked, Given, refuse_to_replace};
 use hysteron_control::plan::{self, Plan};
 use hysteron_data::write_dataset;
-use hysteron_report::came_back_text;
+use hysteron_report::{came_back_text, option};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -61,7 +61,9 @@ pub(super) fn came_back(args: &CampaignArgs, given: &Given, recorded: &Path) -> 
         load::warn(&recorded);
     }
     let complete = checked.complete()?;
-    complete.warnings().iter().for_each(output::warn);
+    for warning in complete.warnings() {
+        output::warn(warning.worded(option));
+    }
     let came = complete.identify()?;
     if let Some(skew) = &came.skew {
         output::warn(skew);

@@ -7,6 +7,7 @@ use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_control::campaign::{Campaign, Protocol, on_process};
+use hysteron_control::message::Setting;
 use hysteron_control::plan::came_back::{Given, USUAL_SEED, within};
 use hysteron_data::{Known, Overwrite, write_dataset};
 use hysteron_report::{misfit_text, records_text};
@@ -176,7 +177,7 @@ fn complete(args: &CampaignArgs, done: &Campaign) -> Result<Done, CliError> {
 }
 
 fn by_a_board(args: &CampaignArgs, from: &str) -> Result<Done, CliError> {
-    within("--rest-s", args.rest_s, [0.0, 3600.0], "s")?;
+    within(Setting::RestS, args.rest_s, [0.0, 3600.0], "s")?;
     output::refuse_to_replace(&args.output, args.overwrite)?;
     let asked = Asked {
         from,

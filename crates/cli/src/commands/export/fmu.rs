@@ -5,6 +5,7 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::output;
 use hysteron_control::design::beyond::{self, Asked};
+use hysteron_control::message::Setting;
 use hysteron_fmu::{Fmu, FmuError};
 use hysteron_identify::Model;
 use hysteron_table::short;
@@ -26,7 +27,7 @@ pub(super) fn write_stage(model: &Model, args: &ExportArgs) -> Result<Done, CliE
     };
     beyond::granted(
         &mut model.covered.clone(),
-        &[Asked::rate(rate_hz, "--rate HZ")],
+        &[Asked::rate(rate_hz, Setting::TableRate)],
         args.beyond_records,
     )?;
     let unit = Fmu::of_stage(model, &name(args)?, rate_hz);
