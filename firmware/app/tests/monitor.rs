@@ -385,6 +385,23 @@ fn bva_a_swing_is_as_wide_as_its_farthest_point() {
     }
 }
 
+/// Swings are about the mean error: after ten time constants at 2 um, which is no fault, 1.35 and 2.65 um are 0.65 um to either side of it.
+#[test]
+fn val_a_swing_is_about_the_mean_error() {
+    let monitor = monitor();
+    for sign in [1.0, -1.0] {
+        let mut state = MonitorState::default();
+        for _ in 0..25_000 {
+            assert_eq!(monitor.tracking(&mut state, &tick(2.0 * sign)), None);
+        }
+        let at = (0..400).find(|k| {
+            let swing_um = if k / 20 % 2 == 0 { 0.65 } else { -0.65 };
+            monitor.tracking(&mut state, &tick(2.0 * sign + swing_um)) == Some(Fault::Oscillation)
+        });
+        assert!(at.is_some_and(|at| at <= 340), "{at:?}");
+    }
+}
+
 /// Sixteen swings of more than 6 % of the range, each within 50 samples and a quarter of the reference's half period.
 #[test]
 fn bva_oscillation() {
