@@ -5,6 +5,7 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::{Args, ValueEnum};
+use hysteron_identify::family::FADING_ELEMENTS;
 use hysteron_identify::objective::Weighting;
 use hysteron_identify::{Direction, Family, FitOptions, FitReport, Method, Model, Placement};
 use hysteron_report::model_text;
@@ -18,9 +19,9 @@ pub(crate) struct FitArgs {
     /// The hysteresis model
     #[arg(long, value_enum, default_value_t = ModelName::Mpi)]
     pub model: ModelName,
-    /// Number of play operators, 1 to 64
-    #[arg(long, default_value_t = 10)]
-    pub plays: usize,
+    /// Number of play operators, or of fading elements, 1 to 64; 10, and 4 of duhem
+    #[arg(long)]
+    pub plays: Option<usize>,
     /// Where the thresholds of the plays stand
     #[arg(long, value_enum, default_value_t = ThresholdsName::Data)]
     pub thresholds: ThresholdsName,
@@ -53,6 +54,15 @@ pub(crate) enum ModelName {
     Mrpi,
     /// A cubic of each play's output
     PlayPolynomial,
+    /// Powers of the voltage that fade along its path
+    Duhem,
+}
+
+impl ModelName {
+    /// As many plays as are asked for, the paper's ten, or the fading elements that do.
+    pub(crate) fn plays(self, asked: Option<usize>) -> usize {
+        asked.unwrap_or(if self == Self::Duhem { FADING_ELEMENTS } else { 10 })
+    }
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -104,6 +114,7 @@ impl From<ModelName> for Family {
             ModelName::Wrpi => Self::Wrpi,
             ModelName::Mrpi => Self::Mrpi,
             ModelName::PlayPolynomial => Self::PlayPolynomial,
+            ModelName::Duhem => Self::Duhem,
         }
     }
 }
@@ -119,7 +130,7 @@ fn options(args: &FitArgs) -> FitOptions {
             DirectionName::Forward => Direction::Forward,
             DirectionName::Inverse => Direction::Inverse,
         },
-        plays: args.plays,
+        plays: args.model.plays(args.plays),
         placement: match args.thresholds {
             ThresholdsName::Data => Placement::Data,
             ThresholdsName::Eq16 => Placement::Eq16,

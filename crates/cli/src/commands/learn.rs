@@ -23,9 +23,9 @@ pub(crate) struct LearnArgs {
     /// The hysteresis model to start from
     #[arg(long, value_enum, default_value_t = ModelName::Mpi)]
     pub model: ModelName,
-    /// Number of play operators, 1 to 64
-    #[arg(long, default_value_t = 10)]
-    pub plays: usize,
+    /// Number of play operators, or of fading elements, 1 to 64; 10, and 4 of duhem
+    #[arg(long)]
+    pub plays: Option<usize>,
     /// Where to write the model
     #[arg(short, long, default_value = "model.toml")]
     pub output: PathBuf,
@@ -47,7 +47,7 @@ pub(crate) fn run(args: &LearnArgs) -> Result<Done, CliError> {
     let own = UserEffect::read_all(&args.effect)?;
     let dataset = load::dataset(&args.data)?;
     let options = FitOptions {
-        plays: args.plays,
+        plays: args.model.plays(args.plays),
         ..FitOptions::new(args.model.into())
     };
     let bar = progress::bar("learning");
