@@ -35,7 +35,7 @@ const FIRST_RIDGE: f64 = 1e-7;
 const MOST_TURNS: usize = 4;
 
 /// Mean fall of the logarithms of what is left of a part, foretold from the others, from which fading elements go before plays.
-const FADES: f64 = 0.1;
+const FADES: f64 = 0.5;
 
 /// Fading elements that leave more at first, in the same measure, will not come below plays.
 const WITHIN_REACH: f64 = 1.0;
