@@ -41,8 +41,8 @@ pub enum IdentifyError {
     },
     /// A family that runs from voltage to position alone.
     #[error(
-        "`{family}` runs from voltage to position alone: its elements fade along the voltage's path; fit it without \
-         --direction inverse, and `design` makes the inverse"
+        "`{family}` runs from voltage to position alone: its elements fade along the voltage's path; fit it forward, and \
+         design a controller, which makes the inverse"
     )]
     ForwardOnly {
         /// The family.
