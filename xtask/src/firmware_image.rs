@@ -44,7 +44,7 @@ pub(crate) const EMULATED: Limits = Limits {
 /// The emulator's images with a complete law; 54 kB of flash with every effect in it.
 pub(crate) const COMPLETE: Limits = Limits {
     flash: 62_000,
-    memory: 7_100,
+    memory: 7_200,
     stack: 3_000,
     bank_memory: 2_800,
     bank_flash: 32_000,
@@ -53,7 +53,7 @@ pub(crate) const COMPLETE: Limits = Limits {
 /// The emulator's images of both axes, each with a complete law.
 pub(crate) const BOTH: Limits = Limits {
     flash: 90_000,
-    memory: 14_200,
+    memory: 14_400,
     stack: 3_000,
     bank_memory: 5_600,
     bank_flash: 64_000,
