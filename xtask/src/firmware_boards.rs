@@ -61,13 +61,13 @@ const BOARDS: [Board; 2] = [
             },
             Most {
                 flash: 172_800,
-                code: 24_500,
+                code: 28_000,
                 stack: 1_200,
             },
         ],
         most_of_both: Some(Most {
             flash: 102_500,
-            code: 28_500,
+            code: 29_400,
             stack: 1_200,
         }),
     },
@@ -90,7 +90,7 @@ const BOARDS: [Board; 2] = [
             },
             Most {
                 flash: 167_300,
-                code: 30_500,
+                code: 32_700,
                 stack: 1_200,
             },
         ],
