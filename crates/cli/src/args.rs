@@ -70,3 +70,32 @@ pub(crate) enum Command {
     /// Run the main job on the simulated stage and leave a page with pictures
     Demo(DemoArgs),
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+    use hysteron_control::message::Setting;
+    use std::collections::BTreeSet;
+
+    /// What a message tells a person to give, a command takes: each word of it that is an option.
+    #[test]
+    fn val_every_setting_has_an_option_that_is_there() {
+        let args = Args::command();
+        let commands = args.get_subcommands();
+        let there: BTreeSet<String> = commands
+            .flat_map(|command| command.get_arguments().filter_map(clap::Arg::get_long))
+            .map(|long| format!("--{long}"))
+            .collect();
+        let mut found = 0;
+        for setting in Setting::ALL {
+            let words = hysteron_report::option(setting).split([' ', '`']);
+            for option in words.filter(|word| word.starts_with("--")) {
+                assert!(there.contains(option), "{setting:?}: {option}");
+                found += 1;
+            }
+        }
+        // Two that have no option, two that have two.
+        assert!(found >= Setting::ALL.len() - 2, "{found}");
+    }
+}

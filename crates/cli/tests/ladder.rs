@@ -152,7 +152,7 @@ fn refuse_what_cannot_be_added_or_shown() {
     hysteron(at, &inverse, 0);
     check(
         &["add", "delay", "stage", "inverse.toml", "-o", "x.toml"],
-        &["--direction forward"],
+        &["direction forward"],
     );
     assert!(!at.join("x.toml").exists());
 }

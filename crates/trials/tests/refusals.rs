@@ -83,7 +83,7 @@ fn refuse_references_beyond_the_records_on_a_board() {
         "nothing is known there",
         "record a sine over half the range at that frequency",
         "no reference is slow enough",
-        "--beyond-records",
+        "`beyond_records`",
     ] {
         assert!(said.contains(part), "{part}: {said}");
     }
