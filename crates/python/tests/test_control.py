@@ -61,7 +61,7 @@ def test_val_a_design_is_the_programs(controller, loop_model, program, tmp_path)
 
 def test_refuse_designs_and_inputs_in_words(controller, loop_model, tmp_path):
     for words, wish in [
-        ("margin 9", {"margin": 9.0}),
+        ("`margin` 9", {"margin": 9.0}),
         ("two voltages, the lower first", {"volts": (5.0, 1.0)}),
         ("reference: unknown variant `later`", {"reference": "later"}),
         ("leaves|beyond", {"volts": (0.0, 200.0)}),
