@@ -8,8 +8,11 @@ pub const MAX_PLAYS: usize = 64;
 /// Plays of the free shape: enough to bring a Preisach density down to a few hundredths of a percent.
 pub const FREE_PLAYS: usize = 18;
 
-/// Fading elements of Duhem's family: an octave apart, from a quarter of half the range to twice it.
+/// Fading elements of Duhem's family: their lengths are an octave apart, the longest 0.7 of the range.
 pub const FADING_ELEMENTS: usize = 4;
+
+/// Longest part of a path, in half ranges, on which what a fading element follows counts as a straight line.
+pub const FADING_STEP: f64 = 0.05;
 
 /// The hysteresis models that are fitted: those of the core, and Duhem's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -7,6 +7,7 @@ use crate::FmuError;
 use hysteron_core::effects::lag::Lag;
 use hysteron_core::effects::resonance::Mode;
 use hysteron_identify::effects::Acts;
+use hysteron_identify::family::FADING_STEP;
 use hysteron_identify::{Direction, EffectId, Family, FittedEffect, Model};
 use hysteron_table::CCode;
 use std::f64::consts::TAU;
@@ -114,6 +115,13 @@ fn header(model: &Model, name: &str, rate_hz: f64, members: &str) -> String {
         },
         states(model).max(1),
     )
+}
+
+/// Middle and half of the voltages that a model was fitted on.
+fn window(model: &Model) -> (f64, f64) {
+    let half = 0.5 * (model.input_max - model.input_min);
+    let middle = 0.5 * (model.input_min + model.input_max);
+    (middle, if half > 0.0 { half } else { 1.0 })
 }
 
 /// Numbers that a hysteresis remembers.
@@ -371,11 +379,7 @@ fn hysteresis(model: &Model, name: &str, rate_hz: f64) -> String {
          static double hysteresis({name}_state *s, double v) {{\n    double rate = (v - s->input) * {rate_hz:?};\n{speed}    \
          double left = {left}, right = {right}, y;\n    int i;\n    s->input = v;\n"
     );
-    let (middle, half) = (
-        0.5 * (model.input_min + model.input_max),
-        0.5 * (model.input_max - model.input_min),
-    );
-    let half = if half > 0.0 { half } else { 1.0 };
+    let (middle, half) = window(model);
     if free {
         line!(
             text,
@@ -411,25 +415,19 @@ fn hysteresis(model: &Model, name: &str, rate_hz: f64) -> String {
     text + "    }\n    (void)rate;\n    return y;\n}\n"
 }
 
-/// Longest part of a path, in half ranges, on which what is followed counts as a straight line: as the model's own.
-const STRAIGHT: f64 = 0.05;
-
 /// Elements whose memory fades along the path of the command: what they hold of its powers, and what that weighs.
 fn fading(model: &Model, name: &str, inputs: usize) -> String {
     let n = model.thresholds.len();
     let rest: Vec<f64> = model.fading_at_rest().into_iter().flatten().collect();
-    let (middle, half) = (
-        0.5 * (model.input_min + model.input_max),
-        0.5 * (model.input_max - model.input_min),
-    );
-    let longest = STRAIGHT * half;
+    let (middle, half) = window(model);
+    let longest = FADING_STEP * half;
     format!(
         "static const double REST[{states}] = {rest};\n\
          static const double POWERS[3][3] = {{{{1, 0, 0}}, {{0, 1, 0}}, {{0, 0, 1}}}};\n\n\
          static double power(int k, double v) {{\n    return straight(POWERS[k], 3, {middle:?}, {half:?}, v);\n}}\n\n\
          /* The hysteresis: dz = |dv| (v^k - z) / L. */\n\
          static double hysteresis({name}_state *s, double v) {{\n    \
-         double from = s->input, parts = larger(1.0, ceil(fabs(v - from) / {longest:?})), step = (v - from) / parts;\n    \
+         double from = s->input, parts = smaller(1000.0, larger(1.0, ceil(fabs(v - from) / {longest:?}))), step = (v - from) / parts;\n    \
          double y = straight(INPUT, {inputs}, {middle:?}, {half:?}, v);\n    int i, j, k;\n    \
          for (j = 1; step != 0.0 && j <= (int)parts; j++) {{\n        \
          double to = s->input + step * j;\n        \

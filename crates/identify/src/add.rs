@@ -86,11 +86,11 @@ pub fn add_held(
     }
     let before = history::present_step(dataset, model);
     progress(0.1);
-    let own = Search::new(dataset, model, &Shape::Own, adding.noise_um)?;
     if name == FREE_SHAPE && !model.family.is_free() {
         let search = Search::free(dataset, model, adding.noise_um)?;
         return Ok(told(dataset, model, &search, &name, before));
     }
+    let own = Search::new(dataset, model, &Shape::Own, adding.noise_um)?;
     if effect.bounds(own.facts()).map_err(refuse)?.is_empty() {
         let reshaped = reshaped(dataset, model, effect, &own)
             .ok_or_else(|| refuse("the model's family of plays has it already".to_owned()))?;

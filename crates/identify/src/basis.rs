@@ -65,11 +65,12 @@ impl Basis {
     #[inline(always)]
     pub(crate) fn followed(&self, v: f64) -> [f64; 3] {
         let mut cells = [0.0; 3];
-        powers((v - self.middle) / self.half, &mut cells);
+        powers(self.about_the_middle(v), &mut cells);
         cells
     }
 
     /// The voltage from -1 to 1 over the range.
+    #[inline(always)]
     pub(crate) fn about_the_middle(&self, v: f64) -> f64 {
         (v - self.middle) / self.half
     }
@@ -83,7 +84,7 @@ impl Basis {
     #[inline(always)]
     pub(crate) fn input(&self, v: f64, cells: &mut [f64]) {
         if self.centred() {
-            powers((v - self.middle) / self.half, cells);
+            powers(self.about_the_middle(v), cells);
         } else {
             for (cell, &power) in cells.iter_mut().zip(self.family.input_powers()) {
                 *cell = v.powi(power);

@@ -125,9 +125,7 @@ impl Design {
         }
         last
     }
-}
 
-impl Design {
     /// The first sample from which on the longest of fading elements holds less than a twentieth of the state before the record.
     fn faded_from(&self, input: &[f64]) -> usize {
         let longest = self.thresholds.iter().copied().fold(0.0, f64::max);

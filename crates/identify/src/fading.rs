@@ -6,6 +6,7 @@
 use crate::basis::Basis;
 use crate::moving_plays::{LANES, Visit};
 use crate::start_state::InitialState;
+use hysteron_effects::family::FADING_STEP;
 
 /// Powers that an element follows.
 const POWERS: usize = 3;
@@ -37,18 +38,17 @@ pub(crate) fn lengths(elements: usize, span: f64) -> Vec<f64> {
 /// Elements in their states.
 type States = [[f64; LANES]; POWERS];
 
-/// Longest part of a path, in half ranges, on which what is followed counts as a straight line.
-const STRAIGHT: f64 = 0.05;
+/// Most parts of one step: fifty half ranges, far beyond where what is followed is straight anyway.
+const MOST_PARTS: f64 = 1000.0;
 
-/// Goes along the path from one voltage to another: exact where what is followed is a straight line on each part of it. `kept` is what is
-/// left of the states before.
+/// Goes along the path from one voltage to another: exact where what is followed is a straight line on each part of it.
 #[inline(always)]
-fn advance(basis: &Basis, per_half: &[f64; LANES], [from_v, to_v]: [f64; 2], z: &mut States, kept: &mut [f64; LANES]) {
+fn advance(basis: &Basis, per_half: &[f64; LANES], [from_v, to_v]: [f64; 2], z: &mut States) {
     let way = (to_v - from_v).abs() / basis.half();
     if way == 0.0 {
         return;
     }
-    let parts = (way / STRAIGHT).ceil().max(1.0);
+    let parts = (way / FADING_STEP).ceil().clamp(1.0, MOST_PARTS);
     let (part, step_v) = (way / parts, (to_v - from_v) / parts);
     let mut from = basis.followed(from_v);
     let faded: [f64; LANES] = std::array::from_fn(|l| (-part * per_half[l]).exp());
@@ -60,7 +60,6 @@ fn advance(basis: &Basis, per_half: &[f64; LANES], [from_v, to_v]: [f64; 2], z: 
                 let lags = (to[p] - from[p]) * behind;
                 z[p][l] = to[p] - lags + (z[p][l] - from[p] + lags) * faded[l];
             }
-            kept[l] *= faded[l];
         }
         from = to;
     }
@@ -144,17 +143,18 @@ impl<V: Visit> Fading<'_, V> {
     #[inline(always)]
     fn repeated(&self, start: States) -> States {
         let mut z = start;
-        let mut kept = [1.0; LANES];
+        let mut way = 0.0;
         let mut last = self.stack_v.first().copied().unwrap_or(0.0);
         for &v in self.stack_v.iter().skip(1).take(self.run_in) {
-            advance(self.basis, &self.per_half, [last, v], &mut z, &mut kept);
+            advance(self.basis, &self.per_half, [last, v], &mut z);
+            way += (v - last).abs() / self.basis.half();
             last = v;
         }
         for l in 0..LANES {
-            let faded = 1.0 - kept[l];
-            if faded > LEAST_FADED {
+            let kept = (-way * self.per_half[l]).exp();
+            if 1.0 - kept > LEAST_FADED {
                 for p in 0..POWERS {
-                    z[p][l] = (z[p][l] - kept[l] * start[p][l]) / faded;
+                    z[p][l] = (z[p][l] - kept * start[p][l]) / (1.0 - kept);
                 }
             }
         }
@@ -172,9 +172,8 @@ impl<V: Visit> pulp::NullaryFnOnce for Fading<'_, V> {
             z = self.repeated(z);
         }
         let mut last = self.stack_v.first().copied().unwrap_or(0.0);
-        let mut kept = [1.0; LANES];
         for (k, &v) in self.stack_v.iter().enumerate() {
-            advance(self.basis, &self.per_half, [last, v], &mut z, &mut kept);
+            advance(self.basis, &self.per_half, [last, v], &mut z);
             last = v;
             self.visit.functions(k, &z);
         }
@@ -313,6 +312,14 @@ mod tests {
             assert!((square - (1600.0 + 4000.0 * u + 2500.0 * u2)).abs() < 1e-6);
             assert!((cube - (64e3 + 24e4 * u + 3e5 * u2 + 125e3 * u3)).abs() < 1e-4);
         }
+    }
+
+    /// A voltage that no stage has: the step ends, and a line goes on.
+    #[test]
+    fn bva_a_step_without_measure_ends() {
+        let far = held(&LENGTHS_V, InitialState::REST, &[0.0, 1e30], 0)[1];
+        assert!(far.as_flattened().iter().all(|z| z.is_finite()));
+        assert!((far[0][0] / 2e28 - 1.0).abs() < 1e-9, "{}", far[0][0]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use hysteron_data::Record;
 use serde::{Deserialize, Serialize};
 
-pub use hysteron_effects::family::{FADING_ELEMENTS, FREE_PLAYS, Family, MAX_PLAYS};
+pub use hysteron_effects::family::{FADING_ELEMENTS, FADING_STEP, FREE_PLAYS, Family, MAX_PLAYS};
 pub use hysteron_effects::series::{peak_to_peak, range};
 
 /// Which way a model runs.

@@ -10,7 +10,8 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-fn typed(session: &Path, words: &str) -> Output {
+/// A command as a page words it, run in a session.
+pub(crate) fn typed(session: &Path, words: &str) -> Output {
     assert_cmd::Command::new(env!("CARGO_BIN_EXE_hysteron"))
         .current_dir(session)
         .args(words.split(' ').skip(1))

@@ -2,6 +2,7 @@
 //! is what the command line fits.
 
 use crate::browser::{Browser, there};
+use crate::campaign;
 use crate::server::Server;
 use crate::way::in_browser;
 use serde_json::json;
@@ -28,11 +29,7 @@ rate = "(u - y) / tau"
 "#;
 
 fn typed(session: &Path, words: &str) -> (i32, String) {
-    let output = assert_cmd::Command::new(env!("CARGO_BIN_EXE_hysteron"))
-        .current_dir(session)
-        .args(words.split(' ').skip(1))
-        .output()
-        .unwrap();
+    let output = campaign::typed(session, words);
     let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
     (output.status.code().unwrap(), text)
 }

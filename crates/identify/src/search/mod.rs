@@ -97,11 +97,9 @@ impl<'a> Search<'a> {
             search.standing.fitted = search.settled_point(Levels::Free);
             search.choose_states();
         }
-        let point = search.settled_point(Levels::OfTheState);
-        search.standing = search.judged(point);
+        search.settle();
         if search.choose_states() {
-            let point = search.settled_point(Levels::OfTheState);
-            search.standing = search.judged(point);
+            search.settle();
         }
         if *shape == Shape::Own && search.standing.family() == Family::Duhem {
             search.follow_states();
@@ -141,8 +139,7 @@ impl<'a> Search<'a> {
             if !self.choose_states() {
                 break;
             }
-            let point = self.settled_point(Levels::OfTheState);
-            self.standing = self.judged(point);
+            self.settle();
             if before - self.foretold(&self.standing) < LITTLE * parts {
                 break;
             }
@@ -211,8 +208,7 @@ impl<'a> Search<'a> {
             if !self.choose_states() && !free {
                 break;
             }
-            let point = self.settled_point(Levels::OfTheState);
-            self.standing = self.judged(point);
+            self.settle();
         }
         self.start_held_out();
     }
@@ -248,6 +244,12 @@ impl<'a> Search<'a> {
             }
         }
         here.fitted
+    }
+
+    /// The standing chain at the bottom of its valley, judged there.
+    fn settle(&mut self) {
+        let point = self.settled_point(Levels::OfTheState);
+        self.standing = self.judged(point);
     }
 
     fn judged(&self, point: Fitted) -> Trial {
