@@ -15,6 +15,9 @@ use std::sync::Arc;
 /// Fewer moving records than this may not determine a free shape; then straight plays are tried beside it.
 const FEW_RECORDS: usize = 6;
 
+/// The best candidates of a round that tell whether the other free shape goes first.
+const ASKED_OF_THE_OTHER: usize = 3;
+
 /// A search with what was found in it so far.
 pub(crate) struct Investigation<'a> {
     pub search: Search<'a>,
@@ -172,8 +175,28 @@ impl<'a> Investigation<'a> {
         self.rounds.iter().all(|round| round.taken.is_none() || round.of_family)
     }
 
-    /// Tries every candidate on the chain as it stands: those that are significant first, then by the statistic.
+    /// Tries every candidate on the chain as it stands: those that are significant first, then by the statistic. Where the best ones say
+    /// that the other free shape goes first, they all are tried on that.
     pub(crate) fn round(&mut self, progress: &(dyn Fn(f64, &str) + Sync)) -> Vec<Best> {
+        let judged = self.tried(progress);
+        if !self.nothing_taken() {
+            return judged;
+        }
+        let best = judged.iter().take(ASKED_OF_THE_OTHER);
+        let best: Vec<(Arc<dyn Effect>, Trial)> = best.map(|b| (Arc::clone(&b.effect), b.trial.clone())).collect();
+        let line = self.mains_line(&self.at_first);
+        if !self.search.turn(&best, line) {
+            return judged;
+        }
+        self.rounds.pop();
+        self.scale = Scale::of(&self.search);
+        self.base = errors(&self.search, self.search.standing());
+        self.base_excess = self.scale.excess(self.search.standing());
+        self.traces = Traces::new(self.dataset, &self.search.states(), self.search.noise_um());
+        self.tried(progress)
+    }
+
+    fn tried(&mut self, progress: &(dyn Fn(f64, &str) + Sync)) -> Vec<Best> {
         let first = self.nothing_taken();
         let residuals = self.residuals();
         let line = self.mains_line(&residuals);

@@ -115,7 +115,7 @@ pub fn add_held(
         own.stand_on(trial);
         told(dataset, model, &own, &name, before.clone())
     });
-    let of_free = free.map(|free| Ok::<_, Refused>((free.candidate_held(effect, held)?, free)));
+    let of_free = free.map(|free| free.candidate_on_either(effect, held));
     progress(0.8);
     let added = match (of_own, of_free) {
         (Ok(own), Some(Ok((trial, mut free)))) => {

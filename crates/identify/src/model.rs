@@ -96,7 +96,8 @@ pub struct FittedOn {
     /// Seed of the swarm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
-    /// Ridge on the scaled columns.
+    /// Ridge on the scaled columns; of a free shape, how strongly it is held to a smooth one: the cost of a departure by the whole
+    /// stroke, where a record costs 1 with what is left of it.
     pub ridge: f64,
     /// Noise floor of the records; known once a step of the history has been measured against it.
     #[serde(default, skip_serializing_if = "Option::is_none")]

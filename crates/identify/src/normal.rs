@@ -83,6 +83,17 @@ impl Normal {
         self.samples += other.samples;
     }
 
+    /// This system with a quadratic cost of its first coefficients.
+    pub(crate) fn with_costs(&self, costs: &DMatrix<f64>, factor: f64) -> Self {
+        let mut costly = self.clone();
+        for i in 0..costs.nrows() {
+            for j in 0..=i {
+                costly.gram[i * self.columns + j] += factor * costs[(i, j)];
+            }
+        }
+        costly
+    }
+
     /// This system beside a free constant of its own: the first column, a constant, is projected out of all else.
     pub(crate) fn level_free(mut self) -> Self {
         let n = self.columns;

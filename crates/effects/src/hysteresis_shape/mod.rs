@@ -14,8 +14,9 @@ static DESCRIPTION: Description = Description {
     name: EffectId::HysteresisShape.name(),
     place: Place::Hysteresis,
     summary: "The family of play operators is too poor for this stage's loops: nothing physical is missing.",
-    equation: "y = c + g(v) + sum (q1 w_i + q2 w_i^2 + q3 w_i^3), g of degree 5, at least 18 plays where the records exercise them",
-    source: "a Preisach operator is an integral of functions of play outputs (Krejci 1996)",
+    equation: "y = c + g(v) + sum (q1 w_i + q2 w_i^2 + q3 w_i^3), g of degree 5, at least 18 plays where the records exercise them; or \
+               w a fading element, dz = |dv| (v^k - z) / L, k from 1 to 3, four lengths L, where that foretells the records better",
+    source: "a Preisach operator is an integral of functions of play outputs (Krejci 1996); Duhem's kind does not close its small loops (Coleman, Hodgdon 1986)",
     parameters: &[],
     shows: "An error that repeats with the drive at every rate, even the lowest; equal minor loops at different biases \
             differ (10 to 40 % in opening), first-order reversal curves are no translates of each other.",

@@ -150,7 +150,11 @@ impl Search<'_> {
         }
         let spectrum = sum.spectrum();
         let undetermined = spectrum.undetermined();
-        let inverse = spectrum.inverse(fitted.ridge);
+        let held = fitted.held();
+        let inverse = match held.expected {
+            Some(costs) => sum.with_costs(costs, held.by).spectrum().inverse(0.0),
+            None => spectrum.inverse(held.by),
+        };
         let variances: Vec<f64> = (0..self.records.len()).map(|i| self.variance(i)).collect();
         let mut middle = DMatrix::zeros(n, n);
         for (i, system) in &standing.systems {
@@ -215,10 +219,14 @@ impl Search<'_> {
             .iter()
             .filter(|group| group.iter().all(|&i| i < linear))
             .count();
+        let decides = if chain.design.family.is_free() {
+            "a smooth shape".to_owned()
+        } else {
+            format!("a ridge of {:.0e}", self.standing.fitted.ridge)
+        };
         if hysteresis > 0 {
             notices.push(format!(
-                "the records leave {hysteresis} of {linear} directions of the hysteresis undetermined; a ridge of {:.0e} decides there",
-                self.standing.fitted.ridge
+                "the records leave {hysteresis} of {linear} directions of the hysteresis undetermined; {decides} decides there"
             ));
         }
         let names: Vec<String> = model

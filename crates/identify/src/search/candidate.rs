@@ -461,6 +461,7 @@ impl Search<'_> {
             bounds,
             coefficients: standing.coefficients.clone(),
             own,
+            expected: standing.expected.clone(),
             ridge: standing.ridge,
             chain,
         };
@@ -552,7 +553,7 @@ impl Basis {
             .collect();
         let n = point.coefficients.len();
         let factor = [(Bounds::new(0.0, MOST_TIMES, 1.0, 0.0), 0.0)];
-        let solve = |sum: &Normal| within_bounds(sum, n, point.ridge, 0.0, &factor);
+        let solve = |sum: &Normal| within_bounds(sum, n, point.held(), 0.0, &factor);
         let stay = vec![0.0; n + 1];
         reweighed(&systems, search.noise_um, Some(&stay), 2, solve).map_or(f64::INFINITY, |(_, error)| error)
     }

@@ -1,5 +1,6 @@
 //! A chain with all of its numbers, its answer on the records, and the way down to the bottom of its valley.
 
+use super::expected::Held;
 use super::records::Prepared;
 use super::system::within_bounds;
 use crate::chain::{Chain, Own};
@@ -7,6 +8,7 @@ use crate::effects::Bounds;
 use crate::normal::Normal;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A chain with its coefficients, and what may be fitted of it.
 #[derive(Clone)]
@@ -18,7 +20,9 @@ pub(crate) struct Fitted {
     pub coefficients: Vec<f64>,
     /// Numbers of each record alone.
     pub own: Vec<Own>,
-    /// Ridge on the scaled columns of the hysteresis.
+    /// What departures from a smooth shape cost, where the hysteresis is a free one.
+    pub expected: Option<Arc<DMatrix<f64>>>,
+    /// How strongly it is held to that; a ridge on the scaled columns of the other families.
     pub ridge: f64,
 }
 
@@ -71,6 +75,19 @@ const DIFFERENCE: f64 = 1e-3;
 const MOST_STEPS: usize = 25;
 
 impl Fitted {
+    /// What holds its coefficients where the records do not.
+    pub(super) fn held(&self) -> Held<'_> {
+        self.held_by(self.ridge)
+    }
+
+    /// The same, more or less strongly.
+    pub(super) fn held_by(&self, by: f64) -> Held<'_> {
+        Held {
+            expected: self.expected.as_deref(),
+            by,
+        }
+    }
+
     /// Number of parameters of all effects, fitted or not.
     pub(super) fn parameters(&self) -> usize {
         self.bounds.iter().map(Vec::len).sum()
@@ -239,7 +256,7 @@ impl Descent<'_> {
     pub(super) fn project(&self, mut fitted: Fitted) -> Standing {
         let systems = fitted.systems(self.records, false, self.levels);
         let linear = fitted.coefficients.len();
-        let solve = |sum: &Normal| within_bounds(sum, linear, fitted.ridge, 0.0, &[]);
+        let solve = |sum: &Normal| within_bounds(sum, linear, fitted.held(), 0.0, &[]);
         let solved = reweighed(&systems, self.noise_um, Some(&fitted.coefficients), REWEIGHED, solve);
         let mut error = f64::INFINITY;
         if let Some((solution, left)) = solved {
@@ -285,7 +302,7 @@ impl Descent<'_> {
             stay.resize(linear + here.fitted.parameters(), 0.0);
             let flat = here.fitted.flat();
             let solution = |damping: f64| {
-                let solve = |sum: &Normal| within_bounds(sum, linear, here.fitted.ridge, damping, &flat);
+                let solve = |sum: &Normal| within_bounds(sum, linear, here.fitted.held(), damping, &flat);
                 reweighed(&systems, self.noise_um, Some(&stay), 2, solve)
             };
             let promised = solution(1e-9).map_or(0.0, |(_, error)| here.error - error);

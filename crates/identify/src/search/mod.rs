@@ -5,6 +5,7 @@
 
 mod accept;
 mod candidate;
+mod expected;
 mod fitted;
 mod records;
 mod system;
@@ -27,15 +28,17 @@ use fitted::{Descent, Fitted, Levels, Standing};
 use hysteron_data::{Dataset, Record, Role};
 use rayon::prelude::*;
 use records::Prepared;
+use std::sync::Arc;
 
-/// Ridge of a free shape before any is chosen.
+/// How strongly a free shape is held before that is chosen, and the ridge of the families that are linear in their plays.
+const FIRST_HOLD: f64 = 1e3;
 const FIRST_RIDGE: f64 = 1e-7;
 
 /// Times that the states of the records and the chain follow each other.
 const MOST_TURNS: usize = 4;
 
 /// Mean fall of the logarithms of what is left of a part, foretold from the others, from which fading elements go before plays.
-const FADES: f64 = 0.5;
+const FADES: f64 = 0.1;
 
 /// Fading elements that leave more at first, in the same measure, will not come below plays.
 const WITHIN_REACH: f64 = 1.0;
@@ -67,6 +70,8 @@ pub struct Search<'a> {
     facts: Facts,
     /// The chain as it stands.
     standing: Trial,
+    /// The other free shape on the same records, until an effect tells which of the two goes first.
+    other: Option<Box<Self>>,
 }
 
 impl<'a> Search<'a> {
@@ -92,6 +97,7 @@ impl<'a> Search<'a> {
             facts,
             standing: Trial::unjudged(point, weights),
             records,
+            other: None,
         };
         if search.some_levels_are_open() {
             search.standing.fitted = search.settled_point(Levels::Free);
@@ -118,17 +124,72 @@ impl<'a> Search<'a> {
         match rayon::join(of(Shape::Free), of(Shape::Fading)) {
             (Ok(plays), Ok(mut fading)) => {
                 let parts = plays.standing.parts.len().max(1) as f64;
-                let plays_leave = plays.foretold(&plays.standing);
-                if fading.foretold(&fading.standing) < plays_leave + WITHIN_REACH * parts {
+                if fading.foretold(&fading.standing) < plays.foretold(&plays.standing) + WITHIN_REACH * parts {
                     fading.follow_states();
                     fading.start_held_out();
                 }
-                let fades = fading.foretold(&fading.standing) < plays_leave - FADES * parts;
-                Ok(if fades { fading } else { plays })
+                let fades = fading.goes_before((&fading.standing, &plays.standing));
+                let (mut first, second) = if fades { (fading, plays) } else { (plays, fading) };
+                first.other = Some(Box::new(second));
+                Ok(first)
             }
             (Ok(plays), Err(_)) => Ok(plays),
             (Err(_), fading) => fading,
         }
+    }
+
+    /// Whether this free shape goes before the other one, as their trials foretell the parts of the records: plays, unless fading
+    /// elements leave clearly less.
+    fn goes_before(&self, (own, others): (&Trial, &Trial)) -> bool {
+        let margin = FADES * own.parts.len().max(1) as f64;
+        let margin = if own.family() == Family::Duhem { margin } else { -margin };
+        self.foretold(own) < self.foretold(others) - margin
+    }
+
+    /// Turns to the other free shape, where that goes first with one of these effects in the chain: `tried` are they on this one. Whether
+    /// it turned.
+    pub fn turn(&mut self, tried: &[(Arc<dyn Effect>, Trial)], line_hz: Option<f64>) -> bool {
+        let Some(mut other) = self.other.take() else {
+            return false;
+        };
+        let effects: Vec<Arc<dyn Effect>> = tried.iter().map(|(effect, _)| Arc::clone(effect)).collect();
+        let theirs: Vec<Trial> = other
+            .candidates(&effects, line_hz, &|_, _| ())
+            .into_iter()
+            .flatten()
+            .collect();
+        let least = |a: &&Trial, b: &&Trial| self.foretold(a).total_cmp(&self.foretold(b));
+        let best = theirs.iter().chain([&other.standing]).min_by(least);
+        let own = tried
+            .iter()
+            .map(|(_, trial)| trial)
+            .chain([&self.standing])
+            .min_by(least);
+        let turns = best.zip(own).is_some_and(|(best, own)| other.goes_before((best, own)));
+        if turns {
+            std::mem::swap(self, &mut other);
+        }
+        turns
+    }
+
+    /// One more effect, on the free shape that goes first with it; as [`Self::candidate_held`].
+    ///
+    /// # Errors
+    /// As [`Self::candidate_held`].
+    pub fn candidate_on_either(
+        mut self,
+        effect: &Arc<dyn Effect>,
+        held: &[(&str, f64)],
+    ) -> Result<(Trial, Self), Refused> {
+        let other = self.other.take();
+        let trial = self.candidate_held(effect, held)?;
+        if let Some(other) = other
+            && let Ok(theirs) = other.candidate_held(effect, held)
+            && other.goes_before((&theirs, &trial))
+        {
+            return Ok((theirs, *other));
+        }
+        Ok((trial, self))
     }
 
     /// What fading elements hold from before a record never ends: states and coefficients follow each other until that brings little.
@@ -198,6 +259,7 @@ impl<'a> Search<'a> {
     /// Goes on from a trial of this search.
     pub fn stand_on(&mut self, mut trial: Trial) {
         start_in(&mut self.records, &trial.states.take().unwrap_or_default());
+        self.other = None;
         self.standing = trial;
         let open = self.some_levels_are_open();
         for turn in 0..MOST_TURNS {
@@ -354,11 +416,13 @@ fn start(chain: Chain, facts: &Facts, records: &[Prepared<'_>]) -> Fitted {
         2.0 * slope / (facts.voltage_v[1] - facts.voltage_v[0]).max(f64::MIN_POSITIVE)
     };
     let bounds = bounds(&chain, facts);
+    let expected = expected::expected(&chain, high - low);
     Fitted {
         bounds,
         coefficients,
         own: vec![vec![Vec::new(); chain.links.len()]; records.len()],
-        ridge: FIRST_RIDGE,
+        ridge: if expected.is_some() { FIRST_HOLD } else { FIRST_RIDGE },
+        expected,
         chain,
     }
 }

@@ -1,5 +1,6 @@
 //! Normal equations around a point, solved within physical bounds.
 
+use super::expected::Held;
 use crate::effects::Bounds;
 use crate::normal::Normal;
 use nalgebra::{DMatrix, DVector};
@@ -8,18 +9,18 @@ use nalgebra::{DMatrix, DVector};
 const LEAST_RIDGE: f64 = 1e-12;
 
 /// Linear coefficients and changes of parameters that solve the damped normal equations within the bounds; `values` are the
-/// parameters as they stand. The constant is not shrunk: an offset must change nothing.
+/// parameters as they stand. The constant is not held: an offset must change nothing.
 pub(super) fn within_bounds(
     system: &Normal,
     linear: usize,
-    ridge: f64,
+    held: Held<'_>,
     damping: f64,
     parameters: &[(Bounds, f64)],
 ) -> Option<Vec<f64>> {
     let mut fixed: Vec<Option<f64>> = parameters.iter().map(|(b, _)| (!b.fitted).then_some(0.0)).collect();
     // Parameters that would leave their bounds are put on them, and the others solved again.
     for _ in 0..=parameters.len() {
-        let solution = solve(system, linear, ridge, damping, &fixed)?;
+        let solution = solve(system, linear, held, damping, &fixed)?;
         let mut inside = true;
         for (j, (b, value)) in parameters.iter().enumerate() {
             let to = value + solution[linear + j];
@@ -36,8 +37,11 @@ pub(super) fn within_bounds(
 }
 
 /// Damped normal equations in scaled columns; `fixed` parameters move by what they are given.
-fn solve(system: &Normal, linear: usize, ridge: f64, damping: f64, fixed: &[Option<f64>]) -> Option<Vec<f64>> {
-    let matrix = system.matrix();
+fn solve(system: &Normal, linear: usize, held: Held<'_>, damping: f64, fixed: &[Option<f64>]) -> Option<Vec<f64>> {
+    let matrix = match held.expected {
+        Some(costs) => system.with_costs(costs, held.by).matrix(),
+        None => system.matrix(),
+    };
     let n = matrix.nrows();
     let mut rhs = DVector::from_column_slice(system.right_side());
     let mut free: Vec<usize> = (0..linear).filter(|&j| matrix[(j, j)] > 0.0).collect();
@@ -56,7 +60,7 @@ fn solve(system: &Normal, linear: usize, ridge: f64, damping: f64, fixed: &[Opti
     for (a, &i) in free.iter().enumerate() {
         scaled[(a, a)] += match i {
             0 => LEAST_RIDGE,
-            i if i < linear => ridge.max(LEAST_RIDGE),
+            i if i < linear => held.ridge().max(LEAST_RIDGE),
             _ => damping.max(LEAST_RIDGE),
         };
     }
@@ -89,7 +93,19 @@ mod tests {
             let (x, p) = (f64::from(k % 7), f64::from(k % 5));
             system.add_row(&[1.0, x, p], 1.0 + 2.0 * x + 0.7 * p);
         }
-        let at = |b: Bounds| within_bounds(&system, 2, 0.0, 0.0, &[(b, 0.0)]).unwrap();
+        let at = |b: Bounds| {
+            within_bounds(
+                &system,
+                2,
+                Held {
+                    expected: None,
+                    by: 0.0,
+                },
+                0.0,
+                &[(b, 0.0)],
+            )
+            .unwrap()
+        };
         let free = at(bounds(-1.0, 1.0));
         assert!((free[2] - 0.7).abs() < 1e-9 && (free[1] - 2.0).abs() < 1e-9, "{free:?}");
         assert!((at(bounds(-1.0, 0.5))[2] - 0.5).abs() < 1e-12);
