@@ -206,6 +206,22 @@ fn val_absent_parts_are_identity() {
     assert_close(&commands::<f64>(&idle, 400), &wanted);
 }
 
+/// An error of 0.1 um of one sign is hum, too: of a sample of it 2/(0.05 s 50 kHz) is learned, 8e-5 um, turned on by the three samples ahead
+/// and the one to the next, 4 of the 1000 of a period. The platform was too low, so it is sent higher.
+#[test]
+fn val_hum_is_taken_off_the_target() {
+    let mut numbers = plain();
+    numbers.hum = Some(HumNumbers {
+        frequency_hz: 50.0,
+        sensitivity: [[1.0, 0.0], [0.0; 2], [0.0; 2], [0.0; 2], [0.0; 2]],
+        learning_s: 0.05,
+        largest_um: 0.2,
+    });
+    // 8e-4 V cos(4 0.36 degrees).
+    let wanted = [0.0, 0.0, 0.0, 0.0, 7.997_473_5e-4];
+    assert_close(&steps(&numbers, &[0.0; 5], -0.1), &wanted);
+}
+
 type Change = (&'static str, fn(&mut LawNumbers));
 
 /// A change of each number, by a tenth or so of it, and the least that it has to move the command, volts.
