@@ -7,6 +7,7 @@ pub mod capture;
 mod emulator;
 pub mod host;
 pub mod image;
+mod learned;
 mod player;
 pub mod rig;
 pub mod slots;
@@ -15,6 +16,7 @@ pub mod two_axes;
 pub mod upload;
 
 pub use hysteron_firmware::law::Law;
+pub use hysteron_firmware::learned::Learned;
 pub use hysteron_firmware::monitor::Fault;
 pub use hysteron_firmware::parameters::Parameters;
 pub use hysteron_firmware::trajectory::{Shape, TABLE_POINTS};

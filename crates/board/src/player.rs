@@ -1,8 +1,10 @@
 //! The simulated stage with what a host has to send before a run: points of an uploaded reference, then the start.
 
 use crate::Bench;
+use crate::learned::learned;
 use crate::rig::adc;
 use crate::two_axes::TwoAxisBench;
+use hysteron_firmware::learned::Learned;
 use hysteron_firmware::trajectory::{CHUNK_POINTS, TABLE_POINTS};
 use hysteron_firmware::tuning::Change;
 use hysteron_firmware::wire::{Frame, Input, Mode, Order};
@@ -37,6 +39,11 @@ pub struct Player {
 }
 
 impl Player {
+    /// What the law had learned by the end; none where it does not learn.
+    pub fn learned(&self) -> Option<Learned> {
+        learned(self.played.iter().map(|tick| &tick.frame))
+    }
+
     /// Starts at once, after `points` are uploaded where there are any, and stops `ticks` later; with no ticks it never starts.
     pub fn new(stage: Stage, points: Option<&[u16; TABLE_POINTS]>, ticks: u32) -> Self {
         let mut before = Vec::new();

@@ -1,7 +1,9 @@
 //! What stands at the converters: the simulated stage, or whatever a test puts there.
 
+use crate::learned::learned;
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::law::Law;
+use hysteron_firmware::learned::Learned;
 use hysteron_firmware::tuning::Change;
 use hysteron_firmware::wire::{Frame, Input, Mode, Order, REFUSED};
 use hysteron_plant::Stage;
@@ -30,6 +32,11 @@ pub struct Recording {
 }
 
 impl Recording {
+    /// What the law had learned by the end; none where it does not learn.
+    pub fn learned(&self) -> Option<Learned> {
+        learned(&self.frames)
+    }
+
     /// Root mean square of reference less position over the later half of the ticks on which the loop ran, micrometres; 0 where it
     /// never ran.
     pub fn rms_um(&self) -> f64 {

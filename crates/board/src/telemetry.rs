@@ -1,7 +1,9 @@
 //! What a real board sends, from any stream of bytes: found again after gaps, with what is missing counted.
 
+use crate::learned::learned;
 use crate::{BoardError, Recording};
 use hysteron_core::codes::{AdcCode, Converter};
+use hysteron_firmware::learned::Learned;
 pub use hysteron_firmware::telemetry::About;
 use hysteron_firmware::telemetry::{ABOUT_BYTES, Found, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample, find};
 use hysteron_firmware::upload::ANSWER_BYTES;
@@ -35,6 +37,11 @@ pub struct Capture {
 }
 
 impl Capture {
+    /// What the law had learned by the end; none where it does not learn.
+    pub fn learned(&self) -> Option<Learned> {
+        learned(self.pieces.iter().flat_map(|piece| &piece.recording.frames))
+    }
+
     /// The voltages that were commanded in the ticks of these numbers, ascending; none where one of them is missing.
     pub fn commands_v(&self, numbers: impl Iterator<Item = u32>) -> Option<Vec<f64>> {
         let mut here = self.pieces.iter().flat_map(|piece| {

@@ -12,7 +12,7 @@ use hysteron_board::{Machine, Recording, Remembering, Request, Rig, Session, Sha
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::wire::{Frame, Input, Mode, Setup};
 use hysteron_plant::{Stage, StageConfig, preset};
-use hysteron_table::Table;
+use hysteron_table::{Adaptation, Table};
 use std::time::Duration;
 
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -143,5 +143,37 @@ fn val_complete_law_rises_and_falls_on_ramps() {
         // Reference and position of one tick belong together: the preview is the law's affair. Of 10 um 0.1 % rms at most, sensor noise of
         // 1 nm within it.
         assert!(recording.rms_um() < 0.01, "{}", recording.rms_um());
+    }
+}
+
+/// What a law learns travels in its frames. A stage that moves by 1 % less than another needs 1/0.99 - 1 = 1.01 % more of what it asks for,
+/// whatever the model misses of both; a law that does not learn says so.
+#[test]
+fn val_frames_say_what_was_learned() {
+    let mut table = Table::parse(TABLE_8K).unwrap();
+    let request = request(Shape::Sine, 20.0, false, 1.0);
+    let setup = request.setup(&hello(&table, TABLE_8K)).unwrap();
+    let less = |share: f64| {
+        let mut config = preset::tracking_8k();
+        config.hysteresis.stroke_um *= 1.0 - share;
+        config
+    };
+    assert_eq!(here(&table, &less(0.0), &request, &setup).0.learned(), None);
+    // Ten time constants; no lag.
+    table.controller.as_mut().unwrap().adaptation = Some(Adaptation {
+        gain_bound: 0.05,
+        zero_bound_um: 0.5,
+        lag_bound_s: 0.0,
+        lag_from_hz: 0.0,
+        lag_up_to_um_per_s: 0.0,
+        time_s: 0.1,
+        dead_um: 1e-3,
+        um_per_v: 0.1,
+    });
+    let [whole, less] = [0.0, 0.01].map(|share| here(&table, &less(share), &request, &setup).0.learned().unwrap());
+    assert!((less.gain - whole.gain - 0.0101).abs() < 2e-4, "{whole:?} {less:?}");
+    for learned in [whole, less] {
+        assert!(learned.gain.abs() < 0.05 && learned.zero_um.abs() < 0.5, "{learned:?}");
+        assert!(learned.zero_um != 0.0 && learned.lag_samples == 0.0, "{learned:?}");
     }
 }

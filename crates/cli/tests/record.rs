@@ -389,3 +389,34 @@ fn refuse_what_is_no_recording() {
     }
     assert!(!place.exists(), "nothing is written");
 }
+
+/// Gain 0.03125, zero -0.5 um and lag 0.75 samples, 15 us, of a law that learns, a bit a frame.
+#[test]
+fn val_a_recording_says_what_was_learned() {
+    let words = [0x3d00_0000_u32, 0xbf00_0000, 0x3f40_0000, 1];
+    let frame = |number: u32| Frame {
+        number,
+        reference_um: 1.0,
+        command_v: 1.0,
+        dac: 30_000,
+        flags: flags(false, Mode::Running, None)
+            | ((words[(number / 32 % 4) as usize] >> (number % 32)) as u16 & 1) << 3,
+    };
+    let sample = |number| Sample {
+        frame: frame(number),
+        adc: 30_000,
+        axis: 0,
+    };
+    let stream: Vec<u8> = (0..2000).flat_map(|number| sample(number).to_packet()).collect();
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("recorded");
+    let stream = [about("nucleo-h743zi"), stream].concat();
+    let said = answered(&record(&stream, &place, &["--seconds", "0.02"]));
+    assert!(
+        said.contains("learned by the end: gain +3.125 %, zero -0.5000 um, lag +15.00 us\n"),
+        "{said}"
+    );
+    let more = ["--seconds", "0.02", "--overwrite", "--json"];
+    let said: serde_json::Value = serde_json::from_str(&answered(&record(&stream, &place, &more))).unwrap();
+    assert_eq!(said["adapted"]["zero_um"], -0.5);
+}

@@ -46,7 +46,7 @@ pub use provenance::{facts, frozen, hashes};
 pub use report_page::{Findings, report_page};
 pub use table::{Cell, PaperFigure, Table, paper_table};
 pub use text::{
-    adapted_text, amounts, beyond_text, bounds_text, came_back_text, comparison_text, design_text, diagnosis_details,
-    diagnosis_text, explanation, ladder_details, ladder_text, law_table_text, learned_text, misfit_text, model_text,
-    records_text, reference_name, tracked_text,
+    Runs, adapted_line, adapted_text, amounts, beyond_text, bounds_text, came_back_text, comparison_text, design_text,
+    diagnosis_details, diagnosis_text, explanation, ladder_details, ladder_text, law_table_text, learned_text,
+    misfit_text, model_text, records_text, reference_name, tracked_text,
 };

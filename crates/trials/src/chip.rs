@@ -1,5 +1,6 @@
 //! Images of controllers on the firmware in the emulator, and the references that they follow there.
 
+use crate::adapted::adapted;
 use crate::error::TrialError;
 use crate::on_board::{AFTER_MOVE_S, HOLD_S, along, held, peak_percent};
 use hysteron_board::host::{complete, hello, parameters};
@@ -9,6 +10,7 @@ use hysteron_board::{
     BoardError, FALL_TICKS, Fault, Hello, Law, Machine, Mode, Parameters, Player, Request, Session, Setup, Shape,
     Summary, image,
 };
+use hysteron_control::adapted::Adapted;
 use hysteron_control::design::Controller;
 use hysteron_control::export::{Bench, RAMP_RANGES_PER_S, SLEW_RANGES_PER_S, StageEnds, export, top};
 use hysteron_plant::{Stage, StageConfig};
@@ -56,6 +58,8 @@ impl Folder {
 pub(crate) struct Reached {
     /// Rms of the error of the true position, percent of the references' range, by reference.
     pub percent: BTreeMap<String, f64>,
+    /// What the law had learned at the end of each of these runs; empty where it does not learn.
+    pub adapted: BTreeMap<String, Adapted>,
     /// Ticks that ran at the sample clock.
     pub clocked_ticks: u32,
     /// Of these the late and the lost ones.
@@ -378,6 +382,10 @@ impl Running {
             let rms_um = (squares / f64::max(count, 1.0)).sqrt();
             let percent = 100.0 * rms_um / follow.stroke_um;
             reached.percent.insert(follow.name.to_owned(), percent);
+            let learned = adapted(player.learned(), self.hello().sample_rate_hz);
+            reached
+                .adapted
+                .extend(learned.map(|learned| (follow.name.to_owned(), learned)));
         }
         Ok(reached)
     }

@@ -5,6 +5,7 @@
 //! function of the caller's.
 #![forbid(unsafe_code)]
 
+mod adapted;
 pub mod campaign;
 pub mod chip;
 mod error;

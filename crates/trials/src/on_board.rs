@@ -1,5 +1,6 @@
 //! The references of the table by a real board, judged by its own sensor.
 
+use crate::adapted::adapted;
 use crate::error::TrialError;
 use crate::learning::Plan;
 use crate::scans;
@@ -8,7 +9,7 @@ use hysteron_board::capture::{Start, Wish, capture};
 use hysteron_board::telemetry::{About, Capture};
 use hysteron_board::upload::Upload;
 use hysteron_board::{BoardError, Mode, Request, TABLE_POINTS};
-use hysteron_control::adapted::Adaptation;
+use hysteron_control::adapted::{Adaptation, Adapted};
 use hysteron_control::design::Controller;
 use hysteron_control::design::beyond::{self, NotPlayed};
 use hysteron_control::learning::{LEARNED, LearnedReference};
@@ -73,7 +74,7 @@ pub struct BoardReport {
     pub scans: Vec<ScanFigures>,
     /// Ticks whose samples did not come.
     pub lost: u64,
-    /// Bounds of what the law learns of gain and zero; what it has learned, telemetry does not carry.
+    /// Bounds of what the law learns of gain, zero and lag; none where it does not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub adaptation: Option<Adaptation>,
     /// What of the references leaves the records, as was granted.
@@ -94,6 +95,9 @@ pub struct BoardFigures {
     pub loop_kind: &'static str,
     /// Rms of reference less measured position, percent of peak to peak, by reference.
     pub rms_percent: BTreeMap<String, f64>,
+    /// What the law had learned at the end of each of these runs, one after the other; empty where it does not learn.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub adapted: BTreeMap<String, Adapted>,
     /// Largest error from 5 ms after a move to the range's upper end to 10 s after it, averaged over a millisecond.
     pub creep_peak_percent: f64,
     /// Where the position lags the reference by 30 degrees, hertz.
@@ -218,7 +222,7 @@ impl Looped<'_> {
     ) -> Result<(BoardFigures, About), TrialError> {
         // The references, the small multisine, the rest, and the hold, which takes as long as all of them.
         let runs = 2.0 * (references.len() + 2) as f64;
-        let mut rms_percent = BTreeMap::new();
+        let (mut rms_percent, mut adapted_by) = (BTreeMap::new(), BTreeMap::new());
         let mut said = None;
         for (r, &(name, shape)) in references.iter().enumerate() {
             let judged = Judged::of(shape);
@@ -237,6 +241,8 @@ impl Looped<'_> {
             report.lost += captured.counts.lost;
             report.stage = captured.about.board().to_owned();
             let about = captured.about;
+            let learned = adapted(captured.learned(), about.hello.sample_rate_hz);
+            adapted_by.extend(learned.map(|learned| (name.to_owned(), learned)));
             said = captured.pieces.last().map(|piece| about.with(piece.table)).or(said);
         }
         let about = said.ok_or(BoardError::NoSamples { bytes: 0 })?;
@@ -255,6 +261,7 @@ impl Looped<'_> {
             name: "complete",
             loop_kind,
             rms_percent,
+            adapted: adapted_by,
             creep_peak_percent,
             lag30_hz: frequency_hz(response.lag_30_deg()),
             minus3db_hz: frequency_hz(response.minus_3_db()),

@@ -5,7 +5,7 @@ use crate::error::TrialError;
 use crate::learning::Plan;
 use crate::scans;
 use hysteron_board::{Machine, Shape};
-use hysteron_control::adapted::Adaptation;
+use hysteron_control::adapted::{Adaptation, Adapted};
 use hysteron_control::design::{Controller, beyond};
 use hysteron_control::learning::LearnedReference;
 use hysteron_control::reference::{self, SHAPES};
@@ -47,7 +47,7 @@ pub struct OnChip {
     pub learned: Vec<LearnedReference>,
     /// Scans of both axes.
     pub scans: Vec<ScanFigures>,
-    /// Bounds of what the law learns of gain and zero; what it has learned, telemetry does not carry.
+    /// Bounds of what the law learns of gain, zero and lag; none where it does not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub adaptation: Option<Adaptation>,
     /// What of the references leaves the records, as was granted.
@@ -65,6 +65,9 @@ pub struct OnChipFigures {
     pub loop_kind: &'static str,
     /// As the controllers' of the report.
     pub rms_percent: BTreeMap<String, f64>,
+    /// As the controllers' of the report.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub adapted: BTreeMap<String, Adapted>,
     /// Largest error from 5 ms after a move to the range's upper end to 10 s after it, averaged over a millisecond.
     pub creep_peak_percent: f64,
 }
@@ -114,6 +117,7 @@ pub fn track(
             name: format!("complete on {}", chip.name()),
             loop_kind,
             rms_percent: reached.percent,
+            adapted: reached.adapted,
             creep_peak_percent: running.hold(stage, bench.range_um, feedback, bench.seed)?,
         });
         if let (Some(most), false) = (asked.iterations, feedback) {

@@ -1,11 +1,13 @@
 //! Recordings of the firmware as datasets: of a real board, or of an image in the emulator at simulated stages.
 
+use crate::adapted::adapted;
 use crate::error::TrialError;
 use hysteron_board::capture::{Start, Wish, capture};
 use hysteron_board::telemetry::{Capture, hex};
 use hysteron_board::two_axes::{TwoAxisRig, run_both};
 use hysteron_board::upload::Upload;
 use hysteron_board::{BoardError, Change, Fault, Hello, Machine, Outcome, Recording, Request, budget};
+use hysteron_control::adapted::Adapted;
 use hysteron_data::{Dataset, Known, Record, Role};
 use hysteron_plant::{Stage, StageConfig};
 use hysteron_table::short;
@@ -40,6 +42,9 @@ pub struct Counted {
     pub known_delay_s: Option<f64>,
     /// Number of the first fault.
     pub fault: Option<u8>,
+    /// What the law has learned by the end; none where it does not learn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub adapted: Option<Adapted>,
 }
 
 /// A recording of a real board.
@@ -102,6 +107,7 @@ fn counted(captured: &Capture) -> Counted {
         foreign_bytes: counts.foreign_bytes,
         restarts: counts.restarts,
         known_delay_s: budget::known_delay_s(about),
+        adapted: adapted(captured.learned(), about.hello.sample_rate_hz),
         fault: frames.find_map(|frame| frame.fault()).map(|fault| fault as u8),
     }
 }
@@ -286,6 +292,11 @@ impl Ran {
     /// Tick and kind of the first fault.
     pub fn fault(&self) -> Option<(u32, Fault)> {
         first_fault([&self.recording])
+    }
+
+    /// What the law has learned by the end; none where it does not learn.
+    pub fn adapted(&self) -> Option<Adapted> {
+        adapted(self.recording.learned(), self.outcome.hello.sample_rate_hz)
     }
 
     /// Which table ran, in words.

@@ -1,11 +1,12 @@
 //! One tick: watch, then the control law or the ramp to or from the safe level.
 
 use crate::law::{Law, Now, Start, Step};
+use crate::learned::{WORD_TICKS, word};
 use crate::monitor::{Fault, Monitor, MonitorState, Tick};
 use crate::parameters::Parameters;
 use crate::trajectory::{Trajectory, Uploaded};
 use crate::tuning::{Change, Mailbox};
-use crate::wire::{ACCEPTED, BANK_BIT, REFUSED};
+use crate::wire::{ACCEPTED, BANK_BIT, LEARNED, REFUSED};
 use crate::wire::{Frame, Input, Mode, Order, Setup, flags};
 use hysteron_core::codes::AdcCode;
 use hysteron_core::limiter::LimiterState;
@@ -54,6 +55,8 @@ pub struct Controller<L: Law> {
     faded_um: f32,
     command_v: f32,
     number: u32,
+    /// Bits of what the law has learned that are still to go into frames, the next one lowest.
+    told: u32,
 }
 
 /// What an axis tells another of itself before a tick.
@@ -107,6 +110,7 @@ impl<L: Law> Controller<L> {
             faded_um: first_um,
             command_v: parameters.safe_v,
             number: 0,
+            told: 0,
             parameters,
             banks: &[],
             bank_flags: 0,
@@ -153,15 +157,27 @@ impl<L: Law> Controller<L> {
             Mode::Falling | Mode::Off => self.fall(measured_um, answer == 0),
         };
         self.monitor.command(&mut self.seen, self.command_v);
+        let learned = self.tell();
         let frame = Frame {
             number: self.number,
             reference_um,
             command_v: self.command_v,
             dac: self.parameters.dac.code(self.command_v).0,
-            flags: flags(limited, self.mode, self.fault) | self.bank_flags | answer,
+            flags: flags(limited, self.mode, self.fault) | self.bank_flags | answer | learned,
         };
         self.number = self.number.wrapping_add(1);
         frame
+    }
+
+    /// The next bit of what the law has learned, at its place in a frame's flags.
+    #[inline(always)]
+    fn tell(&mut self) -> u16 {
+        self.told = if self.number.is_multiple_of(WORD_TICKS) {
+            word(self.parameters.law.learned(&self.state), self.number)
+        } else {
+            self.told >> 1
+        };
+        if self.told & 1 == 0 { 0 } else { LEARNED }
     }
 
     /// Latches a fault and begins to fall; the first fault stays.

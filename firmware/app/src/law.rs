@@ -1,5 +1,6 @@
 //! What turns reference and position into a command: the paper's law, or the complete one; the core's own, both of them.
 
+use crate::learned::Learned;
 use hysteron_core::control_law::{ControlLaw, ControlState};
 use hysteron_core::error::ParamError;
 use hysteron_core::limiter::Limiter;
@@ -95,6 +96,11 @@ pub trait Law: Copy + core::fmt::Debug + 'static {
     /// Whether it comes down along its reference where only the sensor is in doubt; for the others the command goes down on a ramp.
     fn comes_down_itself(&self) -> bool {
         false
+    }
+
+    /// What it has learned; none of a law that does not.
+    fn learned(&self, _: &Self::State) -> Option<Learned> {
+        None
     }
 
     /// What [`Law::rise`] will take in on its next tick.
@@ -405,6 +411,16 @@ impl Law for Complete {
 
     fn hold_reading_over(&self, state: &mut Preparing) {
         self.law.hold_reading_over(&mut state.chain);
+    }
+
+    #[inline(always)]
+    fn learned(&self, state: &Preparing) -> Option<Learned> {
+        let learned = state.chain.adaptation();
+        self.law.surroundings.adaptation.as_ref().map(|_| Learned {
+            gain: learned.gain(),
+            zero_um: learned.zero(),
+            lag_samples: learned.lag(),
+        })
     }
 
     /// A platform in motion has to be stopped before it is let go: its modes go on otherwise.

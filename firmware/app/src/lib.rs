@@ -12,6 +12,7 @@ pub mod chips;
 pub mod controller;
 pub mod kept;
 pub mod law;
+pub mod learned;
 pub mod monitor;
 pub mod parameters;
 pub mod small_stage;

@@ -5,13 +5,15 @@ use crate::trajectory::Shape;
 use hysteron_slot::Numbers;
 
 /// First bytes of a hello; another version has others.
-pub const MAGIC: [u8; 8] = *b"HYSTERN8";
+pub const MAGIC: [u8; 8] = *b"HYSTERN9";
 /// Bit of [`Frame::flags`]: the limiter changed the command.
 pub const LIMITED: u16 = 1;
 /// Bit of [`Frame::flags`]: the change that came with this tick is in force.
 pub const ACCEPTED: u16 = 2;
 /// Bit of [`Frame::flags`]: the change that came with this tick was refused; nothing has changed.
 pub const REFUSED: u16 = 4;
+/// Bit of [`Frame::flags`]: a bit of what the law has learned, see [`crate::learned`].
+pub const LEARNED: u16 = 8;
 /// Place of the [`Mode`] in [`Frame::flags`].
 const MODE_BIT: u16 = 4;
 /// Place of the fault's number in [`Frame::flags`]; five bits.
@@ -131,7 +133,7 @@ pub struct Frame {
     pub command_v: f32,
     /// The converter's code.
     pub dac: u16,
-    /// [`LIMITED`], [`ACCEPTED`], [`REFUSED`], [`Frame::mode`], [`Frame::fault`] and [`Frame::bank`].
+    /// [`LIMITED`], [`ACCEPTED`], [`REFUSED`], [`LEARNED`], [`Frame::mode`], [`Frame::fault`] and [`Frame::bank`].
     pub flags: u16,
 }
 

@@ -4,6 +4,9 @@ use super::tracked::reference_name;
 use hysteron_control::adapted::{Adaptation, Adapted};
 use std::fmt::Write;
 
+/// A bound as a board has it, in `f32`, may be short of the bound.
+const SHORT_OF_ONE: f64 = 1.0 - 1e-6;
+
 /// How far gain, zero and lag may go.
 pub fn bounds_text(bounds: &Adaptation) -> String {
     let lag = if bounds.lag_bound_s > 0.0 {
@@ -23,9 +26,27 @@ pub fn bounds_text(bounds: &Adaptation) -> String {
     )
 }
 
+/// How runs follow each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Runs {
+    /// Each begins at rest, with nothing learned.
+    Alone,
+    /// Each goes on from what those before it have learned.
+    InARow,
+}
+
+/// What was learned, in a line.
+pub fn adapted_line(learned: &Adapted) -> String {
+    format!(
+        "learned by the end: gain {:+.3} %, zero {:+.4} um, lag {:+.2} us",
+        learned.gain_percent, learned.zero_um, learned.lag_us
+    )
+}
+
 /// The table of what was learned, a line for each run: its reference, its loop, and gain, zero and lag at its end; nothing of a controller that does not learn.
 pub fn adapted_text<'a>(
     bounds: Option<&Adaptation>,
+    follow: Runs,
     runs: impl Iterator<Item = (&'a str, &'a str, Adapted)>,
 ) -> String {
     let Some(bounds) = bounds else {
@@ -33,7 +54,11 @@ pub fn adapted_text<'a>(
     };
     let most_percent = 100.0 * bounds.gain_bound;
     let mut text = format!(
-        "\nLEARNED WHILE IT RAN, at the end of each run from rest: {}\n\n{:<23} {:<6} {:>9} {:>9} {:>9}\n",
+        "\nLEARNED WHILE IT RAN, at the end of each run{}: {}\n\n{:<23} {:<6} {:>9} {:>9} {:>9}\n",
+        match follow {
+            Runs::Alone => " from rest",
+            Runs::InARow => ", going on from the one before",
+        },
         bounds_text(bounds),
         "reference",
         "loop",
@@ -57,12 +82,11 @@ pub fn adapted_text<'a>(
             learned.gain_percent,
             learned.zero_um,
             learned.lag_us,
-            named("gain", learned.gain_percent.abs() >= most_percent),
-            named("zero", learned.zero_um.abs() >= bounds.zero_bound_um),
-            // Behind two roundings.
+            named("gain", learned.gain_percent.abs() >= most_percent * SHORT_OF_ONE),
+            named("zero", learned.zero_um.abs() >= bounds.zero_bound_um * SHORT_OF_ONE),
             named(
                 "lag",
-                bounds.lag_bound_s > 0.0 && learned.lag_us.abs() >= 1e6 * bounds.lag_bound_s * (1.0 - 1e-9)
+                bounds.lag_bound_s > 0.0 && learned.lag_us.abs() >= 1e6 * bounds.lag_bound_s * SHORT_OF_ONE
             )
         );
     }

@@ -13,7 +13,7 @@ mod learned;
 mod model;
 mod tracked;
 
-pub use adapted::{adapted_text, bounds_text};
+pub use adapted::{Runs, adapted_line, adapted_text, bounds_text};
 pub use campaign::{came_back_text, misfit_text, records_text};
 pub use comparison::comparison_text;
 pub use controller::design_text;

@@ -1,6 +1,6 @@
 //! A controller's runs on a stage of the user's own, as a table.
 
-use super::adapted::adapted_text;
+use super::adapted::{Runs, adapted_text};
 use hysteron_control::design::beyond::unknown;
 use hysteron_control::expected::{Report, Row};
 use hysteron_control::reference::SHAPES;
@@ -23,7 +23,7 @@ pub fn tracked_text(title: &str, report: &Report) -> String {
     }
     let learned = report.rows.iter();
     let learned = learned.filter_map(|row| Some((row.reference, row.loop_kind, row.adapted?)));
-    text.push_str(&adapted_text(report.adaptation.as_ref(), learned));
+    text.push_str(&adapted_text(report.adaptation.as_ref(), Runs::Alone, learned));
     for effect in &report.left_out {
         // Writing to a String does not fail.
         let _ = writeln!(

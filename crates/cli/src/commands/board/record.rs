@@ -7,6 +7,7 @@ use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
 use hysteron_board::capture::Start;
+use hysteron_report::adapted_line;
 use hysteron_trials::recording::{Counted, Recorded, name, record, tables};
 use std::path::PathBuf;
 
@@ -109,6 +110,9 @@ fn text(args: &RecordArgs, answer: &Counted, fault: &str) -> String {
         text += &format!("the stream ended before {} s\n", args.seconds);
     }
     text += fault;
+    text += &answer
+        .adapted
+        .map_or_else(String::new, |learned| adapted_line(&learned) + "\n");
     text += &known_delay_line(answer.known_delay_s);
     text + &format!("{}\nwritten to {}\n", tables(answer), args.output.display())
 }

@@ -8,6 +8,7 @@ use crate::exit::Done;
 use crate::{output, progress};
 use clap::{Args, ValueEnum};
 use hysteron_board::{Machine, Outcome};
+use hysteron_report::adapted_line;
 use hysteron_tracking::scans::SHARES;
 use hysteron_trials::recording::{Emulated, On, Ran};
 use std::path::PathBuf;
@@ -162,6 +163,8 @@ fn report(args: &RunArgs, ran: &[Ran]) -> String {
             100.0 * rms_um / f64::from(setup.high_um - setup.low_um),
             ran.table(),
         );
+        let learned = ran.adapted();
+        text += &learned.map_or_else(String::new, |learned| format!("{of_axis}{}\n", adapted_line(&learned)));
     }
     text + &format!("written to {}\n", args.output.display())
 }

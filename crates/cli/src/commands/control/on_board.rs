@@ -1,13 +1,13 @@
 //! `hysteron track --board`: the references of the table by a real board, judged by its own sensor.
 
 use crate::commands::control::learning;
-use crate::commands::control::track::{TrackArgs, cells, first_mode, heads, hertz, not_played, scan_rows, unsaid};
+use crate::commands::control::track::{TrackArgs, cells, first_mode, heads, hertz, in_order, not_played, scan_rows};
 use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use hysteron_control::design::Controller;
 use hysteron_control::expected::half_the_stroke;
-use hysteron_report::beyond_text;
+use hysteron_report::{Runs, adapted_text, beyond_text};
 use hysteron_tracking::scans::LINES_HZ;
 use hysteron_trials::on_board::{self, Asked, BoardReport, HOLD_S};
 use std::fmt::Write;
@@ -79,10 +79,80 @@ fn text(report: &BoardReport) -> String {
         );
         text.push_str(&scan_rows(&report.scans));
     }
-    text.push_str(&unsaid(report.adaptation.as_ref()));
+    let mut learned = report.controllers.iter();
+    if report.adaptation.is_some() && learned.all(|controller| controller.adapted.is_empty()) {
+        text.push_str(
+            "\nLEARNED WHILE IT RAN: nothing; the board's table learns nothing, the controller does. Export it anew\n",
+        );
+    } else {
+        let learned = report.controllers.iter();
+        let learned = learned.flat_map(|controller| in_order(controller.loop_kind, &controller.adapted));
+        text.push_str(&adapted_text(report.adaptation.as_ref(), Runs::InARow, learned));
+    }
     text.push_str(&learning::text(&report.learned, " on the board"));
     let _ = writeln!(text, "\n{} ticks lost", report.lost);
     text.push_str(&not_played(&report.not_played));
     text.push_str(&beyond_text(&report.beyond));
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hysteron_control::adapted::{Adaptation, Adapted};
+    use hysteron_trials::on_board::BoardFigures;
+    use std::collections::BTreeMap;
+
+    fn report(adaptation: Option<Adaptation>, adapted: &[(&str, Adapted)]) -> BoardReport {
+        let adapted = adapted.iter().map(|(key, learned)| ((*key).to_owned(), *learned));
+        BoardReport {
+            stage: "nucleo-h743zi".to_owned(),
+            table_sha256: "00".to_owned(),
+            first_mode_hz: None,
+            stroke_um: 10.0,
+            position: "measured",
+            controllers: vec![BoardFigures {
+                name: "complete",
+                loop_kind: "open",
+                rms_percent: BTreeMap::new(),
+                adapted: adapted.collect(),
+                creep_peak_percent: 0.1,
+                lag30_hz: None,
+                minus3db_hz: None,
+                noise_nm: None,
+            }],
+            learned: Vec::new(),
+            scans: Vec::new(),
+            lost: 0,
+            adaptation,
+            beyond: Vec::new(),
+            not_played: Vec::new(),
+        }
+    }
+
+    /// A line for each run that said what it had learned; a bound of 3 % is 2.99999993 % in `f32`.
+    #[test]
+    fn val_what_a_board_has_learned() {
+        let learned = Adapted {
+            gain_percent: 100.0 * f64::from(0.03_f32),
+            zero_um: -0.0125,
+            lag_us: 1.5,
+        };
+        let bounds = Adaptation::within(0.03, 20.0, 200.0, None);
+        let said = text(&report(Some(bounds.clone()), &[("10", learned)]));
+        assert!(
+            said.contains("at the end of each run, going on from the one before: gain within +-3.00 %"),
+            "{said}"
+        );
+        let line = said.lines().find(|line| line.contains("-0.0125")).unwrap_or(&said);
+        let cells: Vec<&str> = line.split_whitespace().collect();
+        assert_eq!(
+            cells[cells.len() - 8..],
+            ["open", "+3.000", "-0.0125", "+1.50", "gain", "AT", "ITS", "BOUND"][..],
+            "{said}"
+        );
+        let said = text(&report(Some(bounds), &[]));
+        assert!(said.contains("the board's table learns nothing"), "{said}");
+        assert!(!text(&report(None, &[])).contains("LEARNED"));
+    }
 }

@@ -6,13 +6,13 @@ use crate::error::CliError;
 use crate::exit::Done;
 use crate::{output, progress};
 use clap::Args;
-use hysteron_control::adapted::Adaptation;
+use hysteron_control::adapted::Adapted;
 use hysteron_control::design::Controller;
 use hysteron_control::design::beyond::{self, NotPlayed};
 use hysteron_control::reference::SHAPES;
 use hysteron_identify::covered::Beyond;
 use hysteron_plant::StageConfig;
-use hysteron_report::{adapted_text, beyond_text, bounds_text, reference_name};
+use hysteron_report::{Runs, adapted_text, beyond_text, reference_name};
 use hysteron_table::short;
 use hysteron_tracking::bench::{Bench, ControllerFigures, STAIRCASE, TrackReport, compare};
 use hysteron_tracking::learning::learn_references;
@@ -239,14 +239,12 @@ fn on_chip(
     Ok(report?)
 }
 
-/// What a controller learns on the chip or a board, and does not say.
-pub(super) fn unsaid(adaptation: Option<&Adaptation>) -> String {
-    adaptation.map_or_else(String::new, |bounds| {
-        format!(
-            "\nLEARNED WHILE IT RAN: not known, since telemetry does not carry it; {}\n",
-            bounds_text(bounds)
-        )
-    })
+/// What a loop had learned at the end of its runs, in their order.
+pub(super) fn in_order<'a>(
+    loop_kind: &'a str,
+    adapted: &'a BTreeMap<String, Adapted>,
+) -> impl Iterator<Item = (&'a str, &'a str, Adapted)> {
+    references().filter_map(move |key| Some((key, loop_kind, *adapted.get(key)?)))
 }
 
 fn board_text(board: &OnChip) -> String {
@@ -273,7 +271,9 @@ fn board_text(board: &OnChip) -> String {
         "{} ticks by the sample clock, {} of them late or lost; the others worked out ahead, every frame compared with the host's",
         board.clocked_ticks, board.late_ticks
     );
-    text.push_str(&unsaid(board.adaptation.as_ref()));
+    let learned = board.controllers.iter();
+    let learned = learned.flat_map(|controller| in_order(controller.loop_kind, &controller.adapted));
+    text.push_str(&adapted_text(board.adaptation.as_ref(), Runs::Alone, learned));
     text.push_str(&learning::text(&board.learned, " on the chip"));
     text.push_str("\nSCANS of both axes by one image: figures as of the scans above\n\n");
     text + &scan_rows(&board.scans)
@@ -357,11 +357,9 @@ pub(super) fn text(report: &TrackReport) -> String {
     for controller in &report.controllers {
         text.push_str(&line(controller, widest));
     }
-    let ran = report.controllers.iter().flat_map(|controller| {
-        let runs = references().filter_map(|key| Some((key, *controller.adapted.get(key)?)));
-        runs.map(|(key, learned)| (key, controller.loop_kind, learned))
-    });
-    text.push_str(&adapted_text(report.adaptation.as_ref(), ran));
+    let ran = report.controllers.iter();
+    let ran = ran.flat_map(|controller| in_order(controller.loop_kind, &controller.adapted));
+    text.push_str(&adapted_text(report.adaptation.as_ref(), Runs::Alone, ran));
     text + &learning::text(&report.learned, "") + &scans_text(report)
 }
 
