@@ -81,7 +81,8 @@ impl Family {
         }
     }
 
-    /// Whether it is a free shape: functions about the middle of the range, a ridge chosen by what is left out, straight lines beyond.
+    /// Whether it is a free shape: functions about the middle of the range, held to a smooth shape as strongly as what is left out tells,
+    /// straight lines beyond.
     pub fn is_free(self) -> bool {
         matches!(self, Self::PlayPolynomial | Self::Duhem)
     }

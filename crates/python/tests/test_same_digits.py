@@ -38,10 +38,11 @@ def test_val_residuals_are_those_of_predict(folder, program, stage, model):
 
 def test_val_diagnose_and_learn_are_what_json_prints(folder, program):
     fs = 5e3
-    u = 13 - 13 * np.cos(2 * np.pi * 20 * np.arange(600) / fs)
-    data = hysteron.simulate("paper-delay", u, fs)
-    judge = 13 - 9 * np.cos(2 * np.pi * 45 * np.arange(600) / fs)
-    data.append(judge, hysteron.simulate("paper-delay", judge, fs, seed=2)[0].y, fs, role="validate")
+    time = np.arange(600) / fs
+    data = hysteron.simulate("paper-delay", 13 - 13 * np.cos(2 * np.pi * 20 * time), fs)
+    for seed, (hz, half_v, role) in enumerate([(50, 10, "identify"), (100, 6, "identify"), (45, 9, "validate")], 2):
+        u = 13 - half_v * np.cos(2 * np.pi * hz * time)
+        data.append(u, hysteron.simulate("paper-delay", u, fs, seed=seed)[0].y, fs, role=role)
     data.save(folder / "small")
     learned = hysteron.learn(data, plays=4)
     said = program(folder, "learn", "small", "--plays", "4", "-o", "small.toml", "--json")

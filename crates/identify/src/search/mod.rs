@@ -128,7 +128,7 @@ impl<'a> Search<'a> {
                     fading.follow_states();
                     fading.start_held_out();
                 }
-                let fades = fading.goes_before((&fading.standing, &plays.standing));
+                let fades = plays.fades(&fading.standing, &plays.standing);
                 let (mut first, second) = if fades { (fading, plays) } else { (plays, fading) };
                 first.other = Some(Box::new(second));
                 Ok(first)
@@ -138,12 +138,20 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Whether this free shape goes before the other one, as their trials foretell the parts of the records: plays, unless fading
-    /// elements leave clearly less.
-    fn goes_before(&self, (own, others): (&Trial, &Trial)) -> bool {
-        let margin = FADES * own.parts.len().max(1) as f64;
-        let margin = if own.family() == Family::Duhem { margin } else { -margin };
-        self.foretold(own) < self.foretold(others) - margin
+    /// Whether a trial of fading elements goes before one of plays: it foretells the parts of the records clearly better, each in its own
+    /// measure, and no worse in the sum, where the largest count.
+    fn fades(&self, fading: &Trial, plays: &Trial) -> bool {
+        let margin = FADES * fading.parts.len().max(1) as f64;
+        self.foretold(fading) < self.foretold(plays) - margin
+            && self.held_out_percent(fading) < self.held_out_percent(plays)
+    }
+
+    /// Whether the trial of another free shape goes before one of this.
+    fn yields(&self, own: &Trial, others: &Trial) -> bool {
+        match own.family() {
+            Family::Duhem => !self.fades(own, others),
+            _ => self.fades(others, own),
+        }
     }
 
     /// Turns to the other free shape, where that goes first with one of these effects in the chain: `tried` are they on this one. Whether
@@ -165,7 +173,7 @@ impl<'a> Search<'a> {
             .map(|(_, trial)| trial)
             .chain([&self.standing])
             .min_by(least);
-        let turns = best.zip(own).is_some_and(|(best, own)| other.goes_before((best, own)));
+        let turns = best.zip(own).is_some_and(|(best, own)| self.yields(own, best));
         if turns {
             std::mem::swap(self, &mut other);
         }
@@ -185,7 +193,7 @@ impl<'a> Search<'a> {
         let trial = self.candidate_held(effect, held)?;
         if let Some(other) = other
             && let Ok(theirs) = other.candidate_held(effect, held)
-            && other.goes_before((&theirs, &trial))
+            && self.yields(&trial, &theirs)
         {
             return Ok((theirs, *other));
         }
