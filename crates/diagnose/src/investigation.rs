@@ -178,13 +178,12 @@ impl<'a> Investigation<'a> {
     /// Tries every candidate on the chain as it stands: those that are significant first, then by the statistic. Where the best ones say
     /// that the other free shape goes first, they all are tried on that.
     pub(crate) fn round(&mut self, progress: &(dyn Fn(f64, &str) + Sync)) -> Vec<Best> {
-        let judged = self.tried(progress);
+        let (judged, line) = self.tried(progress);
         if !self.nothing_taken() {
             return judged;
         }
         let best = judged.iter().take(ASKED_OF_THE_OTHER);
-        let best: Vec<(Arc<dyn Effect>, Trial)> = best.map(|b| (Arc::clone(&b.effect), b.trial.clone())).collect();
-        let line = self.mains_line(&self.at_first);
+        let best: Vec<(&Arc<dyn Effect>, &Trial)> = best.map(|best| (&best.effect, &best.trial)).collect();
         if !self.search.turn(&best, line) {
             return judged;
         }
@@ -193,10 +192,11 @@ impl<'a> Investigation<'a> {
         self.base = errors(&self.search, self.search.standing());
         self.base_excess = self.scale.excess(self.search.standing());
         self.traces = Traces::new(self.dataset, &self.search.states(), self.search.noise_um());
-        self.tried(progress)
+        self.tried(progress).0
     }
 
-    fn tried(&mut self, progress: &(dyn Fn(f64, &str) + Sync)) -> Vec<Best> {
+    /// Every candidate on the chain as it stands, and the frequency of the mains that it was tried with.
+    fn tried(&mut self, progress: &(dyn Fn(f64, &str) + Sync)) -> (Vec<Best>, Option<f64>) {
         let first = self.nothing_taken();
         let residuals = self.residuals();
         let line = self.mains_line(&residuals);
@@ -230,7 +230,7 @@ impl<'a> Investigation<'a> {
             taken: None,
             of_family: false,
         });
-        judged
+        (judged, line)
     }
 
     /// Takes the best of the last round into the chain.

@@ -148,13 +148,9 @@ impl Search<'_> {
         for (i, system) in &standing.systems {
             sum.add_scaled(system, standing.weights[*i] / rows[*i]);
         }
-        let spectrum = sum.spectrum();
-        let undetermined = spectrum.undetermined();
+        let undetermined = sum.spectrum().undetermined();
         let held = fitted.held();
-        let inverse = match held.expected {
-            Some(costs) => sum.with_costs(costs, held.by).spectrum().inverse(0.0),
-            None => spectrum.inverse(held.by),
-        };
+        let inverse = held.onto(&sum).spectrum().inverse(held.ridge());
         let variances: Vec<f64> = (0..self.records.len()).map(|i| self.variance(i)).collect();
         let mut middle = DMatrix::zeros(n, n);
         for (i, system) in &standing.systems {
@@ -219,12 +215,12 @@ impl Search<'_> {
             .iter()
             .filter(|group| group.iter().all(|&i| i < linear))
             .count();
-        let decides = if chain.design.family.is_free() {
-            "a smooth shape".to_owned()
-        } else {
-            format!("a ridge of {:.0e}", self.standing.fitted.ridge)
-        };
         if hysteresis > 0 {
+            let decides = if chain.design.family.is_free() {
+                "a smooth shape".to_owned()
+            } else {
+                format!("a ridge of {:.0e}", self.standing.fitted.ridge)
+            };
             notices.push(format!(
                 "the records leave {hysteresis} of {linear} directions of the hysteresis undetermined; {decides} decides there"
             ));

@@ -6,9 +6,11 @@
 
 use crate::chain::Chain;
 use crate::chain_trace::Trace;
+use crate::normal::Normal;
 use crate::start_state::InitialState;
 use hysteron_data::{Record, Role};
 use nalgebra::DMatrix;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Longest step of the path, in half ranges.
@@ -33,6 +35,14 @@ pub(super) struct Held<'e> {
 }
 
 impl Held<'_> {
+    /// A system with what departures cost.
+    pub(super) fn onto(self, system: &Normal) -> Cow<'_, Normal> {
+        match self.expected {
+            Some(costs) => Cow::Owned(system.with_costs(costs, self.by)),
+            None => Cow::Borrowed(system),
+        }
+    }
+
     /// The ridge on scaled columns.
     pub(super) fn ridge(self) -> f64 {
         if self.expected.is_some() { 0.0 } else { self.by }
@@ -105,7 +115,6 @@ mod tests {
     use super::*;
     use crate::columns::Design;
     use crate::family::Family;
-    use crate::normal::Normal;
     use crate::placement::{fading_lengths, free_thresholds};
     use nalgebra::DVector;
 

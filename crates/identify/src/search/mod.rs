@@ -156,11 +156,11 @@ impl<'a> Search<'a> {
 
     /// Turns to the other free shape, where that goes first with one of these effects in the chain: `tried` are they on this one. Whether
     /// it turned.
-    pub fn turn(&mut self, tried: &[(Arc<dyn Effect>, Trial)], line_hz: Option<f64>) -> bool {
+    pub fn turn(&mut self, tried: &[(&Arc<dyn Effect>, &Trial)], line_hz: Option<f64>) -> bool {
         let Some(mut other) = self.other.take() else {
             return false;
         };
-        let effects: Vec<Arc<dyn Effect>> = tried.iter().map(|(effect, _)| Arc::clone(effect)).collect();
+        let effects: Vec<Arc<dyn Effect>> = tried.iter().map(|(effect, _)| Arc::clone(*effect)).collect();
         let theirs: Vec<Trial> = other
             .candidates(&effects, line_hz, &|_, _| ())
             .into_iter()
@@ -170,7 +170,7 @@ impl<'a> Search<'a> {
         let best = theirs.iter().chain([&other.standing]).min_by(least);
         let own = tried
             .iter()
-            .map(|(_, trial)| trial)
+            .map(|&(_, trial)| trial)
             .chain([&self.standing])
             .min_by(least);
         let turns = best.zip(own).is_some_and(|(best, own)| self.yields(own, best));

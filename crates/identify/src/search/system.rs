@@ -18,9 +18,10 @@ pub(super) fn within_bounds(
     parameters: &[(Bounds, f64)],
 ) -> Option<Vec<f64>> {
     let mut fixed: Vec<Option<f64>> = parameters.iter().map(|(b, _)| (!b.fitted).then_some(0.0)).collect();
+    let system = held.onto(system);
     // Parameters that would leave their bounds are put on them, and the others solved again.
     for _ in 0..=parameters.len() {
-        let solution = solve(system, linear, held, damping, &fixed)?;
+        let solution = solve(&system, linear, held.ridge(), damping, &fixed)?;
         let mut inside = true;
         for (j, (b, value)) in parameters.iter().enumerate() {
             let to = value + solution[linear + j];
@@ -37,11 +38,8 @@ pub(super) fn within_bounds(
 }
 
 /// Damped normal equations in scaled columns; `fixed` parameters move by what they are given.
-fn solve(system: &Normal, linear: usize, held: Held<'_>, damping: f64, fixed: &[Option<f64>]) -> Option<Vec<f64>> {
-    let matrix = match held.expected {
-        Some(costs) => system.with_costs(costs, held.by).matrix(),
-        None => system.matrix(),
-    };
+fn solve(system: &Normal, linear: usize, ridge: f64, damping: f64, fixed: &[Option<f64>]) -> Option<Vec<f64>> {
+    let matrix = system.matrix();
     let n = matrix.nrows();
     let mut rhs = DVector::from_column_slice(system.right_side());
     let mut free: Vec<usize> = (0..linear).filter(|&j| matrix[(j, j)] > 0.0).collect();
@@ -60,7 +58,7 @@ fn solve(system: &Normal, linear: usize, held: Held<'_>, damping: f64, fixed: &[
     for (a, &i) in free.iter().enumerate() {
         scaled[(a, a)] += match i {
             0 => LEAST_RIDGE,
-            i if i < linear => held.ridge().max(LEAST_RIDGE),
+            i if i < linear => ridge.max(LEAST_RIDGE),
             _ => damping.max(LEAST_RIDGE),
         };
     }

@@ -393,7 +393,7 @@ impl Trial {
         self.fitted.chain.design.family
     }
 
-    /// Ridge on the hysteresis.
+    /// How strongly the hysteresis is held to a smooth shape; of a family that is linear in its plays, the ridge.
     pub fn ridge(&self) -> f64 {
         self.fitted.ridge
     }
