@@ -60,6 +60,8 @@ pub enum RuleId {
     AsFree,
     /// Statistic of a bend of the position beside the free shape from which minor loops are not congruent.
     NotCongruent,
+    /// Least that the bend then takes of what the free shape leaves, percent of peak to peak.
+    NotCongruentPercent,
     /// Most that may then be left, percent.
     CongruentLeftPercent,
     /// A free shape that foretells worse than straight plays by this fall of logarithms is not determined.
@@ -86,7 +88,7 @@ const fn rule(id: RuleId, threshold: f64, reason: &'static str) -> Rule {
 }
 
 /// All rules.
-pub const RULES: [Rule; 30] = [
+pub const RULES: [Rule; 31] = [
     rule(RuleId::Statistic, 2.0, "two parts whose squared error falls to a third"),
     rule(
         RuleId::Likelihood,
@@ -128,16 +130,20 @@ pub const RULES: [Rule; 30] = [
     ),
     rule(RuleId::PartShare, 0.25, "a part smaller than a quarter is no main part"),
     rule(RuleId::PartLead, 1.15, "where much is unexplained a mimic comes close"),
-    rule(RuleId::NameProbability, 0.5, "less likely than all others together"),
+    rule(
+        RuleId::NameProbability,
+        0.6,
+        "names that are less likely are right about as often as wrong",
+    ),
     rule(
         RuleId::CertainProbability,
-        0.95,
-        "names that are less likely are wrong more often than one of twenty",
+        0.85,
+        "at four fifths one name of twenty more is wrong; at nine tenths a sixtieth less is named",
     ),
     rule(
         RuleId::SetProbability,
-        0.85,
-        "sets of four fifths hold what is there less often, and are hardly smaller",
+        0.8,
+        "sets of nineteen twentieths hold what is there in 95 instead of 91 of 100, with half as many members again",
     ),
     rule(RuleId::SetStatistic, 0.85, "rivals as good as this are not told apart"),
     rule(
@@ -178,8 +184,13 @@ pub const RULES: [Rule; 30] = [
     ),
     rule(
         RuleId::NotCongruent,
-        0.5,
-        "at most 0.11 where nothing is hidden, 0.99 and more behind a sensor that bends by 1 %",
+        1.2,
+        "of 21 stages with nothing hidden none reaches 1.1, of others one 1.5; of 20 sensors that bend by 1 % and more 14 lie above 1.25",
+    ),
+    rule(
+        RuleId::NotCongruentPercent,
+        0.01,
+        "the one with nothing hidden above 1.2 takes 0.003 %, sensors that bend take 0.013 % and more",
     ),
     rule(
         RuleId::CongruentLeftPercent,

@@ -99,7 +99,8 @@ pub fn shares(alternatives: &[Alternative], weights: &[f64; TERMS]) -> Vec<f64> 
 mod tests {
     use super::*;
     use crate::diagnosis::{Before, Lock, LockTo, WhereItFails};
-    use crate::evidence::{Candidate, Round};
+    use crate::evidence::{Against, Candidate, Round};
+    use hysteron_acquisition::Kind;
     use hysteron_identify::EffectId;
 
     fn candidate(effect: EffectId, statistic: f64, left_percent: f64) -> Candidate {
@@ -173,6 +174,41 @@ mod tests {
             Odds::of(&evidence).probability(&drift)
         };
         assert!(of(vec![Lock::new(LockTo::Temperature, 0.95)]) > 1.5 * of(Vec::new()));
+    }
+
+    /// Like records whose gain follows their order speak for a drift, though no temperature was recorded.
+    #[test]
+    fn val_a_gain_in_the_order_of_the_records_speaks_for_a_drift() {
+        let of = |share: f64, rig: Vec<Kind>| {
+            let mut evidence = evidence(vec![
+                candidate(EffectId::Delay, 0.0, 2.0),
+                candidate(EffectId::ThermalDrift, 0.0, 2.0),
+            ]);
+            evidence.fails.locked_to = vec![Lock::new(LockTo::RecordOrder, share)];
+            evidence.rig = rig;
+            Odds::of(&evidence).probability(&EffectId::ThermalDrift.into())
+        };
+        assert!(of(0.95, vec![Kind::GainByRecord]) > 0.5);
+        assert!(of(0.95, Vec::new()) < 0.1 && of(0.05, vec![Kind::GainByRecord]) < 0.1);
+    }
+
+    /// One loop of any shape bends as a limited slew does: the lag comes before it.
+    #[test]
+    fn val_one_sine_does_not_speak_for_a_limited_slew() {
+        let of = |against: Option<Against>| {
+            let each = [(EffectId::SlewLimit, 9.0), (EffectId::FirstOrderLag, 8.0)];
+            let each = each.map(|(effect, statistic)| Candidate {
+                against,
+                ..candidate(effect, statistic, 0.5)
+            });
+            let odds = Odds::of(&evidence(each.to_vec()));
+            [EffectId::SlewLimit, EffectId::FirstOrderLag].map(|effect| odds.probability(&effect.into()))
+        };
+        let ([slew, lag], [own_slew, own_lag]) = (of(Some(Against::OneSine)), of(None));
+        assert!(
+            slew < 0.1 * lag && own_slew > own_lag,
+            "{slew} {lag} {own_slew} {own_lag}"
+        );
     }
 
     #[test]

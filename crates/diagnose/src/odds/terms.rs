@@ -3,8 +3,8 @@
 use crate::diagnosis::{LockTo, WhereItFails};
 use crate::evidence::{Against, Bend, Candidate, Evidence};
 use hysteron_acquisition::Kind;
-use hysteron_identify::EffectName;
 use hysteron_identify::effects::{Mark, find};
+use hysteron_identify::{EffectId, EffectName};
 
 /// Errors below this, percent of peak to peak, are as good as none.
 const LEAST_PERCENT: f64 = 0.01;
@@ -12,8 +12,8 @@ const LEAST_PERCENT: f64 = 0.01;
 /// A lead in the statistic above which more does not count.
 const CLEAR: f64 = 6.0;
 
-/// How many terms there are.
-pub const TERMS: usize = Term::ALL.len();
+/// How many numbers an alternative has: its terms, and one for each effect of the catalogue, which is one of its own.
+pub const TERMS: usize = Term::ALL.len() + EffectId::COUNT;
 
 /// A number of an alternative.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -43,12 +43,16 @@ pub enum Term {
     Physics,
     /// Whether one sine was played, which does not tell it.
     OneSine,
+    /// The same where its mark is the slew: one loop of any shape bends as a limited slew does.
+    SlewOneSine,
     /// Whether the position leads the voltage, which hides it.
     Skew,
     /// Whether sines of one amplitude were played, and it goes with the rate.
     OneAmplitude,
     /// Whether a parameter stands on its bound.
     OnBound,
+    /// The share of the excess that all rounds explain, where the first took it.
+    Explains,
     /// What it takes, as a bend of straight plays, of the error that these lack of the free shape, times the share of that in the error.
     BendShare,
     /// How well it foretells beside the free shape, 0 to 1, times the same share.
@@ -57,6 +61,10 @@ pub enum Term {
     Goes,
     /// The same of what the given model leaves.
     GoesOfModel,
+    /// Share of what the given model leaves that follows the order of the records, where its mark is the temperature.
+    InOrder,
+    /// The same where like records differ by a factor.
+    GainInOrder,
     /// Share of what the free shape leaves that a linear filter takes, where its mark is the phase.
     Linear,
     /// Share of that which repeats with the drive, where its mark does.
@@ -65,22 +73,6 @@ pub enum Term {
     Wanders,
     /// Whether the position stops before the voltage does, where its mark is the ends.
     FlatTop,
-    /// Its mark is the phase; and so on.
-    OfPhase,
-    /// ...
-    OfRate,
-    /// ...
-    OfPosition,
-    /// ...
-    OfEnds,
-    /// ...
-    OfTime,
-    /// ...
-    OfTemperature,
-    /// ...
-    OfMains,
-    /// ...
-    OfOtherAxis,
     /// None of the candidates; the terms that follow are its own.
     None,
     /// Logarithm of the free shape's error over the noise.
@@ -109,7 +101,7 @@ pub enum Term {
 
 impl Term {
     /// All, in their order.
-    pub const ALL: [Self; 43] = [
+    pub const ALL: [Self; 39] = [
         Self::Statistic,
         Self::Lead,
         Self::Clear,
@@ -122,25 +114,21 @@ impl Term {
         Self::FallHeldOut,
         Self::Physics,
         Self::OneSine,
+        Self::SlewOneSine,
         Self::Skew,
         Self::OneAmplitude,
         Self::OnBound,
+        Self::Explains,
         Self::BendShare,
         Self::BendOverFree,
         Self::Goes,
         Self::GoesOfModel,
+        Self::InOrder,
+        Self::GainInOrder,
         Self::Linear,
         Self::Repeats,
         Self::Wanders,
         Self::FlatTop,
-        Self::OfPhase,
-        Self::OfRate,
-        Self::OfPosition,
-        Self::OfEnds,
-        Self::OfTime,
-        Self::OfTemperature,
-        Self::OfMains,
-        Self::OfOtherAxis,
         Self::None,
         Self::NoneOverNoise,
         Self::NoneBefore,
@@ -173,6 +161,23 @@ impl Alternative {
         }
         Self { effect, values }
     }
+
+    fn set(&mut self, term: Term, value: f64) {
+        self.values[term as usize] = value;
+    }
+}
+
+fn is(holds: bool) -> f64 {
+    f64::from(u8::from(holds))
+}
+
+/// The share of the excess that all rounds explain.
+fn explained(evidence: &Evidence) -> f64 {
+    if evidence.base_excess > 0.0 {
+        1.0 - evidence.left_excess / evidence.base_excess
+    } else {
+        1.0
+    }
 }
 
 /// The candidates of the first round that the model's family does not have, and the alternative to all of them behind these.
@@ -185,7 +190,11 @@ pub fn alternatives(evidence: &Evidence) -> Vec<Alternative> {
         let next = others().map(|c| c.statistic).fold(0.0, f64::max);
         let next_likelihood = others().map(|c| c.likelihood).fold(0.0, f64::max);
         let least = others().filter_map(|c| c.errors.pooled()).fold(f64::INFINITY, f64::min);
-        of_candidate(evidence, candidate, [next, next_likelihood, least])
+        let mut own = of_candidate(evidence, candidate, [next, next_likelihood, least]);
+        if round.taken.as_ref() == Some(&candidate.effect) {
+            own.set(Term::Explains, explained(evidence));
+        }
+        own
     });
     let mut all: Vec<Alternative> = each.collect();
     all.push(of_none(evidence, &round.candidates));
@@ -194,12 +203,16 @@ pub fn alternatives(evidence: &Evidence) -> Vec<Alternative> {
 
 fn of_candidate(evidence: &Evidence, candidate: &Candidate, [next, next_likelihood, least]: [f64; 3]) -> Alternative {
     let log = |value: f64| value.max(0.0).ln_1p();
-    let is = |holds: bool| f64::from(u8::from(holds));
     let fall = |from: Option<f64>, to: Option<f64>| {
         let above = |percent: f64| percent.max(evidence.noise_percent).max(LEAST_PERCENT);
         from.zip(to).map_or(0.0, |(from, to)| (above(from) / above(to)).ln())
     };
     let (base, own) = (&evidence.base, &candidate.errors);
+    // A free shape that went astray where nothing was fitted leaves much to fall.
+    let unseen = match (base.validate_percent, evidence.before.validate_percent) {
+        (Some(free), Some(given)) => Some(free.min(given)),
+        (free, _) => free,
+    };
     let mut terms = vec![
         (Term::Statistic, log(candidate.statistic)),
         (Term::Lead, log(candidate.statistic) - log(next)),
@@ -216,7 +229,7 @@ fn of_candidate(evidence: &Evidence, candidate: &Candidate, [next, next_likeliho
         (Term::Share, candidate.share.clamp(0.0, 1.0)),
         (Term::Nothing, is(candidate.statistic < 0.1)),
         (Term::FallFitted, fall(base.identify_percent, own.identify_percent)),
-        (Term::FallHeldOut, fall(base.validate_percent, own.validate_percent)),
+        (Term::FallHeldOut, fall(unseen, own.validate_percent)),
         (Term::Physics, is(candidate.against == Some(Against::Physics))),
         (Term::OneSine, is(candidate.against == Some(Against::OneSine))),
         (Term::Skew, is(candidate.against == Some(Against::Skew))),
@@ -228,29 +241,30 @@ fn of_candidate(evidence: &Evidence, candidate: &Candidate, [next, next_likeliho
         terms.push((Term::BendShare, lacks * bend.candidate.share.clamp(0.0, 1.0)));
         terms.push((Term::BendOverFree, lacks / (1.0 + (-bend.over_free).exp())));
     }
-    let known = candidate.effect.id().and_then(|id| find(id).mark());
-    if let Some(mark) = known {
+    let id = candidate.effect.id();
+    if let Some(mark) = id.and_then(|id| find(id).mark()) {
+        let unheard = mark == Mark::Slew && candidate.against == Some(Against::OneSine);
+        terms.push((Term::SlewOneSine, is(unheard)));
         terms.extend(of_mark(evidence, mark));
     }
-    Alternative::new(Some(candidate.effect.clone()), &terms)
+    let mut own = Alternative::new(Some(candidate.effect.clone()), &terms);
+    if let Some(id) = id {
+        own.values[Term::ALL.len() + id as usize] = 1.0;
+    }
+    own
 }
 
 /// What the residuals say of effects with this mark.
 fn of_mark(evidence: &Evidence, mark: Mark) -> Vec<(Term, f64)> {
-    let is = |holds: bool| f64::from(u8::from(holds));
     let (free, own) = (&evidence.free_fails, &evidence.fails);
-    let (itself, with): (Term, &[LockTo]) = match mark {
-        Mark::Phase => (Term::OfPhase, &[LockTo::Speed]),
-        Mark::Rate | Mark::Slew => (Term::OfRate, &[LockTo::Speed]),
-        Mark::Position => (Term::OfPosition, &[LockTo::Position]),
-        Mark::Ends => (Term::OfEnds, &[LockTo::Position]),
-        Mark::Time => (Term::OfTime, &[LockTo::Time]),
-        Mark::Temperature => (Term::OfTemperature, &[LockTo::Temperature, LockTo::RecordOrder]),
-        Mark::Mains => (Term::OfMains, &[LockTo::Time]),
-        Mark::OtherAxis => (Term::OfOtherAxis, &[LockTo::OtherAxis]),
+    let with: &[LockTo] = match mark {
+        Mark::Phase | Mark::Rate | Mark::Slew => &[LockTo::Speed],
+        Mark::Position | Mark::Ends => &[LockTo::Position],
+        Mark::Time | Mark::Mains => &[LockTo::Time],
+        Mark::Temperature => &[LockTo::Temperature, LockTo::RecordOrder],
+        Mark::OtherAxis => &[LockTo::OtherAxis],
     };
     let mut terms = vec![
-        (itself, 1.0),
         (Term::Goes, goes(free, with)),
         (Term::GoesOfModel, goes(own, with)),
         (Term::Linear, is(mark == Mark::Phase) * free.linear_in_drive),
@@ -263,6 +277,14 @@ fn of_mark(evidence: &Evidence, mark: Mark) -> Vec<(Term, f64)> {
             is(evidence.one_amplitude && matches!(mark, Mark::Phase | Mark::Rate | Mark::Slew)),
         ),
     ];
+    if mark == Mark::Temperature {
+        let in_order = goes(own, &[LockTo::RecordOrder]);
+        terms.push((Term::InOrder, in_order));
+        terms.push((
+            Term::GainInOrder,
+            is(evidence.rig.contains(&Kind::GainByRecord)) * in_order,
+        ));
+    }
     if let Some(repeats) = free.repeats_with_drive {
         terms.push(if mark.shows_in_one_sine() {
             (Term::Wanders, 1.0 - repeats)
@@ -274,7 +296,6 @@ fn of_mark(evidence: &Evidence, mark: Mark) -> Vec<(Term, f64)> {
 }
 
 fn of_none(evidence: &Evidence, candidates: &[Candidate]) -> Alternative {
-    let is = |holds: bool| f64::from(u8::from(holds));
     let free = &evidence.free_fails;
     let of_error = |percent: Option<f64>| percent.unwrap_or(0.0).max(LEAST_PERCENT);
     let best = candidates.iter().map(|c| c.statistic).fold(0.0, f64::max);
