@@ -3,7 +3,7 @@
 use crate::bank::PlayBank;
 use crate::corners::{CornerState, Corners, Sums};
 use crate::error::ParamError;
-use crate::model::{AtRest, Hysteresis, bounded};
+use crate::model::{AtRest, DirectInverse, Hysteresis, bounded};
 use crate::play_polynomial::{INPUT_DEGREE, PlayPolynomial, PolynomialCoefficients, of_input};
 use crate::real::Real;
 
@@ -137,5 +137,11 @@ impl<T: Real, const N: usize> Hysteresis<T> for CornerPolynomial<T, N> {
 impl<T: Real, const N: usize> AtRest<T> for CornerPolynomial<T, N> {
     fn at_rest(&self, output: T, last_input: T) -> CornerState<T, N> {
         self.corners.at_rest(output, self.corners.bank.input_at(last_input))
+    }
+}
+
+impl<T: Real, const N: usize> DirectInverse<T> for CornerPolynomial<T, N> {
+    fn rest(&self) -> CornerState<T, N> {
+        self.at_rest(T::ZERO, T::ZERO)
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::effects::admit;
 use crate::error::{ParamError, finite, in_range};
-use crate::model::{Hysteresis, all_finite, bounded, sum_of_magnitudes};
+use crate::model::{DirectInverse, Hysteresis, all_finite, bounded, sum_of_magnitudes};
 use crate::real::Real;
 
 /// Degree of the polynomials that the elements and the displacement without memory follow.
@@ -330,5 +330,23 @@ impl<T: Real, const N: usize> Hysteresis<T> for FadingInverse<T, N> {
         };
         *state = self.model.moved(state, to);
         self.model.middle_v + self.model.half_v * to
+    }
+}
+
+impl<T: Real, const N: usize> DirectInverse<T> for FadingInverse<T, N> {
+    fn rest(&self) -> FadingState<T, N> {
+        self.model.cycled(T::ZERO, false)
+    }
+}
+
+impl<T: Copy, const N: usize> FadingState<T, N> {
+    /// What each element holds.
+    pub fn held(&self) -> [T; N] {
+        self.held
+    }
+
+    /// The output of the model.
+    pub fn output(&self) -> T {
+        self.output
     }
 }

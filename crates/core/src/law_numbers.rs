@@ -11,6 +11,7 @@ use crate::effects::lag::{HeldLagInverse, Lag, LagGrowth};
 use crate::effects::thermal::{Heat, Thermal};
 use crate::error::{ParamError, in_range};
 use crate::limiter::Limiter;
+use crate::model::DirectInverse;
 use crate::pi_controller::PiController;
 use crate::play_polynomial::{INPUT_DEGREE, PolynomialCoefficients};
 use crate::preview::Preview;
@@ -150,6 +151,15 @@ impl LawNumbers {
     /// Values that the core refuses.
     #[cold]
     pub fn law<T: Real>(&self) -> Result<CompleteLaw<T>, ParamError> {
+        self.law_with(self.inverse.inverse(self.sample_rate_hz)?)
+    }
+
+    /// The law with another inverse of the hysteresis than the table of plays.
+    ///
+    /// # Errors
+    /// Values that the core refuses.
+    #[cold]
+    pub fn law_with<T: Real, H: DirectInverse<T>>(&self, hysteresis: H) -> Result<CompleteLaw<T, H>, ParamError> {
         let rate_hz = self.sample_rate_hz;
         let fast = [self.creep_fast.shares, self.creep_fast.tau_s];
         let slow = [self.creep_slow.shares, self.creep_slow.tau_s];
@@ -158,7 +168,7 @@ impl LawNumbers {
                 preview: Preview::new(self.preview, self.samples_ahead)?,
                 second_mode: section(self.second_mode)?,
                 creep: CreepInverse::new(fast, slow, rate_hz, CREEP_DIVIDER)?,
-                hysteresis: self.inverse.inverse(rate_hz)?,
+                hysteresis,
                 lead: HeldLagInverse::new(self.lag_s, self.lag_growth.map(LagGrowth::from), rate_hz)?,
             },
             feedback: match &self.feedback {

@@ -5,7 +5,7 @@
 //!
 //! - operators: [`play`] (eqs 1-4, 7, 8), [`envelope`] (9), [`thresholds`] (16), [`bank`]
 //! - models: [`pi_model`] (5), [`mpi`] (6, 12), [`wrpi`], [`mrpi`] (10, 13), [`play_polynomial`]; see [`model`] for inverses; by
-//!   [`corners`] of the input, for many plays: [`corner_mrpi`], [`corner_polynomial`]; of Duhem's kind, with its inverse: [`fading`]
+//!   [`corners`] of the input, for many plays: [`corner_mrpi`], [`corner_polynomial`]; of Duhem's kind, with its inverse: [`fading`]; either for a law: [`either_inverse`]
 //! - control: [`pi_controller`] (14), [`limiter`], [`control_law`] (15), [`codes`]; the complete inverse with feedback in
 //!   [`tracking_law`], made of [`preview`], [`biquad`] and the compensators beside their effects in [`effects`]; other axis, mains,
 //!   heat and sensor around it in [`surroundings`]; gain and zero learned while it runs in [`adaptation`]; all of its numbers, from which host and chip build it, in [`law_numbers`]
@@ -24,6 +24,7 @@ pub mod corner_mrpi;
 pub mod corner_polynomial;
 pub mod corners;
 pub mod effects;
+pub mod either_inverse;
 pub mod envelope;
 pub mod error;
 pub mod fading;

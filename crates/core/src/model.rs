@@ -32,6 +32,12 @@ pub trait AtRest<T: Real>: Hysteresis<T> {
     fn at_rest(&self, output: T, last_input: T) -> Self::State;
 }
 
+/// A model that runs from displacement to voltage, of a stage that is cycled before it is used.
+pub trait DirectInverse<T: Real>: Hysteresis<T> {
+    /// The state of a stage that was cycled and rests at 0 V.
+    fn rest(&self) -> Self::State;
+}
+
 /// Implements [`AtRest`] for models whose state is a [`crate::bank::PlayState`].
 macro_rules! impl_at_rest {
     ($model:ident) => {

@@ -1,6 +1,8 @@
 //! The complete law among its surroundings: another axis, the mains, heat and the sensor's own character undone.
 
 use crate::adaptation::{Adaptation, AdaptationState, Sample};
+use crate::corner_polynomial::CornerPolynomial;
+use crate::corners::CornerState;
 use crate::effects::Block;
 use crate::effects::admit;
 use crate::effects::coupling::{Coupling, CouplingState};
@@ -8,8 +10,10 @@ use crate::effects::hum_canceller::{HumCanceller, HumCancellerState};
 use crate::effects::lag::{Lag, LagState};
 use crate::effects::sensor::SensorCurve;
 use crate::effects::thermal::{Heat, HeatState};
+use crate::either_inverse::{EitherInverse, EitherState};
 use crate::error::{ParamError, in_range};
 use crate::limiter::Limiter;
+use crate::model::DirectInverse;
 use crate::real::Real;
 use crate::tracking_law::{self, TrackingLaw, TrackingState};
 
@@ -125,35 +129,57 @@ pub struct LoopInput<T> {
 /// # Cost
 /// That of [`TrackingLaw`] and of each part that is there; 10 instructions and TAPS numbers of state without any.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ChainLaw<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
+pub struct ChainLaw<
+    T,
+    const TAPS: usize,
+    const PLAYS: usize,
+    const FAST: usize,
+    const SLOW: usize,
+    H = CornerPolynomial<T, PLAYS>,
+> {
     /// The chain backwards, and feedback.
-    pub tracking: TrackingLaw<T, TAPS, PLAYS, FAST, SLOW>,
+    pub tracking: TrackingLaw<T, TAPS, PLAYS, FAST, SLOW, H>,
     /// What stands around it.
     pub surroundings: Surroundings<T>,
 }
 
 /// The law with the sizes of a designed controller.
-pub type CompleteLaw<T> = ChainLaw<
+pub type CompleteLaw<T, H = CornerPolynomial<T, { tracking_law::PLAYS }>> = ChainLaw<
     T,
     { tracking_law::TAPS },
     { tracking_law::PLAYS },
     { tracking_law::CREEP_FAST },
     { tracking_law::CREEP_SLOW },
+    H,
 >;
 
 /// State of [`CompleteLaw`].
-pub type CompleteState<T> = ChainState<
+pub type CompleteState<T, S = CornerState<T, { tracking_law::PLAYS }>> = ChainState<
     T,
     { tracking_law::TAPS },
     { tracking_law::PLAYS },
     { tracking_law::CREEP_FAST },
     { tracking_law::CREEP_SLOW },
+    S,
 >;
+
+/// The law of a design, whichever inverse it has.
+pub type DesignedLaw<T> = CompleteLaw<T, EitherInverse<T>>;
+
+/// State of [`DesignedLaw`].
+pub type DesignedState<T> = CompleteState<T, EitherState<T>>;
 
 /// State of [`ChainLaw`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ChainState<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
-    tracking: TrackingState<T, TAPS, PLAYS, FAST, SLOW>,
+pub struct ChainState<
+    T,
+    const TAPS: usize,
+    const PLAYS: usize,
+    const FAST: usize,
+    const SLOW: usize,
+    S = CornerState<T, PLAYS>,
+> {
+    tracking: TrackingState<T, TAPS, PLAYS, FAST, SLOW, S>,
     /// References that are not due yet; the one that is due next, and comes in as many samples later, is at `place`.
     ring: [T; TAPS],
     place: usize,
@@ -169,8 +195,8 @@ pub struct ChainState<T, const TAPS: usize, const PLAYS: usize, const FAST: usiz
     learns: bool,
 }
 
-impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize>
-    ChainLaw<T, TAPS, PLAYS, FAST, SLOW>
+impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize, H: DirectInverse<T>>
+    ChainLaw<T, TAPS, PLAYS, FAST, SLOW, H>
 {
     /// Its feedback; none in open loop.
     pub fn feedback(&self) -> Option<&crate::tracking_law::Feedback<T>> {
@@ -183,7 +209,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     }
 
     /// The state of a stage that was cycled and rests at 0 V, where that is, at `temperature_c`, the other axis at 0 V.
-    pub fn rest(&self, temperature_c: T) -> ChainState<T, TAPS, PLAYS, FAST, SLOW> {
+    pub fn rest(&self, temperature_c: T) -> ChainState<T, TAPS, PLAYS, FAST, SLOW, H::State> {
         ChainState {
             tracking: self.tracking.rest(),
             ring: [self.surroundings.rest; TAPS],
@@ -207,7 +233,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     ///
     /// Finite and within the limits for every input.
     #[inline(always)]
-    pub fn step(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, input: LoopInput<T>) -> T {
+    pub fn step(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW, H::State>, input: LoopInput<T>) -> T {
         self.step_through(state, input, &self.tracking.limiter)
     }
 
@@ -215,7 +241,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     #[inline(always)]
     pub fn step_through(
         &self,
-        state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>,
+        state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW, H::State>,
         input: LoopInput<T>,
         limiter: &Limiter<T>,
     ) -> T {
@@ -231,14 +257,14 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     /// Before a step whose reading stands in for a bad one: gain, zero and lag do not learn from it.
     ///
     /// A reading that is no number says the same. This is for one that feedback can go on with.
-    pub fn hold_reading_over(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>) {
+    pub fn hold_reading_over(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW, H::State>) {
         state.adaptation.spoil_block();
     }
 
     /// What a sample tells hum, gain, zero and lag. Apart from the step, so that a law which does not learn jumps over little; another
     /// limiter than its own is that of the way from rest.
     #[inline(never)]
-    fn learn(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, through_its_own_limiter: bool) {
+    fn learn(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW, H::State>, through_its_own_limiter: bool) {
         let around = &self.surroundings;
         if let (Some(part), Some(memory)) = (&around.hum, &mut state.hum) {
             part.learn(memory, state.error);
@@ -259,19 +285,24 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     /// Structure, creep and hysteresis go along with a reference that is where the platform is, so that the law can take over from there;
     /// feedback and hum are left as they are.
     #[inline(always)]
-    pub fn follow(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, input: LoopInput<T>, command: T) {
+    pub fn follow(
+        &self,
+        state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW, H::State>,
+        input: LoopInput<T>,
+        command: T,
+    ) {
         self.prepare(state, input);
         state.tracking.resume_at(self.tracking.limiter.start_at(command));
     }
 
     /// Before the law takes over again: what was integrated belongs to where the platform was.
-    pub fn forget_errors(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>) {
+    pub fn forget_errors(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW, H::State>) {
         state.tracking.forget_errors();
     }
 
     /// The reference that will be due on a step that takes in `reference_ahead`: where the platform should be when it is read.
     #[inline(always)]
-    pub fn next_due(&self, state: &ChainState<T, TAPS, PLAYS, FAST, SLOW>, reference_ahead: T) -> T {
+    pub fn next_due(&self, state: &ChainState<T, TAPS, PLAYS, FAST, SLOW, H::State>, reference_ahead: T) -> T {
         match state.ring.get(state.place) {
             Some(&due) if self.ahead() > 0 => due,
             _ => admit(reference_ahead, state.newest),
@@ -280,7 +311,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
 
     /// Feedforward and error of a sample.
     #[inline(always)]
-    fn prepare(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, input: LoopInput<T>) -> T {
+    fn prepare(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW, H::State>, input: LoopInput<T>) -> T {
         let around = &self.surroundings;
         let mut target = input.reference_ahead - around.rest;
         if let (Some(part), Some(memory)) = (&around.coupling, &mut state.coupling) {
@@ -314,7 +345,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
 
     /// Takes in a reference and gives the one that is due.
     #[inline(always)]
-    fn take_in(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW>, reference_ahead: T) -> T {
+    fn take_in(&self, state: &mut ChainState<T, TAPS, PLAYS, FAST, SLOW, H::State>, reference_ahead: T) -> T {
         let newest = admit(reference_ahead, state.newest);
         state.newest = newest;
         let ahead = self.ahead();
@@ -327,8 +358,8 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     }
 }
 
-impl<T: Copy, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize>
-    ChainState<T, TAPS, PLAYS, FAST, SLOW>
+impl<T: Copy, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize, S>
+    ChainState<T, TAPS, PLAYS, FAST, SLOW, S>
 {
     /// The reference that is due now: of the last [`ChainLaw::step`], what the position is compared with.
     pub fn due(&self) -> T {

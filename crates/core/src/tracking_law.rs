@@ -7,7 +7,7 @@ use crate::effects::admit;
 use crate::effects::creep::{CreepInverse, CreepInverseState};
 use crate::effects::lag::HeldLagInverse;
 use crate::limiter::{Limiter, LimiterState};
-use crate::model::{AtRest, Hysteresis};
+use crate::model::DirectInverse;
 use crate::pi_controller::{Asked, PiController, PiState};
 use crate::preview::{Preview, PreviewState};
 use crate::real::Real;
@@ -18,6 +18,8 @@ pub const TAPS: usize = 32;
 /// Plays of its direct inverse: 18 graded ones with cubics reached half the error of 10 even ones on simulated stages, and 24 half of
 /// what 18 leave of a complex harmonic, whose corners a mode of 8 kHz answers; more do not fit two axes into half a tick.
 pub const PLAYS: usize = 24;
+/// Its fading elements, where it has these instead of plays: lengths an octave apart from an eleventh of the range on.
+pub const FADING: usize = 4;
 /// Its elements of creep that run at every sample.
 pub const CREEP_FAST: usize = 5;
 /// Its elements of creep that run once in [`CREEP_DIVIDER`] samples.
@@ -26,7 +28,7 @@ pub const CREEP_SLOW: usize = 5;
 pub const CREEP_DIVIDER: u32 = 50;
 
 /// The stage's chain backwards: structure and latency ([`Preview`] and one second-order section for what lies between two
-/// modes), creep, hysteresis (direct inverse), amplifier's lag.
+/// modes), creep, hysteresis (a direct inverse: plays, where no other is given), amplifier's lag.
 ///
 /// TAPS coefficients of the preview, PLAYS play operators, FAST and SLOW elements of creep. A lag of 0 and shares of 0
 /// take a compensator out without another type.
@@ -36,7 +38,14 @@ pub const CREEP_DIVIDER: u32 = 50;
 /// # Cost
 /// TAPS + 2 FAST + 22 multiply-adds and 2 to PLAYS + 2 compares a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Feedforward<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
+pub struct Feedforward<
+    T,
+    const TAPS: usize,
+    const PLAYS: usize,
+    const FAST: usize,
+    const SLOW: usize,
+    H = CornerPolynomial<T, PLAYS>,
+> {
     /// Latency and structure.
     pub preview: Preview<T, TAPS>,
     /// The inverse of an antiresonance and the mode above it; identity for one mode.
@@ -44,27 +53,34 @@ pub struct Feedforward<T, const TAPS: usize, const PLAYS: usize, const FAST: usi
     /// Creep.
     pub creep: CreepInverse<T, FAST, SLOW>,
     /// Hysteresis: position before creep in, voltage behind the amplifier's lag out.
-    pub hysteresis: CornerPolynomial<T, PLAYS>,
+    pub hysteresis: H,
     /// The amplifier's lag behind the converter's hold.
     pub lead: HeldLagInverse<T>,
 }
 
 /// State of [`Feedforward`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FeedforwardState<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
+pub struct FeedforwardState<
+    T,
+    const TAPS: usize,
+    const PLAYS: usize,
+    const FAST: usize,
+    const SLOW: usize,
+    S = CornerState<T, PLAYS>,
+> {
     preview: PreviewState<T, TAPS>,
     second_mode: BiquadState<T>,
     creep: CreepInverseState<T, FAST, SLOW>,
-    hysteresis: CornerState<T, PLAYS>,
+    hysteresis: S,
     wanted_v: T,
 }
 
-impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize>
-    Feedforward<T, TAPS, PLAYS, FAST, SLOW>
+impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize, H: DirectInverse<T>>
+    Feedforward<T, TAPS, PLAYS, FAST, SLOW, H>
 {
     /// The state of a stage that was cycled and rests at 0 V and 0 um.
-    pub fn rest(&self) -> FeedforwardState<T, TAPS, PLAYS, FAST, SLOW> {
-        let mut hysteresis = self.hysteresis.at_rest(T::ZERO, T::ZERO);
+    pub fn rest(&self) -> FeedforwardState<T, TAPS, PLAYS, FAST, SLOW, H::State> {
+        let mut hysteresis = self.hysteresis.rest();
         let wanted_v = self.hysteresis.step(&mut hysteresis, T::ZERO);
         FeedforwardState {
             preview: self.preview.rest_at(T::ZERO),
@@ -77,7 +93,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
 
     /// One sample: the command for a reference that comes [`Preview::ahead`] samples before it is due.
     #[inline(always)]
-    pub fn step(&self, state: &mut FeedforwardState<T, TAPS, PLAYS, FAST, SLOW>, reference_ahead: T) -> T {
+    pub fn step(&self, state: &mut FeedforwardState<T, TAPS, PLAYS, FAST, SLOW, H::State>, reference_ahead: T) -> T {
         let previewed = self.preview.step(&mut state.preview, reference_ahead);
         let before_structure = self.second_mode.step(&mut state.second_mode, previewed);
         let before_creep = self.creep.step(&mut state.creep, before_structure);
@@ -156,9 +172,16 @@ impl<T: Real> Feedback<T> {
 /// The error is formed against the reference that is due at this sample, the one that the feedforward has prepared the
 /// stage for: against any other the feedback would undo the preview.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TrackingLaw<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
+pub struct TrackingLaw<
+    T,
+    const TAPS: usize,
+    const PLAYS: usize,
+    const FAST: usize,
+    const SLOW: usize,
+    H = CornerPolynomial<T, PLAYS>,
+> {
     /// The chain backwards.
-    pub feedforward: Feedforward<T, TAPS, PLAYS, FAST, SLOW>,
+    pub feedforward: Feedforward<T, TAPS, PLAYS, FAST, SLOW, H>,
     /// Feedback; `None` for open loop.
     pub feedback: Option<Feedback<T>>,
     /// Limits of the command.
@@ -167,19 +190,26 @@ pub struct TrackingLaw<T, const TAPS: usize, const PLAYS: usize, const FAST: usi
 
 /// State of [`TrackingLaw`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TrackingState<T, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize> {
-    pub(crate) feedforward: FeedforwardState<T, TAPS, PLAYS, FAST, SLOW>,
+pub struct TrackingState<
+    T,
+    const TAPS: usize,
+    const PLAYS: usize,
+    const FAST: usize,
+    const SLOW: usize,
+    S = CornerState<T, PLAYS>,
+> {
+    pub(crate) feedforward: FeedforwardState<T, TAPS, PLAYS, FAST, SLOW, S>,
     feedback: FeedbackState<T>,
     /// What the feedback was allowed to add last.
     correction: T,
     limiter: LimiterState<T>,
 }
 
-impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize>
-    TrackingLaw<T, TAPS, PLAYS, FAST, SLOW>
+impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize, H: DirectInverse<T>>
+    TrackingLaw<T, TAPS, PLAYS, FAST, SLOW, H>
 {
     /// The state of a stage that was cycled and rests at 0 V and 0 um.
-    pub fn rest(&self) -> TrackingState<T, TAPS, PLAYS, FAST, SLOW> {
+    pub fn rest(&self) -> TrackingState<T, TAPS, PLAYS, FAST, SLOW, H::State> {
         TrackingState {
             feedforward: self.feedforward.rest(),
             feedback: FeedbackState::default(),
@@ -192,7 +222,7 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     #[inline(always)]
     pub(crate) fn close(
         &self,
-        state: &mut TrackingState<T, TAPS, PLAYS, FAST, SLOW>,
+        state: &mut TrackingState<T, TAPS, PLAYS, FAST, SLOW, H::State>,
         command: T,
         error: T,
         limiter: &Limiter<T>,
@@ -215,8 +245,8 @@ impl<T: Real, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SL
     }
 }
 
-impl<T: Copy, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize>
-    TrackingState<T, TAPS, PLAYS, FAST, SLOW>
+impl<T: Copy, const TAPS: usize, const PLAYS: usize, const FAST: usize, const SLOW: usize, S>
+    TrackingState<T, TAPS, PLAYS, FAST, SLOW, S>
 {
     /// Goes on from another command than its own.
     #[inline(always)]

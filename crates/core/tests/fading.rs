@@ -1,7 +1,13 @@
 //! Elements that fade along the path of the voltage: their equation by hand, and what their inverse gives back.
 
+use hysteron_core::bank::PlayBank;
+use hysteron_core::corner_polynomial::CornerPolynomial;
+use hysteron_core::either_inverse::EitherInverse;
 use hysteron_core::fading::{FadingInverse, FadingModel, FadingNumbers, FadingState};
-use hysteron_core::model::Hysteresis;
+use hysteron_core::model::{DirectInverse, Hysteresis};
+use hysteron_core::play_polynomial::PolynomialCoefficients;
+use hysteron_core::thresholds::Thresholds;
+use hysteron_core::tracking_law::PLAYS;
 use proptest::prelude::*;
 
 /// One element of length 1 V about a straight line, from -1 to 1 V: `dz = |dv| (v - z)`, beside the voltage.
@@ -174,4 +180,55 @@ proptest! {
             prop_assert!((found - volts).abs() < 1e-4 * 110.0, "{} {}", found, volts);
         }
     }
+}
+
+/// Either inverse of a law does what its own kind does, from rest on; a state of the other kind gives way to rest.
+#[test]
+fn val_either_inverse_is_its_own_kind() {
+    let plays = CornerPolynomial::<f64, PLAYS>::new(
+        PlayBank::new(
+            Thresholds::new(core::array::from_fn(|i| 0.1 + 0.2 * i as f64)).unwrap(),
+            -1.0,
+            12.0,
+            50e3,
+        )
+        .unwrap(),
+        PolynomialCoefficients {
+            offset: 0.0,
+            input_function: [9.0, 0.0, 0.0, 0.0, 0.0],
+            linear: [-0.1; PLAYS],
+            quadratic: [0.0; PLAYS],
+            cubic: [0.0; PLAYS],
+        },
+    )
+    .unwrap();
+    let four = FadingNumbers {
+        min_v: -5.0,
+        max_v: 105.0,
+        offset: 7.0,
+        input_function: [5.0, 0.2, -0.1],
+        lengths_v: [10.0, 20.0, 40.0, 80.0],
+        curves: [[0.3, 0.1, 0.0], [0.5, 0.0, 0.0], [0.5, 0.0, 0.1], [1.0, -0.2, 0.0]],
+    };
+    let fading = FadingInverse::new(FadingModel::new(&four).unwrap()).unwrap();
+    let either = [EitherInverse::Plays(plays), EitherInverse::Fading(fading)];
+    let (mut of_plays, mut of_fading) = (plays.rest(), fading.rest());
+    let mut states = [either[0].rest(), either[1].rest()];
+    let way: Vec<f64> = (0..200).map(|k| 5.0 - 4.0 * (0.1 * f64::from(k)).cos()).collect();
+    for &wanted in &way {
+        assert_eq!(
+            either[0].step(&mut states[0], wanted),
+            plays.step(&mut of_plays, wanted)
+        );
+        assert_eq!(
+            either[1].step(&mut states[1], wanted),
+            fading.step(&mut of_fading, wanted)
+        );
+    }
+    states.reverse();
+    assert_eq!(either[0].step(&mut states[0], 3.0), plays.step(&mut plays.rest(), 3.0));
+    assert_eq!(
+        either[1].step(&mut states[1], 3.0),
+        fading.step(&mut fading.rest(), 3.0)
+    );
 }
