@@ -29,6 +29,8 @@ pub struct FadingNumbers<const N: usize> {
     pub lengths_v: [f64; N],
     /// f_i's coefficients of u, u^2, u^3
     pub curves: [[f64; FADING_DEGREE]; N],
+    /// What each element holds at rest at 0 V
+    pub rest: [f64; N],
 }
 
 /// `y = c + g(u) + sum z_i`, `dz_i = |dv| (f_i(u) - z_i) / L_i`, with u from -1 to 1 over the voltages, g and f_i cubics without constant.
@@ -54,6 +56,7 @@ pub struct FadingModel<T, const N: usize> {
     /// Half range over each length.
     rates: [T; N],
     curves: [[T; FADING_DEGREE]; N],
+    rest: [T; N],
 }
 
 /// State of [`FadingModel`] and [`FadingInverse`].
@@ -96,6 +99,7 @@ impl<T: Real, const N: usize> FadingModel<T, N> {
             input_function,
             lengths_v,
             curves,
+            rest,
         } = numbers;
         finite("lowest voltage", None, T::from_f64(*min_v))?;
         in_range("range of voltages", None, max_v - min_v, f64::MIN_POSITIVE, f64::MAX)?;
@@ -112,17 +116,30 @@ impl<T: Real, const N: usize> FadingModel<T, N> {
             input_function: input_function.map(T::from_f64),
             rates: lengths_v.map(|length_v| T::from_f64(half_v / length_v)),
             curves: curves.map(|curve| curve.map(T::from_f64)),
+            rest: rest.map(T::from_f64),
         };
         finite("range of voltages", None, model.half_v)?;
         finite("offset", None, model.offset)?;
         all_finite("input_function", &model.input_function)?;
         all_finite("curve", model.curves.as_flattened())?;
-        // An element is within what its curve reaches.
+        all_finite("rest", &model.rest)?;
+        // An element is within what its curve reaches, or between that and where it began.
         let most = model.offset.magnitude()
+            + sum_of_magnitudes(&model.rest)
             + sum_of_magnitudes(&model.input_function)
             + sum_of_magnitudes(model.curves.as_flattened());
         bounded(most * T::from_f64(2.0 / PATHS[0]), model.half_v)?;
         Ok(model)
+    }
+
+    /// The state at rest at 0 V.
+    pub fn rest(&self) -> FadingState<T, N> {
+        let at = self.place(T::ZERO, T::ZERO);
+        FadingState {
+            at,
+            held: self.rest,
+            output: self.output(at, &self.rest),
+        }
     }
 
     /// The state after cycles over the whole range, until nothing of before is left, and on from an end: up to `volts`
@@ -335,7 +352,7 @@ impl<T: Real, const N: usize> Hysteresis<T> for FadingInverse<T, N> {
 
 impl<T: Real, const N: usize> DirectInverse<T> for FadingInverse<T, N> {
     fn rest(&self) -> FadingState<T, N> {
-        self.model.cycled(T::ZERO, false)
+        self.model.rest()
     }
 }
 

@@ -18,6 +18,7 @@ const ONE: FadingNumbers<1> = FadingNumbers {
     input_function: [1.0, 0.0, 0.0],
     lengths_v: [1.0],
     curves: [[1.0, 0.0, 0.0]],
+    rest: [-0.2],
 };
 
 /// A stage of 100 V and 15 um with memories of 20 and 60 V.
@@ -28,6 +29,7 @@ const TWO: FadingNumbers<2> = FadingNumbers {
     input_function: [5.0, 0.2, -0.1],
     lengths_v: [20.0, 60.0],
     curves: [[1.0, 0.1, 0.0], [2.0, -0.2, 0.15]],
+    rest: [0.0; 2],
 };
 
 /// The cycled loop by hand: on the way up `z = v - 1 + C e^-(v + 1)`, and `z(1) = -z(-1)`.
@@ -59,6 +61,19 @@ fn val_steps_by_hand() {
         v = to;
         let found = model.step(&mut state, to);
         assert!((found - (0.25 + to + z)).abs() < 1e-6, "{to}: {found} {z}");
+    }
+}
+
+/// From rest at 0 V with -0.2: `z = v - 1 + 0.8 e^-v` up, and the inverse begins there as well.
+#[test]
+fn val_rest_by_hand() {
+    let inverse = FadingInverse::new(FadingModel::<f64, 1>::new(&ONE).unwrap()).unwrap();
+    let mut state = inverse.rest();
+    assert!((state.output() - (0.25 - 0.2)).abs() < 1e-12);
+    for k in 1..=10 {
+        let v = 0.05 * f64::from(k);
+        let found = inverse.step(&mut state, 0.25 + v + (v - 1.0 + 0.8 * (-v).exp()));
+        assert!((found - v).abs() < 1e-6, "{v}: {found}");
     }
 }
 
@@ -144,6 +159,11 @@ fn refuse_what_has_no_inverse() {
     };
     assert_eq!(says(of_length(4.5)), "length[1] = 4.5 must lie in 0.015625 to 4");
     assert!(says(of_length(f64::NAN)).starts_with("length[1] = NaN must lie in"));
+    let nowhere = FadingNumbers {
+        rest: [f64::NAN],
+        ..ONE
+    };
+    assert!(says(nowhere).starts_with("rest[1] = NaN"), "{}", says(nowhere));
     let none = FadingNumbers { max_v: -1.0, ..ONE };
     assert_eq!(says(none), "range of voltages = 0 must be finite and positive");
 }
@@ -209,6 +229,7 @@ fn val_either_inverse_is_its_own_kind() {
         input_function: [5.0, 0.2, -0.1],
         lengths_v: [10.0, 20.0, 40.0, 80.0],
         curves: [[0.3, 0.1, 0.0], [0.5, 0.0, 0.0], [0.5, 0.0, 0.1], [1.0, -0.2, 0.0]],
+        rest: [-0.2, -0.3, -0.2, -0.4],
     };
     let fading = FadingInverse::new(FadingModel::new(&four).unwrap()).unwrap();
     let either = [EitherInverse::Plays(plays), EitherInverse::Fading(fading)];
