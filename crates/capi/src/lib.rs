@@ -5,15 +5,16 @@
 #![expect(unsafe_code, reason = "a C interface takes pointers")]
 
 use hysteron_control::design::Controller;
-use hysteron_core::surroundings::{CompleteLaw, CompleteState, LoopInput};
+use hysteron_core::either_inverse::EitherInverse;
+use hysteron_core::surroundings::{DesignedLaw, DesignedState, LoopInput};
 use hysteron_table::Table;
 use std::ffi::{CStr, c_char};
 use std::path::Path;
 
 /// A law with its state. Two threads must not use one at a time.
 pub struct HysteronLaw {
-    law: CompleteLaw<f32>,
-    state: CompleteState<f32>,
+    law: DesignedLaw<f32>,
+    state: DesignedState<f32>,
     sample_rate_hz: f64,
 }
 
@@ -157,29 +158,32 @@ pub unsafe extern "C" fn hysteron_sample_rate_hz(law: *const HysteronLaw) -> f64
 /// The law of a file, at rest.
 fn load(path: &Path) -> Result<HysteronLaw, String> {
     let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
-    let numbers = if Table::is_one(&text) {
-        let table = Table::parse(&text).map_err(|error| format!("{}: {error}", path.display()))?;
-        let numbers = table
-            .law_numbers()
-            .map_err(|error| format!("{}: {error}", path.display()))?;
-        numbers.ok_or_else(|| {
-            format!(
-                "{}: a table without a complete law; make it from a controller.toml",
-                path.display()
-            )
-        })?
+    let (law, sample_rate_hz) = if Table::is_one(&text) {
+        of_table(&text).map_err(|error| format!("{}: {error}", path.display()))?
     } else {
         let controller = Controller::read(path).map_err(|error| error.to_string())?;
-        controller.numbers().map_err(|error| error.to_string())?
+        let law = controller.law::<f32>();
+        let law = law.map_err(|error| format!("{}: {error}", path.display()))?;
+        (law, 1.0 / controller.model.sample_period_s)
     };
-    let law = numbers
-        .law::<f32>()
-        .map_err(|error| format!("{}: {error}", path.display()))?;
     Ok(HysteronLaw {
         state: law.rest(0.0),
         law,
-        sample_rate_hz: numbers.sample_rate_hz,
+        sample_rate_hz,
     })
+}
+
+/// The law of a table and its sample rate, hertz.
+fn of_table(text: &str) -> Result<(DesignedLaw<f32>, f64), String> {
+    let table = Table::parse(text).map_err(|error| error.to_string())?;
+    let numbers = table.law_numbers().map_err(|error| error.to_string())?;
+    let numbers = numbers.ok_or("a table without a complete law; make it from a controller.toml")?;
+    let rate_hz = numbers.sample_rate_hz;
+    let plays = numbers.inverse.inverse(rate_hz).map_err(|error| error.to_string())?;
+    let law = numbers
+        .law_with(EitherInverse::Plays(plays))
+        .map_err(|error| error.to_string())?;
+    Ok((law, rate_hz))
 }
 
 /// The beginning of a text in at most so many bytes, no character cut.

@@ -1,6 +1,6 @@
 //! What a law has learned of gain, zero and lag while it ran.
 
-use hysteron_core::surroundings::{CompleteLaw, CompleteState};
+use hysteron_core::surroundings::{DesignedLaw, DesignedState};
 use serde::Serialize;
 
 pub use hysteron_table::Adaptation;
@@ -18,7 +18,7 @@ pub struct Adapted {
 
 impl Adapted {
     /// Of a run with samples of `period_s` that ended in a state; none of a law that does not learn.
-    pub fn of(law: &CompleteLaw<f64>, state: &CompleteState<f64>, period_s: f64) -> Option<Self> {
+    pub fn of(law: &DesignedLaw<f64>, state: &DesignedState<f64>, period_s: f64) -> Option<Self> {
         law.surroundings.adaptation.map(|_| Self {
             gain_percent: 100.0 * state.adaptation().gain(),
             zero_um: state.adaptation().zero(),

@@ -1,13 +1,13 @@
 //! What a law commands along a reference by itself.
 
-use crate::design::CompleteLaw;
+use crate::design::DesignedLaw;
 use crate::reference::Reference;
 use hysteron_core::surroundings::LoopInput;
 
 /// What a law without feedback commands along a reference, with what it commands before the first sample is due.
 ///
 /// Nothing is read: hum, gain and zero are not learned, and heat moves nothing.
-pub fn commands(law: &CompleteLaw<f64>, reference: &Reference) -> Vec<f64> {
+pub fn commands(law: &DesignedLaw<f64>, reference: &Reference) -> Vec<f64> {
     let samples_um = &reference.samples_um;
     let mut law = *law;
     law.surroundings.hum = None;
@@ -27,7 +27,7 @@ pub fn commands(law: &CompleteLaw<f64>, reference: &Reference) -> Vec<f64> {
 }
 
 /// The temperature at which heat moves nothing, degrees Celsius.
-pub(crate) fn usual_temperature_c(law: &CompleteLaw<f64>) -> f64 {
+pub(crate) fn usual_temperature_c(law: &DesignedLaw<f64>) -> f64 {
     let heat = law.surroundings.heat.as_ref();
     heat.map_or(0.0, |heat| {
         let [_, _, reference_c, ..] = heat.coefficients();
@@ -40,8 +40,10 @@ pub(crate) mod tests {
     use super::*;
     use crate::design::Controller;
     use crate::design::source::{Source, Wishes, design};
+    use crate::export::{Bench, export};
     use crate::reference::Shape;
     use hysteron_data::{Dataset, Record, Role};
+    use hysteron_identify::control::FadingPart;
     use hysteron_identify::{Family, FitOptions, fit};
     use std::f64::consts::TAU;
 
@@ -71,6 +73,54 @@ pub(crate) mod tests {
             ..Wishes::default()
         };
         design(&source, &wishes).unwrap().controller
+    }
+
+    /// 0.1 um a volt and one memory of 30 V, which a slow sine between 1 and 4 um is commanded by; the file keeps them, and no table does.
+    #[test]
+    fn val_fading_elements_stand_in_the_place_of_plays() {
+        let mut designed = controller(None);
+        designed.model.around.rest_um = 0.0;
+        let plays = designed.clone();
+        designed.model.fading = Some(FadingPart {
+            min_v: 0.0,
+            max_v: 100.0,
+            offset_um: 5.0,
+            input_function_um: [4.0, 0.0, 0.0],
+            lengths_v: [10.0, 20.0, 30.0, 80.0],
+            curves_um: [[0.0; 3], [0.0; 3], [1.0, 0.0, 0.0], [0.0; 3]],
+            rest_um: [0.0, 0.0, -1.0, 0.0],
+        });
+        let read: Controller = toml::from_str(&designed.to_toml().unwrap()).unwrap();
+        assert_eq!(read, designed);
+        let reference = Shape::Sine { frequency_hz: 2.0 }.reference([1.0, 4.0], 5e-4);
+        let law = read.law().unwrap();
+        let commanded = commands(&law, &reference);
+        // dz = |dv| ((v - 50) / 50 - z) / 30, and x = 5 + 4 (v - 50) / 50 + z.
+        let (mut v, mut z) = (0.0_f64, -1.0_f64);
+        let positions_um = commanded.iter().map(|to| {
+            let step = (to - v) / 10.0;
+            for _ in 0..10 {
+                z += step.abs() * ((v + 0.5 * step - 50.0) / 50.0 - z) / 30.0;
+                v += step;
+            }
+            5.0 + 4.0 * (v - 50.0) / 50.0 + z
+        });
+        let off_um = positions_um
+            .skip(law.ahead())
+            .zip(&reference.samples_um)
+            .skip(reference.judged_from)
+            .map(|(x, wanted)| (x - wanted).abs())
+            .fold(0.0, f64::max);
+        // The sample that a command is held for is 0.01 um at the fastest.
+        assert!(off_um < 0.02, "{off_um}");
+        let by_plays = commands(&plays.law().unwrap(), &reference);
+        assert!(commanded.iter().zip(&by_plays).any(|(a, b)| (a - b).abs() > 2.0));
+        let refused = export(&read, &Bench::default()).unwrap_err().to_string();
+        assert!(
+            refused
+                .starts_with("this controller undoes its hysteresis by fading elements, and a table holds plays only"),
+            "{refused}"
+        );
     }
 
     /// Nothing is read, so nothing is learned: half a second at 10 Hz is commanded alike to the last bit.

@@ -3,7 +3,7 @@
 use crate::adapted::Adapted;
 use crate::commands::{commands, usual_temperature_c};
 use crate::design::linear_stage::LinearStage;
-use crate::design::{CompleteLaw, Controller};
+use crate::design::{Controller, DesignedLaw};
 use crate::error::ControlError;
 use crate::expected::{Plan, Played, Report, Row};
 use crate::reference::{Reference, SHAPES};
@@ -146,7 +146,7 @@ pub(crate) fn play(
 
 /// The law on the answer to its last commands: what it has read, and what it commands and has learned; the answer to that is still to come.
 fn repeated(
-    law: &CompleteLaw<f64>,
+    law: &DesignedLaw<f64>,
     controller: &Controller,
     reference: &Reference,
     before: &Played,

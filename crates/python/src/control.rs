@@ -10,7 +10,7 @@ use hysteron_control::design::source::{Source, Wishes, design as designed};
 use hysteron_control::design::{Controller as Designed, ReferenceKind};
 use hysteron_control::reference::Reference;
 use hysteron_core::real::Real;
-use hysteron_core::surroundings::{CompleteLaw, CompleteState, LoopInput};
+use hysteron_core::surroundings::{DesignedLaw, DesignedState, LoopInput};
 use hysteron_data::Record;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
@@ -27,8 +27,8 @@ pub(crate) struct Controller {
 /// A law in one of the two number types of the core.
 #[derive(Clone)]
 enum Running {
-    Single(Box<(CompleteLaw<f32>, CompleteState<f32>)>),
-    Double(Box<(CompleteLaw<f64>, CompleteState<f64>)>),
+    Single(Box<(DesignedLaw<f32>, DesignedState<f32>)>),
+    Double(Box<(DesignedLaw<f64>, DesignedState<f64>)>),
 }
 
 /// A controller's law with its state: the code that runs on the chip.
@@ -257,7 +257,7 @@ impl Running {
     }
 }
 
-fn advance<T: Real>(law: &CompleteLaw<T>, state: &mut CompleteState<T>, inputs: &[Input; 4], sample: usize) -> T {
+fn advance<T: Real>(law: &DesignedLaw<T>, state: &mut DesignedState<T>, inputs: &[Input; 4], sample: usize) -> T {
     let [reference_ahead, measured, voltage2_ahead, temperature_c] =
         [0, 1, 2, 3].map(|input: usize| T::from_f64(inputs[input].at(sample)));
     law.step(

@@ -6,7 +6,7 @@ use crate::experiment::{self, IDENTIFIED_HZ, RECORD_S, Reading, sines};
 use crate::run::PiGains;
 use crate::scans::{Scan, ScanFigures, measured_shares, scan};
 use hysteron_control::adapted::{Adaptation, Adapted};
-use hysteron_control::design::{CompleteLaw, Controller};
+use hysteron_control::design::{Controller, DesignedLaw};
 use hysteron_control::expected::SWINGS_PERCENT;
 use hysteron_control::figures::{Steps, Tracked, judge, steps};
 use hysteron_control::learning::LearnedReference;
@@ -131,7 +131,7 @@ struct Staircase {
 
 /// A controller ready to run.
 pub(crate) enum Contender<'a> {
-    Complete(Box<CompleteLaw<f64>>),
+    Complete(Box<DesignedLaw<f64>>),
     Paper(experiment::Controller<'a>),
 }
 

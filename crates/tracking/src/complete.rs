@@ -3,7 +3,7 @@
 use crate::error::TrackingError;
 use hysteron_control::ControlError;
 use hysteron_control::adapted::Adapted;
-use hysteron_control::design::CompleteLaw;
+use hysteron_control::design::DesignedLaw;
 use hysteron_control::figures::Tracked;
 use hysteron_control::reference::Reference;
 use hysteron_core::surroundings::LoopInput;
@@ -18,7 +18,7 @@ use hysteron_plant::{Stage, StageConfig};
 pub fn track(
     config: &StageConfig,
     seed: u64,
-    law: &CompleteLaw<f64>,
+    law: &DesignedLaw<f64>,
     reference: &Reference,
 ) -> Result<Tracked, TrackingError> {
     track_beside(config, seed, law, reference, &[])
@@ -32,7 +32,7 @@ pub fn track(
 pub fn track_beside(
     config: &StageConfig,
     seed: u64,
-    law: &CompleteLaw<f64>,
+    law: &DesignedLaw<f64>,
     reference: &Reference,
     voltage2_v: &[f64],
 ) -> Result<Tracked, TrackingError> {

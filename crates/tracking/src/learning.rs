@@ -3,7 +3,7 @@
 use crate::bench::Bench;
 use crate::complete;
 use crate::error::TrackingError;
-use hysteron_control::design::{CompleteLaw, Controller};
+use hysteron_control::design::{Controller, DesignedLaw};
 use hysteron_control::figures::judge;
 use hysteron_control::learning::{Iteration, LEARNED, LearnedReference, Learning, Run, band_hz, learn, whole_period};
 use hysteron_control::reference::{RISE_S, Reference, SHAPES, Shape};
@@ -48,7 +48,7 @@ pub fn learn_references(
 /// A run on the simulated stage; none where the reference stands still.
 fn run(
     bench: &Bench<'_>,
-    law: &CompleteLaw<f64>,
+    law: &DesignedLaw<f64>,
     shape: Shape,
     number: usize,
     correction_um: &[f64],

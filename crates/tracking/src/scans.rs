@@ -6,7 +6,7 @@ use crate::experiment::PLAYS;
 use crate::run::{Law, law};
 use hysteron_core::bank::PlayState;
 use hysteron_core::control_law::ControlState;
-use hysteron_core::surroundings::{CompleteLaw, CompleteState, LoopInput};
+use hysteron_core::surroundings::{DesignedLaw, DesignedState, LoopInput};
 use hysteron_plant::{CrossCoupling, Stage, StageConfig};
 use std::f64::consts::{PI, TAU};
 
@@ -158,7 +158,7 @@ pub fn measured_shares(config: &StageConfig, seed: u64) -> Result<[f64; 2], Trac
 
 /// The controller of one axis while it runs.
 enum Axis {
-    Complete(Box<(CompleteLaw<f64>, CompleteState<f64>)>),
+    Complete(Box<(DesignedLaw<f64>, DesignedState<f64>)>),
     Paper(Box<(Law<PLAYS>, PaperState)>),
 }
 

@@ -4,7 +4,7 @@
 
 use hysteron_control::campaign::Campaign;
 use hysteron_control::design::feedback::Effort;
-use hysteron_control::design::{CompleteLaw, Controller, ReferenceKind};
+use hysteron_control::design::{Controller, DesignedLaw, ReferenceKind};
 use hysteron_control::figures::judge;
 use hysteron_control::learning::LEARNED;
 use hysteron_control::reference::Shape;
@@ -46,7 +46,7 @@ static SLOW: LazyLock<Bench> = LazyLock::new(|| bench("739"));
 
 impl Bench {
     /// Rms of the true position's error over 10 um about 8 um, percent, with noise that no record had.
-    fn rms_percent(&self, law: &CompleteLaw<f64>, shape: Shape) -> f64 {
+    fn rms_percent(&self, law: &DesignedLaw<f64>, shape: Shape) -> f64 {
         let reference = shape.reference([3.0, 13.0], self.stage.sample_period_s);
         let run = complete::track(&self.stage, 4711, law, &reference).unwrap();
         judge(&run.from(reference.judged_from), self.stage.sample_period_s)

@@ -6,7 +6,7 @@ mod stage;
 use hysteron_control::ControlError;
 use hysteron_control::campaign::{Campaign, Command, Protocol};
 use hysteron_control::design::prediction::{PREDICTED_HZ, Reckoned, predict};
-use hysteron_control::design::{CompleteLaw, Controller, ReferenceKind};
+use hysteron_control::design::{Controller, DesignedLaw, ReferenceKind};
 use hysteron_control::expected::half_the_stroke;
 use hysteron_control::figures::{Tracked, judge};
 use hysteron_control::reference::{RISE_S, Reference, Shape};
@@ -146,7 +146,7 @@ fn campaign(stage: &Foreign, seed: u64) -> Result<Campaign, ControlError> {
 /// Rms error of the true position along a sine, percent of its range, the mean included, once the law has learned from another.
 fn tracked_percent(
     stage: &Foreign,
-    law: &CompleteLaw<f64>,
+    law: &DesignedLaw<f64>,
     range_um: [f64; 2],
     hz: f64,
     learned_from_hz: Option<f64>,

@@ -596,6 +596,9 @@ pub(super) fn around(model: &ControlModel, design: &FeedbackDesign, omega: f64) 
 
 /// Displacement over voltage over the whole identified range, micrometres per volt.
 pub(super) fn mean_gain_um_per_v(model: &ControlModel) -> f64 {
+    if let Some(fading) = &model.fading {
+        return fading.mean_gain_um_per_v();
+    }
     let inverse = &model.inverse;
     let x = inverse.input_max_um;
     let of_input = inverse.input_function.iter().rev().fold(0.0, |sum, c| (sum + c) * x);

@@ -14,6 +14,7 @@ pub mod stands;
 use crate::error::ControlError;
 use feedback::{Effort, FeedbackDesign};
 use hysteron_core::biquad::Biquad;
+use hysteron_core::either_inverse::EitherInverse;
 use hysteron_core::law_numbers::{HumNumbers, LawNumbers};
 use hysteron_core::real::Real;
 use hysteron_core::surroundings::HARMONICS;
@@ -22,7 +23,7 @@ use hysteron_table::Adaptation;
 use preview::{AHEAD, PreviewQuality, TAPS, Undone};
 use serde::{Deserialize, Serialize};
 
-pub use hysteron_core::surroundings::CompleteLaw;
+pub use hysteron_core::surroundings::{DesignedLaw, DesignedState};
 
 /// When the reference is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -209,15 +210,32 @@ impl Controller {
     ///
     /// # Errors
     /// Values that the core refuses.
-    pub fn law<T: Real>(&self) -> Result<CompleteLaw<T>, ControlError> {
-        Ok(self.numbers()?.law()?)
+    pub fn law<T: Real>(&self) -> Result<DesignedLaw<T>, ControlError> {
+        let numbers = self.of_plays()?;
+        let hysteresis = match &self.model.fading {
+            Some(fading) => EitherInverse::Fading(fading.to_core()?),
+            None => EitherInverse::Plays(numbers.inverse.inverse(numbers.sample_rate_hz)?),
+        };
+        Ok(numbers.law_with(hysteresis)?)
     }
 
-    /// All numbers of the law.
+    /// All numbers of the law, as a table has them.
     ///
     /// # Errors
-    /// Lists of other lengths than the law's, modes that the core refuses.
+    /// Lists of other lengths than the law's, modes that the core refuses, fading elements, of which there is no table.
     pub fn numbers(&self) -> Result<LawNumbers, ControlError> {
+        if self.model.fading.is_some() {
+            return Err(ControlError::Wish(
+                "this controller undoes its hysteresis by fading elements, and a table holds plays only; run its law on the host, in Python or \
+                 by the C library"
+                    .into(),
+            ));
+        }
+        self.of_plays()
+    }
+
+    /// All numbers but those of fading elements.
+    fn of_plays(&self) -> Result<LawNumbers, ControlError> {
         let model = &self.model;
         let sample_rate_hz = 1.0 / model.sample_period_s;
         let preview: [f64; TAPS] = self.preview.as_slice().try_into().map_err(|_| ControlError::Design {

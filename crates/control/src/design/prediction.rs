@@ -2,6 +2,7 @@
 
 use super::{Controller, ReferenceKind};
 use crate::error::ControlError;
+use hysteron_core::tracking_law::FADING;
 use hysteron_identify::control::HeldOut;
 use hysteron_identify::control::model::{CREEP_FAST, PLAYS};
 use hysteron_identify::covered::Beyond;
@@ -181,14 +182,23 @@ pub(crate) fn reckon(
     })
 }
 
+/// Two steps of the elements and two slopes; a division is as long as 14 multiply-adds.
+const FADING_COST: usize = 2 * (17 * FADING + 8) + 2 * 7 * FADING + DIVISION * 2 * (FADING + 1);
+/// Cycles of a division on a Cortex-M4F, where a multiply-add takes one.
+const DIVISION: usize = 14;
+
 /// What each block of a controller costs a tick; see the cost notes of the core's blocks.
 pub fn cost(controller: &Controller) -> Vec<Cost> {
     let around = &controller.model.around;
     let mut blocks = vec![
         ("latency and modes (preview filter)", super::preview::TAPS),
         ("creep inverse", 2 * CREEP_FAST + 4),
-        // Powers of the input, two cubics of a bound, and a look at every play at worst.
-        ("hysteresis inverse", 5 + 6 + PLAYS),
+        if controller.model.fading.is_some() {
+            ("hysteresis inverse (fading elements)", FADING_COST)
+        } else {
+            // Powers of the input, two cubics of a bound, and a look at every play at worst.
+            ("hysteresis inverse", 5 + 6 + PLAYS)
+        },
         ("amplifier's lead", 2),
     ];
     let mut add = |there: bool, name, operations| {

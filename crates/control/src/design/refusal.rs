@@ -106,6 +106,12 @@ fn lag(model: &ControlModel) -> Result<(), ControlError> {
 }
 
 fn table(model: &ControlModel) -> Result<(), ControlError> {
+    if let Some(fading) = &model.fading {
+        return fading.to_core::<f64>().map(drop).map_err(|error| ControlError::Design {
+            what: format!("the fading elements of the hysteresis do not invert: {error}"),
+            advice: "record large signals over the whole stroke, slow and fast, and identify again".into(),
+        });
+    }
     let slope = model.inverse.smallest_slope_v_per_um();
     if slope.is_nan() || slope <= 0.0 {
         return Err(ControlError::Design {

@@ -163,6 +163,7 @@ pub(crate) mod tests {
                 quadratic: Vec::new(),
                 cubic: Vec::new(),
             },
+            fading: None,
             around: AroundPart::default(),
             covered: Covered::default(),
         }

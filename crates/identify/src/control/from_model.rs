@@ -98,6 +98,7 @@ pub fn chain_of(
             quadratic: Vec::new(),
             cubic: Vec::new(),
         },
+        fading: None,
         around: AroundPart::default(),
         covered: model.covered.clone(),
     };
@@ -145,7 +146,7 @@ pub fn chain_of(
 }
 
 /// Elements of the core's creep block without any share.
-fn no_creep() -> CreepPart {
+pub(super) fn no_creep() -> CreepPart {
     let decade = |i: usize| 1e-3 * 10f64.powf(i as f64 * 2.0 / 3.0);
     CreepPart {
         tau_s: (0..CREEP_FAST + CREEP_SLOW).map(decade).collect(),

@@ -19,7 +19,7 @@ use std::f64::consts::{PI, TAU};
 /// Coefficients of the inverse: constant, powers of the input, three a play.
 const COLUMNS: usize = 1 + INPUT_DEGREE + 3 * PLAYS;
 /// Rows taken of each record, evenly spread: eighty unknowns and a hundred times as many rows of each record.
-const ROWS_A_RECORD: usize = 8_000;
+pub(super) const ROWS_A_RECORD: usize = 8_000;
 /// Ridge on the scaled columns, the least that is tried.
 const RIDGE: f64 = 1e-9;
 /// The least on a model's own answers, which have no noise to keep coefficients small.
@@ -35,14 +35,14 @@ const MARGIN: f64 = 0.05;
 pub(super) const ROUNDS: usize = 6;
 
 /// A record as the inverse sees it: its input, and the command as it was.
-struct Seen<'a> {
-    record: &'a Record,
+pub(super) struct Seen<'a> {
+    pub record: &'a Record,
     /// Position before the structure, micrometres.
     before_structure_um: Vec<f64>,
     /// Position before structure and creep, micrometres.
-    before_creep_um: Vec<f64>,
+    pub before_creep_um: Vec<f64>,
     /// One-past-last sample that the end of the record does not disturb.
-    to: usize,
+    pub to: usize,
 }
 
 /// What of a timing is fitted: the time constant and its growth, or the latency as well.
@@ -83,7 +83,7 @@ impl Scale {
 impl<'a> Seen<'a> {
     /// Undoes structure and creep in a record's positions. In bands where the structure lets nothing through (beyond a mode, in
     /// an antiresonance) the voltage stands in, `gain_um_per_v` micrometres a volt, until [`Self::fill`] knows better.
-    fn new(record: &'a Record, around: &Around<'_>, gain_um_per_v: f64) -> Self {
+    pub(super) fn new(record: &'a Record, around: &Around<'_>, gain_um_per_v: f64) -> Self {
         let behind_v = behind_lag(record, around.timing(around.linear.into()));
         let seen_um = filtered(&record.position_um, record.period_s, |omega, rate_hz| {
             let share = around.linear.usable_share(omega, rate_hz);
@@ -105,7 +105,7 @@ impl<'a> Seen<'a> {
         }
     }
 
-    fn undo_creep(&mut self, creep: &CreepInverse<f64, CREEP_FAST, CREEP_SLOW>) {
+    pub(super) fn undo_creep(&mut self, creep: &CreepInverse<f64, CREEP_FAST, CREEP_SLOW>) {
         let mut state = creep.rest_at(0.0);
         self.before_creep_um = self
             .before_structure_um
@@ -122,7 +122,7 @@ impl<'a> Seen<'a> {
         timing: Timing,
         gain_um_per_v: f64,
     ) {
-        let (record, period_s) = (self.record, self.record.period_s);
+        let record = self.record;
         let mut state = inverse.at_rest(0.0, 0.0);
         let behind_v = behind_lag(record, timing);
         let miss_v: Vec<f64> = self
@@ -131,11 +131,16 @@ impl<'a> Seen<'a> {
             .zip(&behind_v)
             .map(|(&x, v)| v - inverse.step(&mut state, x))
             .collect();
-        let hidden_v = hidden(&miss_v, around.linear, period_s);
+        self.correct(&miss_v, around.linear, gain_um_per_v);
+    }
+
+    /// Takes up what was missed in the hidden bands, so many micrometres a unit of it.
+    pub(super) fn correct(&mut self, missed: &[f64], linear: &LinearPart, um_per_unit: f64) {
+        let hidden = hidden(missed, linear, self.record.period_s);
         self.before_structure_um
             .iter_mut()
-            .zip(&hidden_v)
-            .for_each(|(x, v)| *x += gain_um_per_v * v);
+            .zip(&hidden)
+            .for_each(|(x, missed)| *x += um_per_unit * missed);
     }
 }
 
@@ -181,7 +186,7 @@ pub(super) struct Timing {
 
 impl Timing {
     /// With another time constant (s), growth (1/V), latency (s).
-    fn moved(self, [tau_s, per_v, latency_s]: [f64; 3]) -> Self {
+    pub(super) fn moved(self, [tau_s, per_v, latency_s]: [f64; 3]) -> Self {
         Self {
             latency_s: self.latency_s + latency_s,
             lag: AmplifierLag {
@@ -247,7 +252,7 @@ impl AmplifierLag {
 
 /// The voltage behind latency, converter's hold and lag at each sample of a record: exact for a command that is held, then averaged where
 /// a structure does.
-fn behind_lag(record: &Record, timing: Timing) -> Vec<f64> {
+pub(super) fn behind_lag(record: &Record, timing: Timing) -> Vec<f64> {
     let (voltage_v, period_s, lag) = (&record.voltage_v, record.period_s, timing.lag);
     let (whole, late) = timing.whole_and_late(period_s);
     let at = |k: usize, behind: usize| k.checked_sub(behind).map_or(0.0, |i| voltage_v[i]);
@@ -452,12 +457,12 @@ fn behind(seen: &[Seen<'_>], timing: Timing) -> Vec<Vec<f64>> {
 }
 
 /// Most that a time constant changes from the middle of the range to its end, a share.
-const LARGEST_GROWTH: f64 = 0.5;
+pub(super) const LARGEST_GROWTH: f64 = 0.5;
 /// Most that the latency of records is off what is stated, samples.
-const MOST_OFF: f64 = 1.5;
+pub(super) const MOST_OFF: f64 = 1.5;
 
 /// Longest lag that is looked for: 50 ohm into 8 uF.
-const LONGEST_LAG_S: f64 = 4e-4;
+pub(super) const LONGEST_LAG_S: f64 = 4e-4;
 
 /// Graded: dense near 0, where every turn begins.
 fn thresholds(scale: Scale) -> [f64; PLAYS] {
@@ -564,6 +569,12 @@ pub(super) fn fit_pairs(series: &[Pairs]) -> (InversePart, f64) {
     let voltages_v: Vec<&[f64]> = series.iter().map(|pairs| pairs.voltage_v.as_slice()).collect();
     let factors: Vec<f64> = series.iter().map(|pairs| pairs.factor).collect();
     Problem::new(&positions_um, &factors).rising(&voltages_v, LEAST_RIDGE_OF_A_MODEL)
+}
+
+/// Fits the inverse to records with a timing; returns it with the rms of what is left, volts.
+pub(super) fn table(seen: &[Seen<'_>], timing: Timing) -> (InversePart, f64) {
+    let inputs: Vec<&[f64]> = seen.iter().map(|s| &s.before_creep_um[..s.to]).collect();
+    Problem::new(&inputs, &vec![1.0; inputs.len()]).rising(&behind(seen, timing), RIDGE)
 }
 
 /// Fits inverse and timing to records; returns them with the rms of what is left, volts. What the structure hides is filled in in so many

@@ -5,6 +5,8 @@
 //! biased by the hysteresis of small loops. Nothing but records goes in.
 
 mod creep_fit;
+mod fading_fit;
+mod fading_part;
 pub mod from_model;
 mod held_out;
 mod inverse;
@@ -14,6 +16,7 @@ mod refine;
 mod sensor;
 mod spectrum;
 
+pub use fading_part::FadingPart;
 pub(crate) use from_model::Linear;
 pub use from_model::{Part, RecordedHold, Undone, chain_of};
 pub use held_out::HeldOut;
@@ -79,23 +82,14 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
     let response = frequency_response(frf)?;
     let small_signal = fit_small_signal(&response, latency_s, frf.period_s)?;
     let by_holds = creep_fit::fit(&holds)?;
-    let mut linear = small_signal.linear;
-    let fit_through = |creep: &CreepPart, latency_s: f64, rounds: usize| {
-        let around = inverse::Around {
-            linear: &linear,
-            creep,
-            latency_s,
-            gain_um_per_v: small_signal.gain_um_per_v,
-        };
-        inverse::fit(&large, &around, rounds)
-    };
-    // Two rounds tell the latency, which fast creep would otherwise be taken for.
-    let (_, timing, _) = fit_through(&by_holds, latency_s, 2)?;
-    let creep = creep_fit::as_fast_as_loops_say(by_holds, &|creep| {
-        fit_through(creep, timing.latency_s, 1).map_or(f64::INFINITY, |(_, _, left_v)| left_v)
-    });
-    let (inverse, inverse::Timing { lag, latency_s, .. }, left_v) =
-        fit_through(&creep, timing.latency_s, inverse::ROUNDS)?;
+    let Hysteresis {
+        creep,
+        inverse,
+        fading,
+        timing: inverse::Timing { lag, latency_s, .. },
+        left_v,
+    } = hysteresis(&large, &small_signal, by_holds, latency_s)?;
+    let mut linear = small_signal.linear.clone();
     linear.lag_s = lag.tau_s;
     linear.lag_growth = (lag.per_v != 0.0).then_some([lag.about_v, lag.per_v]);
     let swing_v = large
@@ -114,6 +108,7 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
         linear,
         creep,
         inverse,
+        fading,
         around: model::AroundPart {
             sensor_lag_s,
             ..model::AroundPart::default()
@@ -125,5 +120,68 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
             }),
             ..Covered::by(dataset)
         },
+    })
+}
+
+/// What the large signals say.
+struct Hysteresis {
+    creep: CreepPart,
+    inverse: InversePart,
+    fading: Option<FadingPart>,
+    timing: inverse::Timing,
+    /// Rms of what is left, volts.
+    left_v: f64,
+}
+
+/// Fits the hysteresis to large signals, a table of plays or fading elements, with the timing and the creep that go with it.
+fn hysteresis(
+    large: &[&Record],
+    small_signal: &SmallSignal,
+    by_holds: CreepPart,
+    stated_s: f64,
+) -> Result<Hysteresis, IdentifyError> {
+    fn around<'a>(small_signal: &'a SmallSignal, creep: &'a CreepPart, latency_s: f64) -> inverse::Around<'a> {
+        inverse::Around {
+            linear: &small_signal.linear,
+            creep,
+            latency_s,
+            gain_um_per_v: small_signal.gain_um_per_v,
+        }
+    }
+    let through = |creep: &CreepPart, latency_s: f64, rounds: usize| {
+        inverse::fit(large, &around(small_signal, creep, latency_s), rounds)
+    };
+    // Two rounds tell the latency, which fast creep would otherwise be taken for.
+    let (table, timing, _) = through(&by_holds, stated_s, 2)?;
+    if fading_fit::foretell_better(large, &around(small_signal, &by_holds, stated_s), timing, &table)? {
+        let elements = |creep: &CreepPart, from, rounds: usize| {
+            fading_fit::fit(large, &around(small_signal, creep, stated_s), from, rounds)
+        };
+        let (_, timing, _) = elements(&by_holds, timing, 2)?;
+        let creep = creep_fit::as_fast_as_loops_say(by_holds.clone(), &|creep| {
+            elements(creep, timing, 1).map_or(f64::INFINITY, |(_, _, left_um)| left_um)
+        });
+        let (part, timing, left_um) = elements(&creep, timing, fading_fit::ROUNDS)?;
+        if part.to_core::<f64>().is_ok() {
+            return Ok(Hysteresis {
+                creep,
+                // The table beside them says where the stroke ends.
+                inverse: table,
+                left_v: left_um / part.mean_gain_um_per_v(),
+                fading: Some(part),
+                timing,
+            });
+        }
+    }
+    let creep = creep_fit::as_fast_as_loops_say(by_holds, &|creep| {
+        through(creep, timing.latency_s, 1).map_or(f64::INFINITY, |(_, _, left_v)| left_v)
+    });
+    let (inverse, timing, left_v) = through(&creep, timing.latency_s, inverse::ROUNDS)?;
+    Ok(Hysteresis {
+        creep,
+        inverse,
+        fading: None,
+        timing,
+        left_v,
     })
 }

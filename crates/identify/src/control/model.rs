@@ -1,5 +1,6 @@
 //! The identified chain as a controller needs it.
 
+use super::fading_part::FadingPart;
 use super::held_out::HeldOut;
 use super::linear_part::LinearPart;
 use crate::covered::Covered;
@@ -72,8 +73,11 @@ pub struct ControlModel {
     pub linear: LinearPart,
     /// Creep.
     pub creep: CreepPart,
-    /// Hysteresis.
+    /// Hysteresis, by plays.
     pub inverse: InversePart,
+    /// Hysteresis of Duhem's kind, which stands in the place of the plays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fading: Option<FadingPart>,
     /// What acts on the position beside the command.
     #[serde(default)]
     pub around: AroundPart,

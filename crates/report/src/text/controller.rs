@@ -95,9 +95,10 @@ fn identified(text: &mut String, source: &Designed) {
             100.0 * sum
         );
     }
+    let by = model.fading.as_ref().map_or("", |_| ", by fading elements");
     let _ = writeln!(
         text,
-        "  inverse of the hysteresis  {:8.3} % of the command's range missed on the records",
+        "  inverse of the hysteresis  {:8.3} % of the command's range missed on the records{by}",
         model.misfit_percent
     );
 }

@@ -493,12 +493,11 @@ fn chain(controller: &Controller) -> Table {
         100.0 * model.creep.shares.iter().sum::<f64>(),
         "%",
     );
-    table = row(
-        table,
-        "inverse of the hysteresis: missed on the records",
-        model.misfit_percent,
-        "% of the command's range",
-    );
+    let inverse = match &model.fading {
+        Some(_) => "inverse of the hysteresis, by fading elements: missed on the records",
+        None => "inverse of the hysteresis: missed on the records",
+    };
+    table = row(table, inverse, model.misfit_percent, "% of the command's range");
     if let Some(feedback) = &controller.feedback {
         table = row(table, "feedback: integral gain", feedback.integral_v_per_um_s, "V/µm/s");
         table = row(
