@@ -1,7 +1,8 @@
 //! Hysteresis of Duhem's kind, identified forward through the known linear part on either side of it.
 
 use super::fading_part::FadingPart;
-use super::inverse::{self, Around, LARGEST_GROWTH, LONGEST_LAG_S, MOST_OFF, ROWS_A_RECORD, Seen, Timing, behind_lag};
+use super::inverse::{self, Around, LARGEST_GROWTH, MOST_OFF, ROWS_A_RECORD, Seen, Timing, behind_lag};
+use super::linear_part::LONGEST_LAG_S;
 use super::model::InversePart;
 use crate::error::IdentifyError;
 use crate::fading::lengths;

@@ -1,6 +1,6 @@
 //! The direct inverse of the hysteresis, identified through the known linear part on either side of it.
 
-use super::linear_part::LinearPart;
+use super::linear_part::{LONGEST_LAG_S, LinearPart};
 use super::model::{CREEP_FAST, CREEP_SLOW, CreepPart, InversePart, PLAYS};
 use super::spectrum::through_spectrum;
 use crate::error::IdentifyError;
@@ -460,9 +460,6 @@ fn behind(seen: &[Seen<'_>], timing: Timing) -> Vec<Vec<f64>> {
 pub(super) const LARGEST_GROWTH: f64 = 0.5;
 /// Most that the latency of records is off what is stated, samples.
 pub(super) const MOST_OFF: f64 = 1.5;
-
-/// Longest lag that is looked for: 50 ohm into 8 uF.
-pub(super) const LONGEST_LAG_S: f64 = 4e-4;
 
 /// Graded: dense near 0, where every turn begins.
 fn thresholds(scale: Scale) -> [f64; PLAYS] {

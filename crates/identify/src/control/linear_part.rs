@@ -181,8 +181,10 @@ struct Shape {
 const MODEL_ERROR: f64 = 5e-3;
 /// What is damped more than this does not ring: it is no mode, whatever it takes of the misfit.
 const OVERDAMPED: f64 = 0.5;
-/// A misfit above it says that the latency may be another than stated.
-const TOO_FAR: f64 = 2.0 * MODEL_ERROR;
+/// Longest lag that is looked for: 50 ohm into 8 uF.
+pub(super) const LONGEST_LAG_S: f64 = 4e-4;
+/// Shortest lag that is told from none, seconds.
+const SHORTEST_LAG_S: f64 = 1e-6;
 /// Share of the squares below which another latency is believed.
 const CLEARLY: f64 = 0.5;
 /// How much shorter than stated a latency is tried to be, samples: by as much as large signals may say.
@@ -275,7 +277,8 @@ impl Shape {
     }
 }
 
-/// Fits lag and modes to a response whose latency is known, or up to a sample and a half shorter where that is clearly closer.
+/// Fits lag and modes to a response whose latency is known. Where that asks for no lag, or for one that no amplifier has, latencies up to
+/// a sample and a half shorter are tried, and one that is clearly closer stands.
 ///
 /// A constant phase and a gain that falls with frequency stand for hysteresis and creep of small loops; without them the lag
 /// would take both. A second mode is taken where it explains at least a third of what one leaves, rings, and
@@ -299,7 +302,7 @@ pub fn fit_small_signal(data: &FrequencyResponse, delay_s: f64, period_s: f64) -
         });
     }
     let mut found = with_delay(data, delay_s, period_s);
-    if found.misfit(data) > TOO_FAR {
+    if !(SHORTEST_LAG_S..=LONGEST_LAG_S).contains(&found.linear().lag_s) {
         let shorter = EARLIER_SAMPLES.map(|samples| delay_s - samples * period_s);
         let others = shorter.into_iter().filter(|delay_s| *delay_s >= 0.0);
         for other in others.map(|delay_s| with_delay(data, delay_s, period_s)) {
