@@ -138,12 +138,12 @@ pub const RULES: [Rule; 31] = [
     rule(
         RuleId::CertainProbability,
         0.85,
-        "at four fifths one name of twenty more is wrong; at nine tenths a sixtieth less is named",
+        "of 600 cases six more names are right at 0.8 and two more wrong; at 0.9 one less is right",
     ),
     rule(
         RuleId::SetProbability,
         0.8,
-        "sets of nineteen twentieths hold what is there in 95 instead of 91 of 100, with half as many members again",
+        "sets of nineteen twentieths hold what is there in 95 instead of 90 of 100, with 4.4 instead of 2.8 members",
     ),
     rule(RuleId::SetStatistic, 0.85, "rivals as good as this are not told apart"),
     rule(
