@@ -135,6 +135,17 @@ pub struct Evidence {
     pub free_fails: WhereItFails,
 }
 
+impl Evidence {
+    /// The share of the excess that everything found explains together; 1 where there is none.
+    pub(crate) fn explained(&self) -> f64 {
+        if self.base_excess > 0.0 {
+            1.0 - self.left_excess / self.base_excess
+        } else {
+            1.0
+        }
+    }
+}
+
 /// Compares trials of one search.
 #[derive(Debug, Clone)]
 pub(crate) struct Scale {

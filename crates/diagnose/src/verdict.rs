@@ -158,18 +158,13 @@ fn rivals(evidence: &Evidence, first: &EffectName, round: &Round, thresholds: &T
 
 /// Whether what was found takes most of the excess, and so much that no larger thing than itself can be left.
 fn explains_enough(evidence: &Evidence, thresholds: &Thresholds) -> bool {
-    let share = if evidence.base_excess > 0.0 {
-        1.0 - evidence.left_excess / evidence.base_excess
-    } else {
-        1.0
-    };
     let much = evidence.left_percent > thresholds.of(RuleId::MuchLeftPercent);
     let least = if much {
         RuleId::LargeExplainedShare
     } else {
         RuleId::ExplainedShare
     };
-    share > thresholds.of(least)
+    evidence.explained() > thresholds.of(least)
 }
 
 /// Whether all that was found leaves more of the records not fitted to than the model that the user began with: such a chain says nothing

@@ -161,23 +161,10 @@ impl Alternative {
         }
         Self { effect, values }
     }
-
-    fn set(&mut self, term: Term, value: f64) {
-        self.values[term as usize] = value;
-    }
 }
 
 fn is(holds: bool) -> f64 {
     f64::from(u8::from(holds))
-}
-
-/// The share of the excess that all rounds explain.
-fn explained(evidence: &Evidence) -> f64 {
-    if evidence.base_excess > 0.0 {
-        1.0 - evidence.left_excess / evidence.base_excess
-    } else {
-        1.0
-    }
 }
 
 /// The candidates of the first round that the model's family does not have, and the alternative to all of them behind these.
@@ -192,7 +179,7 @@ pub fn alternatives(evidence: &Evidence) -> Vec<Alternative> {
         let least = others().filter_map(|c| c.errors.pooled()).fold(f64::INFINITY, f64::min);
         let mut own = of_candidate(evidence, candidate, [next, next_likelihood, least]);
         if round.taken.as_ref() == Some(&candidate.effect) {
-            own.set(Term::Explains, explained(evidence));
+            own.values[Term::Explains as usize] = evidence.explained();
         }
         own
     });
