@@ -5,7 +5,6 @@
 #![expect(unsafe_code, reason = "a C interface takes pointers")]
 
 use hysteron_control::design::Controller;
-use hysteron_core::either_inverse::EitherInverse;
 use hysteron_core::surroundings::{DesignedLaw, DesignedState, LoopInput};
 use hysteron_table::Table;
 use std::ffi::{CStr, c_char};
@@ -179,10 +178,7 @@ fn of_table(text: &str) -> Result<(DesignedLaw<f32>, f64), String> {
     let numbers = table.law_numbers().map_err(|error| error.to_string())?;
     let numbers = numbers.ok_or("a table without a complete law; make it from a controller.toml")?;
     let rate_hz = numbers.sample_rate_hz;
-    let plays = numbers.inverse.inverse(rate_hz).map_err(|error| error.to_string())?;
-    let law = numbers
-        .law_with(EitherInverse::Plays(plays))
-        .map_err(|error| error.to_string())?;
+    let law = numbers.designed(None).map_err(|error| error.to_string())?;
     Ok((law, rate_hz))
 }
 

@@ -9,16 +9,20 @@ use crate::effects::creep::CreepInverse;
 use crate::effects::hum_canceller::HumCanceller;
 use crate::effects::lag::{HeldLagInverse, Lag, LagGrowth};
 use crate::effects::thermal::{Heat, Thermal};
+use crate::either_inverse::EitherInverse;
 use crate::error::{ParamError, in_range};
+use crate::fading::FadingInverse;
 use crate::limiter::Limiter;
 use crate::model::DirectInverse;
 use crate::pi_controller::PiController;
 use crate::play_polynomial::{INPUT_DEGREE, PolynomialCoefficients};
 use crate::preview::Preview;
 use crate::real::Real;
-use crate::surroundings::{CompleteLaw, HARMONICS, SensorInverse, Surroundings};
+use crate::surroundings::{CompleteLaw, DesignedLaw, HARMONICS, SensorInverse, Surroundings};
 use crate::thresholds::Thresholds;
-use crate::tracking_law::{CREEP_DIVIDER, CREEP_FAST, CREEP_SLOW, Feedback, Feedforward, PLAYS, TAPS, TrackingLaw};
+use crate::tracking_law::{
+    CREEP_DIVIDER, CREEP_FAST, CREEP_SLOW, FADING, Feedback, Feedforward, PLAYS, TAPS, TrackingLaw,
+};
 use crate::trust::Trust;
 
 /// Largest share of another axis' motion: stages couple by some percent, and what is moved by half of it is not one axis.
@@ -152,6 +156,18 @@ impl LawNumbers {
     #[cold]
     pub fn law<T: Real>(&self) -> Result<CompleteLaw<T>, ParamError> {
         self.law_with(self.inverse.inverse(self.sample_rate_hz)?)
+    }
+
+    /// The law by fading elements, or by the table of plays where there are none.
+    ///
+    /// # Errors
+    /// Values that the core refuses.
+    #[cold]
+    pub fn designed<T: Real>(&self, fading: Option<FadingInverse<T, FADING>>) -> Result<DesignedLaw<T>, ParamError> {
+        self.law_with(match fading {
+            Some(elements) => EitherInverse::Fading(elements),
+            None => EitherInverse::Plays(self.inverse.inverse(self.sample_rate_hz)?),
+        })
     }
 
     /// The law with another inverse of the hysteresis than the table of plays.

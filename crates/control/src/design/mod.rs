@@ -14,11 +14,10 @@ pub mod stands;
 use crate::error::ControlError;
 use feedback::{Effort, FeedbackDesign};
 use hysteron_core::biquad::Biquad;
-use hysteron_core::either_inverse::EitherInverse;
 use hysteron_core::law_numbers::{HumNumbers, LawNumbers};
 use hysteron_core::real::Real;
 use hysteron_core::surroundings::HARMONICS;
-use hysteron_identify::control::ControlModel;
+use hysteron_identify::control::{ControlModel, FadingPart};
 use hysteron_table::Adaptation;
 use preview::{AHEAD, PreviewQuality, TAPS, Undone};
 use serde::{Deserialize, Serialize};
@@ -211,12 +210,8 @@ impl Controller {
     /// # Errors
     /// Values that the core refuses.
     pub fn law<T: Real>(&self) -> Result<DesignedLaw<T>, ControlError> {
-        let numbers = self.of_plays()?;
-        let hysteresis = match &self.model.fading {
-            Some(fading) => EitherInverse::Fading(fading.to_core()?),
-            None => EitherInverse::Plays(numbers.inverse.inverse(numbers.sample_rate_hz)?),
-        };
-        Ok(numbers.law_with(hysteresis)?)
+        let fading = self.model.fading.as_ref().map(FadingPart::to_core).transpose()?;
+        Ok(self.of_plays()?.designed(fading)?)
     }
 
     /// All numbers of the law, as a table has them.
