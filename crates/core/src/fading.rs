@@ -76,9 +76,9 @@ fn cubic<T: Real>([first, second, third]: &[T; FADING_DEGREE], u: T) -> T {
     ((*third * u + *second) * u + *first) * u
 }
 
-/// `(1 - e^-a) / a` for `a >= 0`: 1 at 0, falling, never below 0.
+/// `(1 - e^-a) / a` for `a >= -1`: 1 at 0, falling, never below 0.
 #[inline(always)]
-fn faded<T: Real>(a: T) -> T {
+pub(crate) fn faded<T: Real>(a: T) -> T {
     let [second, third, fourth, fifth] = [2.0, 6.0, 24.0, 120.0].map(|n: f64| T::from_f64(1.0 / n));
     // (e^a - 1) / a
     let growth = (((fifth * a + fourth) * a + third) * a + second) * a + T::ONE;

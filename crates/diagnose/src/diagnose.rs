@@ -17,8 +17,7 @@ use crate::witness::{dead_band, structure};
 use hysteron_acquisition::{Kind, inspect};
 use hysteron_data::{Dataset, Role};
 use hysteron_identify::effects::{UserEffect, late};
-use hysteron_identify::search::Search;
-use hysteron_identify::{EffectId, IdentifyError, Model, check_own_effect, period, present_step};
+use hysteron_identify::{EffectId, EffectName, IdentifyError, Model, check_own_effect, period, present_step};
 
 /// Effects that are looked for one after another.
 const MOST_ROUNDS: usize = 3;
@@ -210,10 +209,12 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, of_records: OfReco
     let left = errors(search, standing);
     let traces = investigation.traces();
     let has = |effect: EffectId| model.effects.iter().any(|fitted| fitted.name == effect);
-    let took_resonance = investigation
-        .rounds
-        .iter()
-        .any(|r| r.taken == Some(EffectId::Resonance.into()));
+    let is_mode = |name: &EffectName| {
+        let id = name.id();
+        id.is_some_and(|id| id.effect().widens().unwrap_or(id) == EffectId::Resonance)
+    };
+    let mut taken = investigation.rounds.iter().filter_map(|round| round.taken.as_ref());
+    let has_a_mode = model.effects.iter().any(|fitted| is_mode(&fitted.name)) || taken.any(is_mode);
     Evidence {
         reasons: Vec::new(),
         before,
@@ -223,7 +224,7 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, of_records: OfReco
         base_excess: investigation.base_excess,
         left_excess: investigation.scale.excess(standing),
         left_percent: left.pooled().unwrap_or(0.0),
-        noise_percent: noise_percent(search),
+        noise_percent: investigation.scale.noise_percent(search.noise_um()),
         more_than_noise: structure::more_than_noise(traces, &residuals),
         rounds: investigation.rounds.clone(),
         shape: bends(model, investigation),
@@ -233,7 +234,7 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, of_records: OfReco
             } else {
                 dead_band::find(traces, &left)
             },
-            ring: if has(EffectId::Resonance) || took_resonance {
+            ring: if has_a_mode {
                 None
             } else {
                 investigation.ring(&residuals)
@@ -243,13 +244,6 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, of_records: OfReco
         fails,
         free_fails: where_it_fails(&courses(investigation, investigation.residuals_at_first())),
     }
-}
-
-/// The noise of the records that move, percent of peak to peak.
-fn noise_percent(search: &Search<'_>) -> f64 {
-    let strokes: Vec<f64> = search.strokes_um().into_iter().filter(|s| *s > 0.0).collect();
-    let noise = |stroke: &f64| (100.0 * search.noise_um() / stroke).powi(2);
-    (strokes.iter().map(noise).sum::<f64>() / strokes.len().max(1) as f64).sqrt()
 }
 
 /// Where the given model fails, on the records as they are.

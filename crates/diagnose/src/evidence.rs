@@ -163,6 +163,13 @@ impl Scale {
         }
     }
 
+    /// The noise of the records that move, percent of peak to peak.
+    pub(crate) fn noise_percent(&self, noise_um: f64) -> f64 {
+        let strokes: Vec<f64> = self.stroke_um.iter().copied().filter(|stroke| *stroke > 0.0).collect();
+        let noise = |stroke: &f64| (100.0 * noise_um / stroke).powi(2);
+        (strokes.iter().map(noise).sum::<f64>() / strokes.len().max(1) as f64).sqrt()
+    }
+
     /// Fall of the logarithms of the parts' held-out squared errors, from one trial to another.
     pub(crate) fn fall(&self, from: &Trial, to: &Trial) -> f64 {
         let pairs = from.parts.iter().zip(&to.parts);

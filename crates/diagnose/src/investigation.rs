@@ -207,6 +207,7 @@ impl<'a> Investigation<'a> {
             .effects
             .iter()
             .filter(|effect| !effect.adds_line_spectrum() || line.is_some())
+            .filter(|_| first || self.may_hold_more())
             .cloned()
             .collect();
         let mut trials: Vec<(Arc<dyn Effect>, Trial)> = Vec::new();
@@ -216,6 +217,7 @@ impl<'a> Investigation<'a> {
                 trials.push((effect, trial));
             }
         }
+        self.leave_one_form(&mut trials);
         let mut judged = self.judged(trials);
         judged.sort_by(|a, b| self.order(first, &a.candidate, &b.candidate));
         self.by_likelihood(first, &mut judged);
@@ -233,6 +235,20 @@ impl<'a> Investigation<'a> {
         (judged, line)
     }
 
+    /// Whether what is left above the noise can hold an effect that counts. Behind a mode with a bent spring every candidate is a
+    /// simulation of it; behind the others the noise, which may be an upper bound, is not taken off.
+    fn may_hold_more(&self) -> bool {
+        let least = self.thresholds.of(RuleId::TakenPercent);
+        let left = self.search.pooled_percent(self.search.standing());
+        let mut taken = self.rounds.iter().filter_map(|round| round.taken.as_ref()?.id());
+        let noise = if taken.any(|id| id.effect().widens().is_some()) {
+            self.scale.noise_percent(self.search.noise_um())
+        } else {
+            0.0
+        };
+        left > least.hypot(noise)
+    }
+
     /// Takes the best of the last round into the chain.
     pub(crate) fn take(&mut self, best: Best) {
         let of_family =
@@ -248,6 +264,31 @@ impl<'a> Investigation<'a> {
     fn mains_line(&self, residuals: &[Vec<f64>]) -> Option<f64> {
         let hum = hum::find(&self.traces, residuals, self.search.noise_um())?;
         (hum.of > 0 && 2 * hum.seen_in > hum.of).then_some(hum.frequency_hz)
+    }
+
+    /// Of an effect and its wider forms leaves either the effect, or those forms that take a good part of what it leaves.
+    fn leave_one_form(&self, trials: &mut Vec<(Arc<dyn Effect>, Trial)>) {
+        let standing = self.search.standing();
+        let goes_before = |(effect, wider): &(Arc<dyn Effect>, Trial), narrower: EffectId| {
+            let tried = trials.iter().find(|(other, _)| other.name() == narrower);
+            let narrower = tried.map_or(standing, |(_, trial)| trial);
+            let against = self.against(effect.as_ref(), wider);
+            let on_top = self
+                .scale
+                .candidate(&self.search, &effect.name(), (narrower, wider), against);
+            on_top.significant(false, &self.thresholds)
+        };
+        let wider: Vec<(EffectName, EffectId)> = trials
+            .iter()
+            .filter_map(|trial| {
+                let narrower = trial.0.widens()?;
+                goes_before(trial, narrower).then(|| (trial.0.name(), narrower))
+            })
+            .collect();
+        trials.retain(|(effect, _)| match effect.widens() {
+            Some(_) => wider.iter().any(|(name, _)| *name == effect.name()),
+            None => !wider.iter().any(|(_, narrower)| effect.name() == *narrower),
+        });
     }
 
     /// Each trial against the chain without it, under the same ridge where that helps the chain.

@@ -3,7 +3,7 @@
 use crate::compensator::Compensation;
 use crate::effect_file::EffectFile;
 use crate::family::Family;
-use crate::id::EffectName;
+use crate::id::{EffectId, EffectName};
 use hysteron_core::envelope::Envelope;
 use std::sync::Arc;
 
@@ -322,6 +322,22 @@ pub trait Effect: Send + Sync {
     fn once_more(&self, values: &[f64], bounds: &[Bounds]) -> Option<Vec<Vec<f64>>> {
         let _ = (values, bounds);
         None
+    }
+
+    /// The effect that it is a wider form of: in a chain it takes the place of that, and a search for it begins there.
+    fn widens(&self) -> Option<EffectId> {
+        None
+    }
+
+    /// Where searches start from the values of the narrower effect.
+    fn widened(&self, narrower: &[f64], facts: &Facts) -> Vec<Vec<f64>> {
+        let _ = (narrower, facts);
+        Vec::new()
+    }
+
+    /// Whether it is looked for where the narrower effect takes little as well.
+    fn hides_the_narrower(&self) -> bool {
+        false
     }
 
     /// What it does to the command, in place.

@@ -19,6 +19,9 @@ macro_rules! every_effect {
             mains_hum::MainsHum = "mains-hum",
             backlash::Backlash = "backlash",
             sensor_nonlinearity::SensorNonlinearity = "sensor-nonlinearity",
+            nonlinear_stiffness::NonlinearStiffness = "nonlinear-stiffness",
+            friction::Friction = "friction",
+            mode_hysteresis::ModeHysteresis = "mode-hysteresis",
         }
     };
 }

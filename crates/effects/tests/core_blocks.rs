@@ -9,6 +9,7 @@ use hysteron_core::effects::delay::Delay;
 use hysteron_core::effects::hum::Hum;
 use hysteron_core::effects::lag::{GrowingLag, Lag};
 use hysteron_core::effects::resonance::{Mode, TwoModes};
+use hysteron_core::effects::restoring::{Memory, RestoringMode, RestoringNumbers};
 use hysteron_core::effects::saturation::Saturation;
 use hysteron_core::effects::sensor::SensorCurve;
 use hysteron_core::effects::slew::SlewLimit;
@@ -47,6 +48,23 @@ struct Played {
 fn through<B: Block<f64>>(block: &B, series: &[f64]) -> Vec<f64> {
     let mut state = block.rest_at(series[0]);
     series.iter().map(|&x| block.step(&mut state, x)).collect()
+}
+
+fn mode_of(values: &[f64]) -> RestoringNumbers {
+    RestoringNumbers {
+        frequency_hz: values[0],
+        damping: values[1],
+        middle: 0.0,
+        half: 1.0,
+        stiffness: [0.0; 2],
+        memory: Memory::default(),
+    }
+}
+
+/// `None` for a spring that would push: the core refuses it, and the effect leaves the position alone.
+fn restored(numbers: &RestoringNumbers, position_um: &[f64]) -> Option<Vec<f64>> {
+    let mode = RestoringMode::<f64>::new(numbers, RATE_HZ).ok()?;
+    Some(through(&mode, position_um))
 }
 
 /// What the core's blocks make of voltage and position; `None` where the effect leaves it alone or has no block.
@@ -120,6 +138,42 @@ fn by_the_core(id: EffectId, values: &[f64], played: &Played) -> [Option<Vec<f64
             let curve = SensorCurve::new(values[1], values[2]).unwrap();
             let reading = |y: &f64| values[0] + curve.reading(y - values[0]);
             [None, Some(position_um.iter().map(reading).collect())]
+        }
+        EffectId::NonlinearStiffness => {
+            let numbers = RestoringNumbers {
+                middle: values[2],
+                half: values[3],
+                stiffness: [values[4], values[5]],
+                ..mode_of(values)
+            };
+            [None, restored(&numbers, position_um)]
+        }
+        EffectId::Friction => {
+            let memory = Memory {
+                stiffness: values[2] / values[3],
+                fading: 1.0 / values[3],
+                lean: 0.0,
+                sticking: values[4],
+                sticking_to: values[5],
+            };
+            let numbers = RestoringNumbers {
+                memory,
+                ..mode_of(values)
+            };
+            [None, restored(&numbers, position_um)]
+        }
+        EffectId::ModeHysteresis => {
+            let memory = Memory {
+                stiffness: values[2],
+                fading: values[3],
+                lean: values[4],
+                ..Memory::default()
+            };
+            let numbers = RestoringNumbers {
+                memory,
+                ..mode_of(values)
+            };
+            [None, restored(&numbers, position_um)]
         }
         // Parts of the hysteresis itself: the models of the core have them.
         EffectId::RateDependence | EffectId::Asymmetry | EffectId::AmplitudeGain | EffectId::HysteresisShape => {

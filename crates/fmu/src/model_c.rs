@@ -226,7 +226,12 @@ impl Parts {
                     );
                 }
             }
-            EffectId::CrossCoupling | EffectId::ThermalDrift | EffectId::MainsHum => {
+            EffectId::CrossCoupling
+            | EffectId::ThermalDrift
+            | EffectId::MainsHum
+            | EffectId::NonlinearStiffness
+            | EffectId::Friction
+            | EffectId::ModeHysteresis => {
                 return Err(FmuError::Effect {
                     effect: fitted.name.clone(),
                 });

@@ -110,7 +110,9 @@ impl System {
             Self::Friction => ([0.5, 60.0], 3.0, 0.1),
         };
         let mut records = Vec::new();
-        let mut add = |file: &str, role: Role, force: Vec<f64>, rng: &mut Pcg64| {
+        let rest = (REST_S * rate) as usize;
+        let mut add = |file: &str, role: Role, played: Vec<f64>, rng: &mut Pcg64| {
+            let force = [vec![0.0; rest], played].concat();
             let mut position_um = self.respond(&force);
             if role == Role::Identify {
                 position_um.iter_mut().for_each(|y| *y += noise_um * gaussian(rng));
@@ -161,6 +163,9 @@ impl System {
         }
     }
 }
+
+/// Every record begins at rest, without a force.
+const REST_S: f64 = 0.2;
 
 /// Odd and even lines of a band with phases by chance; rms as wanted.
 fn multisine(n: usize, repeat: usize, rate: f64, band: [f64; 2], rms: f64, rng: &mut Pcg64) -> Vec<f64> {

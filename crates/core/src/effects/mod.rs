@@ -12,6 +12,7 @@ pub mod hum;
 pub mod hum_canceller;
 pub mod lag;
 pub mod resonance;
+pub mod restoring;
 pub mod saturation;
 pub mod sensor;
 pub mod slew;

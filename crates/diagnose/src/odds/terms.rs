@@ -236,7 +236,9 @@ fn of_candidate(evidence: &Evidence, candidate: &Candidate, [next, next_likeliho
     }
     let mut own = Alternative::new(Some(candidate.effect.clone()), &terms);
     if let Some(id) = id {
-        own.values[Term::ALL.len() + id as usize] = 1.0;
+        // A wider form stands where the narrower effect would.
+        let counted = id.effect().widens().unwrap_or(id);
+        own.values[Term::ALL.len() + counted as usize] = 1.0;
     }
     own
 }

@@ -6,7 +6,7 @@ use super::system::within_bounds;
 use super::trial::{Trial, judge};
 use super::{Search, Shape, bounds, chosen_states, has, start_in};
 use crate::chain::{Chain, Link, Own, Stroke};
-use crate::effects::{Bounds, Effect, Facts};
+use crate::effects::{Bounds, Effect, EffectId, EffectName, Facts, Mark};
 use crate::family::range;
 use crate::normal::Normal;
 use crate::start_state::InitialState;
@@ -19,6 +19,8 @@ use std::sync::Arc;
 enum Effort {
     /// Among many: one that takes nothing is left early.
     Quick,
+    /// Among many, in a valley that is long and bent.
+    Patient,
     /// For its own sake: it is wanted whatever it takes.
     Thorough,
 }
@@ -28,7 +30,7 @@ impl Effort {
     fn followed(self) -> usize {
         match self {
             Self::Quick => 2,
-            Self::Thorough => 4,
+            Self::Patient | Self::Thorough => 4,
         }
     }
 
@@ -36,6 +38,7 @@ impl Effort {
     fn steps(self) -> (usize, usize) {
         match self {
             Self::Quick => (1, 6),
+            Self::Patient => (2, 12),
             Self::Thorough => (3, usize::MAX),
         }
     }
@@ -44,7 +47,7 @@ impl Effort {
     /// hundredth of that.
     fn settled(self) -> f64 {
         match self {
-            Self::Quick => 1e-2,
+            Self::Quick | Self::Patient => 1e-2,
             Self::Thorough => 1e-4,
         }
     }
@@ -52,7 +55,7 @@ impl Effort {
     /// Times that the states of the records and the chain follow each other.
     fn turns(self) -> usize {
         match self {
-            Self::Quick => 2,
+            Self::Quick | Self::Patient => 2,
             Self::Thorough => 4,
         }
     }
@@ -60,7 +63,7 @@ impl Effort {
     /// Rounds in which records choose the numbers of their own again.
     fn rounds(self) -> usize {
         match self {
-            Self::Quick => 2,
+            Self::Quick | Self::Patient => 2,
             Self::Thorough => 5,
         }
     }
@@ -68,6 +71,9 @@ impl Effort {
 
 /// Times that the space about the best start is halved in a quick look.
 const HALVED: usize = 3;
+
+/// Starts that are looked at behind a mode with a bent spring or friction, whose every answer is an integration.
+const LOOKED_AT: usize = 12;
 
 /// A candidate whose first steps take less than this of the sum of logarithms is not followed further: the squared error of one record
 /// by a tenth.
@@ -79,6 +85,15 @@ const WORSE: f64 = 1.1;
 
 /// Records that are left with so many times their noise may have ended in another valley than the effect's.
 const MUCH: f64 = 10.0;
+
+/// A wider form of an effect is tried where that leaves less than this share of the error.
+const MAY_BE_WIDER: f64 = 0.6;
+
+/// Least error that is looked into for a wider form, percent of peak to peak.
+const MATTERS_PERCENT: f64 = 0.3;
+
+/// What is left is more than noise above so many times that.
+const STRUCTURE: f64 = 2.0;
 
 /// Why an effect cannot be tried.
 #[derive(Debug, Clone, PartialEq)]
@@ -175,8 +190,13 @@ impl Search<'_> {
     /// As [`Self::candidate`].
     pub fn candidate_held(&self, effect: &Arc<dyn Effect>, held: &[(&str, f64)]) -> Result<Trial, Refused> {
         let basis = self.basis();
+        // A wider form begins where the narrower effect ends.
+        let narrower = effect.widens().map(EffectId::effect);
+        let narrower = narrower.filter(|narrower| has(&self.standing.fitted.chain, narrower.as_ref()).is_none());
+        let narrower = narrower.and_then(|narrower| self.candidate(&narrower).ok());
+        let narrower = narrower.filter(|trial| !effect.hides_the_narrower() || self.may_be_wider(trial));
         let under = |ridge: f64| {
-            let mut plan = self.plan(effect)?;
+            let mut plan = self.plan(effect, narrower.as_ref())?;
             plan.hold(held);
             plan.point.ridge = ridge;
             self.candidate_on(effect, plan, &basis, None, Effort::Thorough)
@@ -202,19 +222,65 @@ impl Search<'_> {
     ) -> Vec<Result<Trial, Refused>> {
         let basis = self.basis();
         let done = std::sync::atomic::AtomicUsize::new(0);
-        effects
-            .par_iter()
-            .with_max_len(1)
-            .map(|effect| {
-                let before = done.load(std::sync::atomic::Ordering::Relaxed);
-                progress(before as f64 / effects.len() as f64, effect.description().name);
-                let trial = self
-                    .plan(effect)
-                    .and_then(|plan| self.candidate_on(effect, plan, &basis, line_hz, Effort::Quick));
-                done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-                trial
-            })
-            .collect()
+        let tried = |effect: &Arc<dyn Effect>, narrower: Option<&Trial>| {
+            let before = done.load(std::sync::atomic::Ordering::Relaxed);
+            progress(before as f64 / effects.len() as f64, effect.description().name);
+            let trial = self
+                .plan(effect, narrower)
+                .and_then(|plan| self.candidate_on(effect, plan, &basis, line_hz, Effort::Quick));
+            done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            trial
+        };
+        let first = effects.par_iter().with_max_len(1);
+        let first: Vec<Option<Result<Trial, Refused>>> = first
+            .map(|effect| effect.widens().is_none().then(|| tried(effect, None)))
+            .collect();
+        let of = |name: EffectId| {
+            let place = effects.iter().position(|effect| effect.name() == name)?;
+            first[place].as_ref()?.as_ref().ok()
+        };
+        let others_take_much = |mark: Option<Mark>| {
+            let mut alike = effects.iter().zip(&first).filter(|(other, _)| other.mark() == mark);
+            alike.any(|(_, trial)| matches!(trial, Some(Ok(trial)) if self.may_be_wider(trial)))
+        };
+        let all = effects.par_iter().with_max_len(1).zip(&first);
+        all.map(|(effect, trial)| match (trial, effect.widens()) {
+            (Some(trial), _) => trial.clone(),
+            (None, Some(name)) if has(&self.standing.fitted.chain, name.effect().as_ref()).is_some() => {
+                if !self.leaves_structure(&self.standing) {
+                    return Err(Refused::Cannot("little is left beside the narrower effect".to_owned()));
+                }
+                tried(effect, None)
+            }
+            (None, name) => match name.and_then(of).filter(|trial| self.may_be_wider(trial)) {
+                Some(narrower) => tried(effect, Some(narrower)),
+                None if effect.hides_the_narrower() && others_take_much(effect.mark()) => tried(effect, None),
+                None => Err(Refused::Cannot(
+                    "the effect that it is a wider form of takes little".to_owned(),
+                )),
+            },
+        })
+        .collect()
+    }
+
+    /// Whether a trial takes enough, and leaves enough, for a wider form of its effect.
+    fn may_be_wider(&self, trial: &Trial) -> bool {
+        self.held_out_percent(trial) < MAY_BE_WIDER * self.held_out_percent(&self.standing)
+            && self.leaves_structure(trial)
+    }
+
+    /// Whether a trial leaves clearly more than noise, and more than matters.
+    fn leaves_structure(&self, trial: &Trial) -> bool {
+        if self.held_out_percent(trial) < MATTERS_PERCENT {
+            return false;
+        }
+        let left = trial.left_um2.iter().zip(&self.records);
+        let moving: Vec<f64> = left
+            .filter(|(_, record)| record.moves())
+            .map(|(left, _)| *left)
+            .collect();
+        let mean = moving.iter().sum::<f64>() / moving.len().max(1) as f64;
+        mean > (STRUCTURE * self.noise_um).powi(2)
     }
 
     fn candidate_on(
@@ -234,6 +300,8 @@ impl Search<'_> {
         // The states of the records hide what outlasts them: a short way down ends where they still do.
         let effort = if effect.outlasts_records() {
             Effort::Thorough
+        } else if among_many && effect.widens().is_some() {
+            Effort::Patient
         } else {
             effort
         };
@@ -249,6 +317,17 @@ impl Search<'_> {
                 .iter_mut()
                 .filter_map(|start| start.first_mut())
                 .for_each(|f| *f = line_hz);
+        }
+        let costly = self
+            .standing
+            .fitted
+            .chain
+            .links
+            .iter()
+            .any(|link| link.effect.widens().is_some());
+        if costly && starts.len() > LOOKED_AT {
+            let every = starts.len().div_ceil(LOOKED_AT);
+            starts = starts.into_iter().step_by(every).collect();
         }
         if !effect.has_own_numbers() && starts.len() > look.followed() {
             starts = self.quick_look(&point, link, starts, basis, look);
@@ -418,9 +497,10 @@ impl Search<'_> {
         })
     }
 
-    /// The chain with the effect in it, which link that is, and where its search begins.
-    fn plan(&self, effect: &Arc<dyn Effect>) -> Result<Plan, Refused> {
-        let standing = &self.standing.fitted;
+    /// The chain with the effect in it, which link that is, and where its search begins: for a wider form of an effect that is not in the
+    /// chain, from a trial of that.
+    fn plan(&self, effect: &Arc<dyn Effect>, narrower: Option<&Trial>) -> Result<Plan, Refused> {
+        let standing = &narrower.unwrap_or(&self.standing).fitted;
         let facts = Facts {
             family: standing.chain.design.family,
             ..self.facts
@@ -433,6 +513,15 @@ impl Search<'_> {
         }
         let already = has(&standing.chain, effect.as_ref());
         let mut links = standing.chain.links.clone();
+        if let Some(other) = effect.widens().and_then(|name| wider_form(&standing.chain, name))
+            && already.is_none()
+        {
+            return Err(Refused::Cannot(format!("the chain has its mode as {other} already")));
+        }
+        let replaced = effect
+            .widens()
+            .and_then(|name| has(&standing.chain, name.effect().as_ref()))
+            .map(|place| (place, links.remove(place).values));
         if already.is_none() {
             links.push(Link {
                 effect: Arc::clone(effect),
@@ -449,14 +538,19 @@ impl Search<'_> {
                 effect.free(first, &mut bounds[link]);
             }
             starts
+        } else if let Some((_, narrower)) = &replaced {
+            effect.widened(narrower, &facts)
         } else {
             effect.starts(&facts, &bounds[link])
         };
-        let own = standing
-            .own
-            .iter()
-            .map(|own| with_place(own, already.is_none().then_some(link)))
-            .collect();
+        let own = standing.own.iter().map(|own| {
+            let mut own = own.clone();
+            if let Some((place, _)) = replaced {
+                own.remove(place);
+            }
+            with_place(&own, already.is_none().then_some(link))
+        });
+        let own = own.collect();
         let point = Fitted {
             bounds,
             coefficients: standing.coefficients.clone(),
@@ -561,6 +655,14 @@ impl Basis {
 
 /// A start's change counts up to so many times.
 const MOST_TIMES: f64 = 3.0;
+
+/// The wider form of an effect that a chain has.
+fn wider_form(chain: &Chain, narrower: EffectId) -> Option<EffectName> {
+    let mut effects = chain.links.iter().map(|link| &link.effect);
+    effects
+        .find(|effect| effect.widens() == Some(narrower))
+        .map(|effect| effect.name())
+}
 
 /// A record's own numbers with an empty list for a new link.
 fn with_place(own: &Own, link: Option<usize>) -> Own {
