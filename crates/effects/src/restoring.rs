@@ -1,6 +1,6 @@
 //! A mode with a restoring force that is no straight line, over whole series: what three effects share.
 
-use crate::effect::{Bounds, Facts, Signals};
+use crate::effect::{Bounds, Effect, Facts, Signals};
 use crate::id::EffectId;
 use hysteron_core::effects::Block;
 use hysteron_core::effects::restoring::{Memory, RestoringMode, RestoringNumbers, RestoringState};
@@ -9,25 +9,36 @@ use std::f64::consts::TAU;
 /// Damping of such a mode at most: friction leaves a drive far more damped than a flexure.
 const MOST_DAMPING: f64 = 0.95;
 
-/// Frequency and damping of the mode, from those of a straight one, then `more`.
-pub(crate) fn bounds(facts: &Facts, more: Vec<Bounds>) -> Result<Vec<Bounds>, String> {
-    let of_mode = EffectId::Resonance.effect().bounds(facts)?;
+/// Frequency and damping of the mode, from those of the straight one that an effect is a wider form of, then `more`.
+pub(crate) fn bounds(effect: &dyn Effect, facts: &Facts, more: Vec<Bounds>) -> Result<Vec<Bounds>, String> {
+    let of_mode = effect
+        .widens()
+        .map(|straight| straight.effect().bounds(facts))
+        .transpose()?;
+    let frequency = of_mode.into_iter().flatten().take(1);
     let damping = Bounds::new(1e-3, MOST_DAMPING, 0.01, 0.02);
-    Ok([of_mode[0], damping].into_iter().chain(more).collect())
+    Ok(frequency.chain([damping]).chain(more).collect())
 }
 
-/// The starts of a straight mode, each made wider.
-pub(crate) fn starts(facts: &Facts, wider: impl Fn(&[f64]) -> Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-    let resonance = EffectId::Resonance.effect();
-    let bounds = resonance.bounds(facts).unwrap_or_default();
-    if bounds.is_empty() {
+/// The starts of the straight mode, each made wider.
+pub(crate) fn starts(effect: &dyn Effect, facts: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
+    let Some(mode) = effect.widens().map(EffectId::effect) else {
         return Vec::new();
-    }
-    let straight = resonance.starts(facts, &bounds);
-    straight
+    };
+    let straight = mode
+        .bounds(facts)
+        .map(|own| mode.starts(facts, &own))
+        .unwrap_or_default();
+    let first = straight
         .iter()
-        .filter_map(|values| wider(values).into_iter().next())
-        .collect()
+        .filter_map(|values| effect.widened(values, facts).into_iter().next());
+    first.map(|values| within(values, bounds)).collect()
+}
+
+/// Values within their bounds.
+pub(crate) fn within(values: Vec<f64>, bounds: &[Bounds]) -> Vec<f64> {
+    let pairs = values.into_iter().zip(bounds);
+    pairs.map(|(value, b)| value.clamp(b.min, b.max)).collect()
 }
 
 /// A mode without any bend or memory.

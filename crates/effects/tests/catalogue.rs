@@ -128,7 +128,8 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// An effect is a folder, its line in `list.rs` and its `mod` in `lib.rs`: no other file of this crate, and none that fits, names it.
+/// An effect is a folder, its line in `list.rs` and its `mod` in `lib.rs`: no other file of this crate, and none that fits, names it, but for those of its wider
+/// forms.
 #[test]
 fn val_an_effect_is_named_in_its_folder_and_its_line_only() {
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
@@ -139,7 +140,12 @@ fn val_an_effect_is_named_in_its_folder_and_its_line_only() {
     for id in EffectId::ALL {
         let folder = own.join(id.name().replace('-', "_"));
         assert!(folder.join("mod.rs").is_file(), "{id} has no folder");
-        for path in all.iter().filter(|path| !path.starts_with(&folder)) {
+        let wider = EffectId::ALL
+            .into_iter()
+            .filter(|other| other.effect().widens() == Some(id));
+        let of_wider: Vec<PathBuf> = wider.map(|other| own.join(other.name().replace('-', "_"))).collect();
+        let names_it = |path: &Path| path.starts_with(&folder) || of_wider.iter().any(|other| path.starts_with(other));
+        for path in all.iter().filter(|path| !names_it(path)) {
             let text = std::fs::read_to_string(path).unwrap();
             let code: Vec<&str> = text
                 .split("#[cfg(test)]")

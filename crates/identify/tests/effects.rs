@@ -626,6 +626,107 @@ fn val_sensor_nonlinearity() {
     );
 }
 
+/// Records of a mode of 80 Hz and 3 % with a force beside its straight spring: `force` gets displacement, rate over w and what the force
+/// remembers, and gives the force over the stiffness and the memory's slope with the displacement's. From the mode's equation by
+/// Runge and Kutta's fourth-order rule, forty steps a sample.
+fn within_a_mode(force: impl Fn([f64; 3]) -> [f64; 2]) -> Dataset {
+    const FINE: usize = 40;
+    let (rate_hz, zeta) = (2000.0, 0.03);
+    let angle = TAU * 80.0 / rate_hz / FINE as f64;
+    let slopes = |x: [f64; 3], u: f64| {
+        let [added, memory] = force(x);
+        [x[1], u - x[0] - added - 2.0 * zeta * x[1], memory]
+    };
+    let add = |x: [f64; 3], d: [f64; 3], h: f64| [x[0] + h * d[0], x[1] + h * d[1], x[2] + h * d[2]];
+    let mut rng = rand_pcg::Pcg64::seed_from_u64(3);
+    let mut dataset = Dataset::default();
+    for (file, role, peak_v, seed) in [
+        ("large", Role::Identify, 45.0, 1),
+        ("small", Role::Identify, 15.0, 2),
+        ("between", Role::Validate, 30.0, 3),
+    ] {
+        let multisine = Multisine {
+            low_hz: 5.0,
+            high_hz: 200.0,
+            period_s: 1.0,
+            periods: 1,
+            bias_v: 50.0,
+            peak_v,
+            seed,
+        };
+        let played = with_rise(&multisine.samples(1.0 / rate_hz).unwrap(), 0.2, 1.0 / rate_hz).unwrap();
+        let voltage_v = [vec![0.0; 100], played].concat();
+        let mut x = [0.0; 3];
+        let mut position_um = vec![0.0];
+        for pair in voltage_v.windows(2) {
+            for i in 0..FINE {
+                let at = |part: f64| 0.1 * (pair[0] + (pair[1] - pair[0]) * (i as f64 + part) / FINE as f64);
+                let a = slopes(x, at(0.0));
+                let b = slopes(add(x, a, 0.5 * angle), at(0.5));
+                let c = slopes(add(x, b, 0.5 * angle), at(0.5));
+                let d = slopes(add(x, c, angle), at(1.0));
+                for (n, value) in x.iter_mut().enumerate() {
+                    *value += angle / 6.0 * (a[n] + 2.0 * b[n] + 2.0 * c[n] + d[n]);
+                }
+            }
+            position_um.push(x[0]);
+        }
+        position_um
+            .iter_mut()
+            .for_each(|y| *y += 1e-3 * (rand::RngExt::random_range(&mut rng, -1.7..1.7_f64)));
+        dataset
+            .records
+            .push(Record::new(file, role, 1.0 / rate_hz, voltage_v, position_um));
+    }
+    dataset
+}
+
+/// The effect added to ten plays, which the stage does not have: what is left must come down to the noise of 1 nm.
+fn added_within_a_mode(dataset: &Dataset, add: impl Fn(&Model) -> Added) -> Added {
+    let start = fit(dataset, &FitOptions::new(Family::Pi), &|_| ()).unwrap().model;
+    let added = add(&start);
+    let before = validation_percent(dataset, &start);
+    let after = validation_percent(dataset, &added.model);
+    assert!(after < 0.05 && before > 20.0 * after, "{before} {after}");
+    added
+}
+
+#[test]
+fn val_nonlinear_stiffness() {
+    // 1 at the middle of the stroke, 1.5 at its ends: 0.02 of x^2 about 5 um.
+    let dataset = within_a_mode(|[q, ..]| [0.02 / 3.0 * ((q - 5.0).powi(3) + 125.0), 0.0]);
+    let added = added_within_a_mode(&dataset, |start| {
+        add_effect(&dataset, start, EffectId::NonlinearStiffness, &|_| ()).unwrap()
+    });
+    let of = |name| value(&added, EffectId::NonlinearStiffness, name);
+    close(of("curve") / of("half_stroke").powi(2), 0.02, 0.1);
+    close(of("damping"), 0.03, 0.1);
+}
+
+#[test]
+fn val_friction() {
+    let (level, presliding) = (0.3, 0.05);
+    let dataset = within_a_mode(|[_, p, z]| [z, level / presliding * p - p.abs() * z / presliding]);
+    let added = added_within_a_mode(&dataset, |start| {
+        add_effect(&dataset, start, EffectId::Friction, &|_| ()).unwrap()
+    });
+    let of = |name| value(&added, EffectId::Friction, name);
+    close(of("level") * (1.0 + of("sticking")), level, 0.1);
+    close(of("frequency"), 80.0, 0.01);
+}
+
+#[test]
+fn val_mode_hysteresis() {
+    let dataset = within_a_mode(|[_, p, z]| [z, 0.8 * p - 0.4 * p.abs() * z + 0.2 * p * z.abs()]);
+    let added = added_within_a_mode(&dataset, |start| {
+        add_effect(&dataset, start, EffectId::ModeHysteresis, &|_| ()).unwrap()
+    });
+    let of = |name| value(&added, EffectId::ModeHysteresis, name);
+    close(of("stiffness"), 0.8, 0.1);
+    close(of("fading"), 0.4, 0.1);
+    close(of("lean"), -0.2, 0.15);
+}
+
 /// A new effect without a test of its own would stand in no one's way.
 #[test]
 fn val_every_effect_has_a_test_here() {

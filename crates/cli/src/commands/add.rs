@@ -14,8 +14,9 @@ use std::path::PathBuf;
 #[command(after_help = "Example:\n  hysteron add delay stage model.toml -o model2.toml\n  \
     hysteron add resonance stage model2.toml -o model3.toml\n  hysteron ladder model3.toml\n\n\
     Effects: delay, first-order-lag, slew-limit, saturation, rate-dependence, asymmetry, amplitude-gain,\n\
-    hysteresis-shape, creep, resonance, cross-coupling, thermal-drift, mains-hum, backlash, sensor-nonlinearity.\n\
-    A resonance may be added a second time: a second mode.\n\n\
+    hysteresis-shape, creep, resonance, cross-coupling, thermal-drift, mains-hum, backlash, sensor-nonlinearity,\n\
+    nonlinear-stiffness, friction, mode-hysteresis.\n\
+    A resonance may be added a second time: a second mode. The last three take its place.\n\n\
     An effect of your own is given by its file (docs/effect-files.md):\n  \
     hysteron add ./my-effect.toml stage model.toml -o model2.toml")]
 pub(crate) struct AddArgs {

@@ -94,7 +94,7 @@ impl Effect for Friction {
             Bounds::new(0.0, 1.0, 0.05, 0.0),
             Bounds::new(1e-6 * fastest, fastest, 1e-3 * fastest, 1e-2 * fastest),
         ];
-        restoring::bounds(facts, more)
+        restoring::bounds(self, facts, more)
     }
 
     /// A drive that rubs hardly rings.
@@ -109,7 +109,7 @@ impl Effect for Friction {
         let stroke = 2.0 * bounds[2].max;
         each.map(|hz| {
             let rate = 0.03 * std::f64::consts::TAU * hz * stroke;
-            vec![hz, 0.3, 0.05 * stroke, 0.005 * stroke, 0.2, rate]
+            restoring::within(vec![hz, 0.3, 0.05 * stroke, 0.005 * stroke, 0.2, rate], bounds)
         })
         .collect()
     }

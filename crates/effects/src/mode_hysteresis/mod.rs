@@ -88,11 +88,11 @@ impl Effect for ModeHysteresis {
             Bounds::new(0.0, 100.0 / stroke, 0.1 / stroke, 2.0 / stroke),
             Bounds::new(-50.0 / stroke, 50.0 / stroke, 0.1 / stroke, 0.0),
         ];
-        restoring::bounds(facts, more)
+        restoring::bounds(self, facts, more)
     }
 
-    fn starts(&self, facts: &Facts, _: &[Bounds]) -> Vec<Vec<f64>> {
-        restoring::starts(facts, |mode| self.widened(mode, facts))
+    fn starts(&self, facts: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
+        restoring::starts(self, facts, bounds)
     }
 
     /// A straight mode is as stiff as the loop and the spring together, somewhere between small and large motion.

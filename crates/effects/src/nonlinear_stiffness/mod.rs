@@ -94,11 +94,11 @@ impl Effect for NonlinearStiffness {
             Bounds::new(-SLOPE, SLOPE, 0.02, 0.0),
             Bounds::new(CURVE[0], CURVE[1], 0.05, 0.0),
         ];
-        restoring::bounds(facts, more)
+        restoring::bounds(self, facts, more)
     }
 
-    fn starts(&self, facts: &Facts, _: &[Bounds]) -> Vec<Vec<f64>> {
-        restoring::starts(facts, |mode| self.widened(mode, facts))
+    fn starts(&self, facts: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
+        restoring::starts(self, facts, bounds)
     }
 
     /// In the middle of a spring that hardens the mode is slower than what large motion shows.
