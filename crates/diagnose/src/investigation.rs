@@ -266,16 +266,23 @@ impl<'a> Investigation<'a> {
         (hum.of > 0 && 2 * hum.seen_in > hum.of).then_some(hum.frequency_hz)
     }
 
-    /// Of an effect and its wider forms leaves either the effect, or those forms that take a good part of what it leaves.
+    /// Of an effect and its wider forms leaves either the effect, or those forms that take a good part of what it leaves. A form that hides
+    /// the narrower effect has to take that of what the best effect of its mark leaves: with more numbers it imitates each of them.
     fn leave_one_form(&self, trials: &mut Vec<(Arc<dyn Effect>, Trial)>) {
         let standing = self.search.standing();
         let goes_before = |(effect, wider): &(Arc<dyn Effect>, Trial), narrower: EffectId| {
-            let tried = trials.iter().find(|(other, _)| other.name() == narrower);
-            let narrower = tried.map_or(standing, |(_, trial)| trial);
+            let alike = |other: &Arc<dyn Effect>| {
+                let of_its_mark =
+                    effect.hides_the_narrower() && other.widens().is_none() && other.mark() == effect.mark();
+                other.name() == narrower || of_its_mark
+            };
+            let tried = trials.iter().filter(|(other, _)| alike(other)).map(|(_, trial)| trial);
+            let fall = |trial: &&Trial| self.scale.fall(standing, trial);
+            let best = tried.max_by(|a, b| fall(a).total_cmp(&fall(b))).unwrap_or(standing);
             let against = self.against(effect.as_ref(), wider);
             let on_top = self
                 .scale
-                .candidate(&self.search, &effect.name(), (narrower, wider), against);
+                .candidate(&self.search, &effect.name(), (best, wider), against);
             on_top.significant(false, &self.thresholds)
         };
         let wider: Vec<(EffectName, EffectId)> = trials

@@ -330,8 +330,8 @@ pub trait Effect: Send + Sync {
     }
 
     /// Where searches start from the values of the narrower effect.
-    fn widened(&self, narrower: &[f64], facts: &Facts) -> Vec<Vec<f64>> {
-        let _ = (narrower, facts);
+    fn widened(&self, narrower: &[f64], facts: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
+        let _ = (narrower, facts, bounds);
         Vec::new()
     }
 

@@ -29,10 +29,10 @@ pub(crate) fn starts(effect: &dyn Effect, facts: &Facts, bounds: &[Bounds]) -> V
         .bounds(facts)
         .map(|own| mode.starts(facts, &own))
         .unwrap_or_default();
-    let first = straight
+    let wider = straight
         .iter()
-        .filter_map(|values| effect.widened(values, facts).into_iter().next());
-    first.map(|values| within(values, bounds)).collect()
+        .filter_map(|values| effect.widened(values, facts, bounds).into_iter().next());
+    wider.collect()
 }
 
 /// Values within their bounds.

@@ -115,19 +115,22 @@ impl Effect for Friction {
     }
 
     /// What friction damps, a straight mode has for its own damping.
-    fn widened(&self, narrower: &[f64], facts: &Facts) -> Vec<Vec<f64>> {
+    fn widened(&self, narrower: &[f64], facts: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
         let stroke = facts.stroke_um();
         let rate = 0.03 * std::f64::consts::TAU * narrower[0] * stroke;
         let start = |(damping, level): (f64, f64)| {
             let presliding = 0.1 * level * stroke;
-            vec![
-                narrower[0],
-                damping * narrower[1],
-                level * stroke,
-                presliding,
-                0.2,
-                rate,
-            ]
+            restoring::within(
+                vec![
+                    narrower[0],
+                    damping * narrower[1],
+                    level * stroke,
+                    presliding,
+                    0.2,
+                    rate,
+                ],
+                bounds,
+            )
         };
         [(0.7, 0.03), (1.5, 0.1)].map(start).to_vec()
     }

@@ -96,11 +96,14 @@ impl Effect for ModeHysteresis {
     }
 
     /// A straight mode is as stiff as the loop and the spring together, somewhere between small and large motion.
-    fn widened(&self, narrower: &[f64], facts: &Facts) -> Vec<Vec<f64>> {
+    fn widened(&self, narrower: &[f64], facts: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
         let stroke = facts.stroke_um();
         let start = |(stiffness, fading, lean, stiffer): (f64, f64, f64, f64)| {
             let frequency = narrower[0] / f64::sqrt(stiffer);
-            vec![frequency, 0.3 * narrower[1], stiffness, fading / stroke, lean / stroke]
+            restoring::within(
+                vec![frequency, 0.3 * narrower[1], stiffness, fading / stroke, lean / stroke],
+                bounds,
+            )
         };
         [
             (0.5, 2.0, 0.0, 1.4),

@@ -102,17 +102,20 @@ impl Effect for NonlinearStiffness {
     }
 
     /// In the middle of a spring that hardens the mode is slower than what large motion shows.
-    fn widened(&self, narrower: &[f64], facts: &Facts) -> Vec<Vec<f64>> {
+    fn widened(&self, narrower: &[f64], facts: &Facts, bounds: &[Bounds]) -> Vec<Vec<f64>> {
         let middle = 0.5 * (facts.position_um[0] + facts.position_um[1]);
         let start = |(share, curve): (f64, f64)| {
-            vec![
-                share * narrower[0],
-                narrower[1],
-                middle,
-                0.5 * facts.stroke_um(),
-                0.0,
-                curve,
-            ]
+            restoring::within(
+                vec![
+                    share * narrower[0],
+                    narrower[1],
+                    middle,
+                    0.5 * facts.stroke_um(),
+                    0.0,
+                    curve,
+                ],
+                bounds,
+            )
         };
         [(0.95, 0.4), (1.03, -0.15)].map(start).to_vec()
     }

@@ -539,11 +539,7 @@ impl Search<'_> {
             }
             starts
         } else if let Some((_, narrower)) = &replaced {
-            let inside = |values: Vec<f64>| {
-                let pairs = values.into_iter().zip(&bounds[link]);
-                pairs.map(|(value, b)| value.clamp(b.min, b.max)).collect()
-            };
-            effect.widened(narrower, &facts).into_iter().map(inside).collect()
+            effect.widened(narrower, &facts, &bounds[link])
         } else {
             effect.starts(&facts, &bounds[link])
         };
