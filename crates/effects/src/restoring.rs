@@ -4,6 +4,7 @@ use crate::effect::{Bounds, Effect, Facts, Signals};
 use crate::id::EffectId;
 use hysteron_core::effects::Block;
 use hysteron_core::effects::restoring::{Memory, RestoringMode, RestoringNumbers, RestoringState};
+use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 
 /// Damping of such a mode at most: friction leaves a drive far more damped than a flexure.
@@ -160,40 +161,9 @@ fn repeated(period: &[Linear], column: &[f64]) -> [f64; 3] {
         start[i] = 1.0;
         through(start, 0.0)
     });
-    // (1 - F) x = forced, by elimination.
-    let mut rows: [[f64; 4]; 3] = std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            if j == 3 {
-                forced[i]
-            } else {
-                f64::from(u8::from(i == j)) - free[j][i]
-            }
-        })
-    });
-    for i in 0..3 {
-        let pivot = (i..3)
-            .max_by(|&a, &b| rows[a][i].abs().total_cmp(&rows[b][i].abs()))
-            .unwrap_or(i);
-        rows.swap(i, pivot);
-        if rows[i][i].abs() < 1e-12 {
-            continue;
-        }
-        for k in 0..3 {
-            if k != i {
-                let factor = rows[k][i] / rows[i][i];
-                for j in i..4 {
-                    rows[k][j] -= factor * rows[i][j];
-                }
-            }
-        }
-    }
-    std::array::from_fn(|i| {
-        if rows[i][i].abs() < 1e-12 {
-            0.0
-        } else {
-            rows[i][3] / rows[i][i]
-        }
-    })
+    // (1 - F) x = forced; a motion that does not fade within a period has no such state.
+    let open = Matrix3::from_fn(|i, j| f64::from(u8::from(i == j)) - free[j][i]);
+    open.lu().solve(&Vector3::from(forced)).map_or([0.0; 3], Into::into)
 }
 
 #[cfg(test)]

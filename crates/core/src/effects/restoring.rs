@@ -267,8 +267,8 @@ impl<T: Real> RestoringMode<T> {
         let mut rates = open_rate;
         let mut memories = [T::ZERO - of_way, T::ZERO, of_memory, T::ZERO, T::ZERO];
         for ((rate, memory), end) in rates.iter_mut().zip(&mut memories).zip(end) {
-            *rate = *rate - rate_to * (slope + of_way) * end;
-            *memory = *memory + of_way * end;
+            *rate -= rate_to * (slope + of_way) * end;
+            *memory += of_way * end;
         }
         [end, rates, memories]
     }
