@@ -103,6 +103,8 @@ pub struct FrequencyResponse {
 pub struct SmallSignal {
     /// Lag (biased by the hysteresis of small loops, to be refined on large signals) and modes.
     pub linear: LinearPart,
+    /// The latency that they stand behind, half a sample of hold included: as stated, or shorter.
+    pub latency_s: f64,
     /// Static gain at the bias, micrometres per volt.
     pub gain_um_per_v: f64,
     /// Constant phase of hysteresis and creep, rad.
@@ -278,7 +280,7 @@ impl Shape {
 }
 
 /// Fits lag and modes to a response whose latency is known. Where that asks for no lag, or for one that no amplifier has, latencies up to
-/// a sample and a half shorter are tried, and one that is clearly closer stands.
+/// a sample and a half shorter are tried, one that is clearly closer stands, and goes on to where least is left.
 ///
 /// A constant phase and a gain that falls with frequency stand for hysteresis and creep of small loops; without them the lag
 /// would take both. A second mode is taken where it explains at least a third of what one leaves, rings, and
@@ -310,16 +312,41 @@ pub fn fit_small_signal(data: &FrequencyResponse, delay_s: f64, period_s: f64) -
                 found = other;
             }
         }
+        if found.shape.delay_s < delay_s {
+            found = between_samples(data, found, period_s);
+        }
     }
     let (p, linear) = (&found.parameters, found.linear());
     Ok(SmallSignal {
         told_to_hz: told_to_hz(data, &linear, |omega| found.shape.at(&linear, p, omega)),
         linear,
+        latency_s: found.shape.delay_s,
         gain_um_per_v: p[0].exp(),
         phase_rad: (p[1] + PI).rem_euclid(TAU) - PI,
         misfit: found.misfit(data),
         clear_lines,
     })
+}
+
+/// Halvings of the step by which a latency goes to where least is left.
+const HALVINGS: u32 = 7;
+
+/// A latency need not be a multiple of half a sample: half of that is a tenth of what the mode's phase tells.
+fn between_samples(data: &FrequencyResponse, mut found: Fitted, period_s: f64) -> Fitted {
+    let mut step_s = 0.25 * period_s;
+    for _ in 0..HALVINGS {
+        let middle_s = found.shape.delay_s;
+        for delay_s in [middle_s - step_s, middle_s + step_s] {
+            if delay_s >= 0.0 {
+                let other = with_delay(data, delay_s, period_s);
+                if other.cost < found.cost {
+                    found = other;
+                }
+            }
+        }
+        step_s *= 0.5;
+    }
+    found
 }
 
 /// A fitted shape, and what it leaves.

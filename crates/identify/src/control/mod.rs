@@ -76,11 +76,11 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
             ),
         });
     }
-    let latency_s = dataset.known.delay_s.ok_or_else(|| IdentifyError::Control {
+    let stated_s = dataset.known.delay_s.ok_or_else(|| IdentifyError::Control {
         reason: "the controller's latency is not known; give known.delay_s in dataset.toml".into(),
     })?;
     let response = frequency_response(frf)?;
-    let small_signal = fit_small_signal(&response, latency_s, frf.period_s)?;
+    let small_signal = fit_small_signal(&response, stated_s, frf.period_s)?;
     let by_holds = creep_fit::fit(&holds)?;
     let Hysteresis {
         creep,
@@ -88,7 +88,7 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
         fading,
         timing: inverse::Timing { lag, latency_s, .. },
         left_v,
-    } = hysteresis(&large, &small_signal, by_holds, latency_s)?;
+    } = hysteresis(&large, &small_signal, by_holds)?;
     let mut linear = small_signal.linear.clone();
     linear.lag_s = lag.tau_s;
     linear.lag_growth = (lag.per_v != 0.0).then_some([lag.about_v, lag.per_v]);
@@ -134,12 +134,8 @@ struct Hysteresis {
 }
 
 /// Fits the hysteresis to large signals, a table of plays or fading elements, with the timing and the creep that go with it.
-fn hysteresis(
-    large: &[&Record],
-    small_signal: &SmallSignal,
-    by_holds: CreepPart,
-    stated_s: f64,
-) -> Result<Hysteresis, IdentifyError> {
+fn hysteresis(large: &[&Record], small_signal: &SmallSignal, by_holds: CreepPart) -> Result<Hysteresis, IdentifyError> {
+    let stated_s = small_signal.latency_s;
     fn around<'a>(small_signal: &'a SmallSignal, creep: &'a CreepPart, latency_s: f64) -> inverse::Around<'a> {
         inverse::Around {
             linear: &small_signal.linear,
