@@ -49,10 +49,10 @@ fn val_a_lag_that_comes_later_is_learned() {
 }
 
 /// Coleman and Hodgdon's loops, whose small ones drift as they are repeated, so that no table of plays inverts them: 500 Hz comes to 0.3 %
-/// open and 0.2 % closed, also where the converter changes a sample earlier than stated.
+/// open and 0.2 % closed, also where the converter changes a sample earlier than stated and the mode is at 4.5 kHz.
 #[test]
 fn val_loops_that_drift_are_followed() {
-    let seeds = [4, 7];
+    let seeds = [10, 7];
     assert_eq!(
         seeds.map(|seed| Foreign::new(seed).untold),
         [Untold::Earlier, Untold::Zero]

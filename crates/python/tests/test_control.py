@@ -80,7 +80,7 @@ def test_refuse_designs_and_inputs_in_words(controller, loop_model, tmp_path):
 
 def test_val_effects_are_explained():
     names = [name for name, _ in hysteron.effects()]
-    assert len(names) == 15 and "creep" in names
+    assert len(names) == 18 and "creep" in names
     creep = hysteron.explain("creep")
     assert "Mistaken for" in repr(creep) and dict(creep.paragraphs)["Equation"]
     assert {"name", "unit", "what"} == set(creep.parameters[0])

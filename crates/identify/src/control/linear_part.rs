@@ -331,7 +331,7 @@ pub fn fit_small_signal(data: &FrequencyResponse, delay_s: f64, period_s: f64) -
 /// Halvings of the step by which a latency goes to where least is left.
 const HALVINGS: u32 = 7;
 
-/// A latency need not be a multiple of half a sample: half of that is a tenth of what the mode's phase tells.
+/// The latency about the one that was found at which least is left: 5 us beside it leave twenty times the squares under a mode of 4.5 kHz.
 fn between_samples(data: &FrequencyResponse, mut found: Fitted, period_s: f64) -> Fitted {
     let mut step_s = 0.25 * period_s;
     for _ in 0..HALVINGS {
