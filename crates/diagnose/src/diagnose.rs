@@ -209,10 +209,7 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, of_records: OfReco
     let left = errors(search, standing);
     let traces = investigation.traces();
     let has = |effect: EffectId| model.effects.iter().any(|fitted| fitted.name == effect);
-    let is_mode = |name: &EffectName| {
-        let id = name.id();
-        id.is_some_and(|id| id.effect().widens().unwrap_or(id) == EffectId::Resonance)
-    };
+    let is_mode = |name: &EffectName| name.id().map(EffectId::narrowest) == Some(EffectId::Resonance);
     let mut taken = investigation.rounds.iter().filter_map(|round| round.taken.as_ref());
     let has_a_mode = model.effects.iter().any(|fitted| is_mode(&fitted.name)) || taken.any(is_mode);
     Evidence {

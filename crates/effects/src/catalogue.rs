@@ -18,6 +18,13 @@ macro_rules! declare {
 }
 every_effect!(declare);
 
+impl EffectId {
+    /// The effect that it is a wider form of, or itself.
+    pub fn narrowest(self) -> Self {
+        self.effect().widens().unwrap_or(self)
+    }
+}
+
 /// All effects, in the order of the list.
 pub fn catalogue() -> [Arc<dyn Effect>; EffectId::COUNT] {
     EffectId::ALL.map(EffectId::effect)

@@ -1,5 +1,6 @@
 //! A mode with a restoring force that is no straight line, over whole series: what three effects share.
 
+use crate::compensator::{Compensation, Compensator, StageMode};
 use crate::effect::{Bounds, Effect, Facts, Signals};
 use crate::id::EffectId;
 use hysteron_core::effects::Block;
@@ -129,6 +130,23 @@ pub(crate) fn changes(numbers: &RestoringNumbers, signals: &Signals<'_>, series:
             *value = change[0];
         }
     }
+}
+
+/// [`changes`] of one.
+pub(crate) fn change(numbers: &RestoringNumbers, signals: &Signals<'_>, series: &[f64], change: &mut [f64]) {
+    let mut column = [change.to_vec()];
+    changes(numbers, signals, series, &mut column);
+    change.copy_from_slice(&column[0]);
+}
+
+/// How a controller undoes the straight part of such a mode.
+pub(crate) fn undone(frequency_hz: f64, damping: f64, note: &'static str) -> Compensation {
+    let mode = StageMode {
+        frequency_hz,
+        damping,
+        share: 1.0,
+    };
+    Compensation::new(Compensator::Modes(vec![mode]), note)
 }
 
 /// Of rest, by a change of the input.

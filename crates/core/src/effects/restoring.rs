@@ -228,8 +228,8 @@ impl<T: Real> RestoringMode<T> {
             .moves
             .map(|[of_q, of_p, of_from, _]| of_q * q + of_p * p + of_from * state.mode.input);
         let [to, rate_to] = self.moves.map(|[.., of_to]| of_to);
-        let (_, slope_before) = self.spring(q);
-        let mut straight = input - (self.spring(q).0 + state.memory);
+        let (bend, slope_before) = self.spring(q);
+        let mut straight = input - (bend + state.memory);
         let (mut at, mut rate) = (q, p);
         let (mut slope, mut memory) = (slope_before, [state.memory, T::ONE, T::ZERO]);
         for _ in 0..FOLLOWED {

@@ -237,8 +237,7 @@ fn of_candidate(evidence: &Evidence, candidate: &Candidate, [next, next_likeliho
     let mut own = Alternative::new(Some(candidate.effect.clone()), &terms);
     if let Some(id) = id {
         // A wider form stands where the narrower effect would.
-        let counted = id.effect().widens().unwrap_or(id);
-        own.values[Term::ALL.len() + counted as usize] = 1.0;
+        own.values[Term::ALL.len() + id.narrowest() as usize] = 1.0;
     }
     own
 }

@@ -1,6 +1,6 @@
 //! `friction`
 
-use crate::compensator::{Compensation, Compensator, StageMode};
+use crate::compensator::Compensation;
 use crate::effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use crate::restoring;
@@ -144,9 +144,7 @@ impl Effect for Friction {
     }
 
     fn on_change(&self, values: &[f64], signals: &Signals<'_>, position_um: &[f64], change: &mut [f64]) {
-        let mut column = [change.to_vec()];
-        restoring::changes(&numbers(values), signals, position_um, &mut column);
-        change.copy_from_slice(&column[0]);
+        restoring::change(&numbers(values), signals, position_um, change);
     }
 
     fn on_changes(&self, values: &[f64], signals: &Signals<'_>, position_um: &[f64], columns: &mut [Vec<f64>]) {
@@ -158,13 +156,9 @@ impl Effect for Friction {
     }
 
     fn compensation(&self, values: &[f64]) -> Compensation {
-        let mode = StageMode {
-            frequency_hz: values[0],
-            damping: values[1],
-            share: 1.0,
-        };
-        Compensation::new(
-            Compensator::Modes(vec![mode]),
+        restoring::undone(
+            values[0],
+            values[1],
             "friction is left to the feedback, which small steps wait for",
         )
     }

@@ -1,10 +1,10 @@
 //! `nonlinear-stiffness`
 
-use crate::compensator::{Compensation, Compensator, StageMode};
+use crate::compensator::Compensation;
 use crate::effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use crate::restoring;
-use hysteron_core::effects::restoring::{Memory, RestoringNumbers};
+use hysteron_core::effects::restoring::RestoringNumbers;
 
 pub(crate) struct NonlinearStiffness;
 
@@ -63,7 +63,6 @@ fn numbers(values: &[f64]) -> RestoringNumbers {
         middle: values[2],
         half: values[3],
         stiffness: [values[4], values[5]],
-        memory: Memory::default(),
         ..restoring::straight(values[0], values[1])
     }
 }
@@ -129,9 +128,7 @@ impl Effect for NonlinearStiffness {
     }
 
     fn on_change(&self, values: &[f64], signals: &Signals<'_>, position_um: &[f64], change: &mut [f64]) {
-        let mut column = [change.to_vec()];
-        restoring::changes(&numbers(values), signals, position_um, &mut column);
-        change.copy_from_slice(&column[0]);
+        restoring::change(&numbers(values), signals, position_um, change);
     }
 
     fn on_changes(&self, values: &[f64], signals: &Signals<'_>, position_um: &[f64], columns: &mut [Vec<f64>]) {
@@ -143,13 +140,9 @@ impl Effect for NonlinearStiffness {
     }
 
     fn compensation(&self, values: &[f64]) -> Compensation {
-        let mode = StageMode {
-            frequency_hz: values[0],
-            damping: values[1],
-            share: 1.0,
-        };
-        Compensation::new(
-            Compensator::Modes(vec![mode]),
+        restoring::undone(
+            values[0],
+            values[1],
             "the spring is straight to the inverse: large fast motion is left to the feedback",
         )
     }
