@@ -18,6 +18,7 @@ use hysteron_acquisition::{Kind, inspect};
 use hysteron_data::{Dataset, Role};
 use hysteron_identify::effects::{UserEffect, late};
 use hysteron_identify::{EffectId, EffectName, IdentifyError, Model, check_own_effect, period, present_step};
+use rayon::prelude::*;
 
 /// Effects that are looked for one after another.
 const MOST_ROUNDS: usize = 3;
@@ -247,7 +248,7 @@ fn evidence(model: &Model, investigation: &Investigation<'_>, of_records: OfReco
 pub(crate) fn fails(dataset: &Dataset, model: &Model) -> WhereItFails {
     let (states, errors_um): (Vec<_>, Vec<Vec<f64>>) = dataset
         .records
-        .iter()
+        .par_iter()
         .map(|record| {
             let simulated = model.simulate(record);
             let errors = record.position_um.iter().zip(&simulated.output).map(|(y, m)| y - m);

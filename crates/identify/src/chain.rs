@@ -129,7 +129,8 @@ impl Chain {
 
     /// The modelled position at the recorded samples, free simulation.
     pub(crate) fn respond(&self, coefficients: &[f64], trace: &Trace<'_>, own: &Own) -> Vec<f64> {
-        self.respond_from(coefficients, trace, own, &self.stroke(coefficients, trace, own))
+        let Stroke { stack_v, position_um } = self.stroke(coefficients, trace, own);
+        self.respond_behind(coefficients, trace, own, &stack_v, position_um)
     }
 
     /// What the hysteresis makes of the command, before the effects on the position.
@@ -140,7 +141,7 @@ impl Chain {
     }
 
     /// The hysteresis alone; the offset is the sensor's, it comes after the linear effects.
-    fn hysteresis(&self, coefficients: &[f64], trace: &Trace<'_>, stack_v: &[f64]) -> Vec<f64> {
+    pub(crate) fn hysteresis(&self, coefficients: &[f64], trace: &Trace<'_>, stack_v: &[f64]) -> Vec<f64> {
         let basis = self.basis();
         let mut position_um = self.input_function(coefficients, stack_v);
         for group in self.groups() {
@@ -186,9 +187,23 @@ impl Chain {
 
     /// The modelled position at the recorded samples from what the hysteresis made of the command.
     pub(crate) fn respond_from(&self, coefficients: &[f64], trace: &Trace<'_>, own: &Own, stroke: &Stroke) -> Vec<f64> {
-        let mut position = stroke.position_um.clone();
-        self.behind(coefficients[0], trace, own, &stroke.stack_v, &mut position, |_, _| ());
-        recorded(trace, &position)
+        self.respond_behind(coefficients, trace, own, &stroke.stack_v, stroke.position_um.clone())
+    }
+
+    /// The same, in place of the stroke.
+    pub(crate) fn respond_behind(
+        &self,
+        coefficients: &[f64],
+        trace: &Trace<'_>,
+        own: &Own,
+        stack_v: &[f64],
+        mut position_um: Vec<f64>,
+    ) -> Vec<f64> {
+        self.behind(coefficients[0], trace, own, stack_v, &mut position_um, |_, _| ());
+        if trace.is_the_record() {
+            return position_um;
+        }
+        recorded(trace, &position_um)
     }
 
     /// The effects on the position, in place; `before(link, position)` at each nonlinear one.
@@ -258,7 +273,7 @@ impl Chain {
                 return self.respond_from(coefficients, trace, own, before);
             }
             let position_um = self.hysteresis(coefficients, trace, &stack_v);
-            return self.respond_from(coefficients, trace, own, &Stroke { stack_v, position_um });
+            return self.respond_behind(coefficients, trace, own, &stack_v, position_um);
         }
         self.respond(coefficients, trace, own)
     }
@@ -320,21 +335,33 @@ impl Chain {
         (stroke, columns)
     }
 
-    /// The numbers of each effect that belong to this record alone. The offset, which belongs to all of them, is left
-    /// to the fit: a number that undid it would undo every change of it.
+    /// The numbers of each effect that belong to this record alone.
     pub(crate) fn settle(&self, coefficients: &[f64], trace: &Trace<'_>) -> Own {
+        let none = vec![Vec::new(); self.links.len()];
+        if self.links.iter().any(|link| link.effect.has_own_numbers()) {
+            let stroke = self.stroke(coefficients, trace, &none);
+            return self.settle_behind(coefficients, trace, &stroke.stack_v, &stroke.position_um);
+        }
+        none
+    }
+
+    /// [`Self::settle`] behind a hysteresis that is known; effects on the voltage have no numbers of a record's own. The offset, which belongs
+    /// to all records, is left to the fit: a number that undid it would undo every change of it.
+    pub(crate) fn settle_behind(
+        &self,
+        coefficients: &[f64],
+        trace: &Trace<'_>,
+        stack_v: &[f64],
+        stroke_um: &[f64],
+    ) -> Own {
         let mut own = vec![Vec::new(); self.links.len()];
         let with_own: Vec<usize> = (0..self.links.len())
             .filter(|&i| self.links[i].effect.has_own_numbers())
             .collect();
-        if with_own.is_empty() {
-            return own;
-        }
         let mut coefficients = coefficients.to_vec();
         if let Some(offset) = coefficients.first_mut() {
             *offset = 0.0;
         }
-        let stack_v = self.stack(trace, &own);
         // Of several the first is chosen again once the others are there: a zero beside the phases of a hum.
         let passes = if with_own.len() > 1 { 2 } else { 1 };
         for &i in with_own.iter().cycle().take(passes * with_own.len()) {
@@ -343,12 +370,12 @@ impl Chain {
             without.links.remove(i);
             let mut others = own.clone();
             others.remove(i);
-            let modelled = without.respond(&coefficients, trace, &others);
+            let modelled = without.respond_behind(&coefficients, trace, &others, stack_v, stroke_um.to_vec());
             let measured = &trace.record.position_um;
             let unexplained: Vec<f64> = measured.iter().zip(&modelled).map(|(y, m)| y - m).collect();
             own[i] = link.effect.settle(
                 &link.values,
-                &signals(trace, &own, &stack_v, i),
+                &signals(trace, &own, stack_v, i),
                 &unexplained,
                 trace.every,
             );

@@ -56,6 +56,11 @@ impl<'a> Trace<'a> {
         other
     }
 
+    /// Whether the grid is the record's samples and no more.
+    pub(crate) fn is_the_record(&self) -> bool {
+        self.run_in == 0 && self.every == 1
+    }
+
     /// The grid's sample of each recorded one.
     pub(crate) fn at(&self, recorded: usize) -> usize {
         self.run_in + recorded * self.every

@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod add;
+mod any_state;
 mod basis;
 mod by_hand;
 mod chain;

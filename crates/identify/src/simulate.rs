@@ -1,5 +1,6 @@
 //! Runs a fitted model: free simulation over records and inputs.
 
+use crate::any_state;
 use crate::chain::{Chain, Link, Own};
 use crate::chain_trace::Trace;
 use crate::columns::{Design, Run};
@@ -169,16 +170,7 @@ fn prepare<'a>(chain: &Chain, coefficients: &[f64], record: &'a Record) -> (Trac
     let fine = chain.dynamic();
     let guess = initial::guess(&record.voltage_v, &record.position_um);
     let trace = Trace::new(record, guess, fine);
-    let chosen = initial::choose_by(
-        guess,
-        &record.position_um,
-        chain.design.family == Family::Duhem,
-        |initial| {
-            let from = trace.starting_at(initial, fine);
-            let own = chain.settle(coefficients, &from);
-            chain.respond(coefficients, &from, &own)
-        },
-    );
+    let chosen = any_state::choose(chain, coefficients, &trace, guess);
     let trace = trace.starting_at(chosen, fine);
     let own = chain.settle(coefficients, &trace);
     (trace, own)

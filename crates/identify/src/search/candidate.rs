@@ -154,7 +154,7 @@ impl Search<'_> {
             .into_par_iter()
             .map(|index| {
                 let record = &self.records[index];
-                let tangent = fitted.tangent(record, index, Look::Few, false);
+                let tangent = fitted.tangent(record, index, Look::Few, false, None);
                 let trace = record.trace(fitted.chain.dynamic());
                 let own = &fitted.own[index];
                 let stroke = fitted.chain.stroke(&fitted.coefficients, trace, own);
@@ -359,7 +359,15 @@ impl Search<'_> {
                     break;
                 }
                 let error = self.descent_on(records, effort).error(&best.fitted);
-                best = self.to_the_end(records, Standing { error, ..best }, effort);
+                best = self.to_the_end(
+                    records,
+                    Standing {
+                        error,
+                        linear: None,
+                        ..best
+                    },
+                    effort,
+                );
             }
         }
         let records = other_states.as_deref().unwrap_or(&self.records);
@@ -425,6 +433,7 @@ impl Search<'_> {
             records,
             noise_um: self.noise_um,
             settled: effort.settled(),
+            closely: effort == Effort::Thorough,
             levels: Levels::OfTheState,
         }
     }

@@ -108,12 +108,23 @@ impl Fitted {
         self.chain.respond(&self.coefficients, trace, &self.own[i])
     }
 
-    /// The answer on one record; `derivatives` asks for the columns of the effects' parameters as well.
-    pub(super) fn tangent(&self, record: &Prepared<'_>, i: usize, look: Look, derivatives: bool) -> Tangent {
+    /// The answer on one record; `derivatives` asks for the columns of the effects' parameters as well. `linear` are the coefficients'
+    /// columns from a point nearby, where they need not be made anew.
+    pub(super) fn tangent(
+        &self,
+        record: &Prepared<'_>,
+        i: usize,
+        look: Look,
+        derivatives: bool,
+        linear: Option<&DMatrix<f64>>,
+    ) -> Tangent {
         let rows = look.rows(record);
         let trace = record.trace(self.chain.dynamic());
         let own = &self.own[i];
-        let (stroke, linear) = self.chain.stroke_and_columns(&self.coefficients, trace, own, rows);
+        let (stroke, linear) = match linear {
+            Some(linear) => (self.chain.stroke(&self.coefficients, trace, own), linear.clone()),
+            None => self.chain.stroke_and_columns(&self.coefficients, trace, own, rows),
+        };
         let modelled = self.chain.respond_from(&self.coefficients, trace, own, &stroke);
         let measured = &record.record().position_um;
         let residual = DVector::from_iterator(rows.len(), rows.iter().map(|&k| measured[k] - modelled[k]));
@@ -151,21 +162,32 @@ impl Fitted {
         }
     }
 
-    /// Normal equations of each fitted record around this point.
-    fn systems(&self, records: &[Prepared<'_>], derivatives: bool, levels: Levels) -> Vec<Normal> {
+    /// Normal equations of each fitted record around this point, beside the coefficients' columns from a point nearby, or these columns
+    /// anew.
+    fn systems(
+        &self,
+        records: &[Prepared<'_>],
+        derivatives: bool,
+        levels: Levels,
+        linear: Option<&LinearColumns>,
+    ) -> (Vec<Normal>, LinearColumns) {
         let taking_part: Vec<usize> = (0..records.len()).filter(|&i| records[i].fits).collect();
-        taking_part
-            .par_iter()
-            .map(|&i| {
-                let tangent = self.tangent(&records[i], i, Look::Few, derivatives);
-                let system = Normal::of_columns(&tangent.columns, &tangent.target);
-                if levels.free(&records[i]) {
-                    system.level_free()
-                } else {
-                    system
-                }
-            })
-            .collect()
+        let each = taking_part.par_iter().enumerate().map(|(place, &i)| {
+            let kept = linear.map(|linear| &linear[place]);
+            let tangent = self.tangent(&records[i], i, Look::Few, derivatives, kept.map(Arc::as_ref));
+            let system = Normal::of_columns(&tangent.columns, &tangent.target);
+            let system = if levels.free(&records[i]) {
+                system.level_free()
+            } else {
+                system
+            };
+            let linear = kept.cloned().unwrap_or_else(|| {
+                let n = self.coefficients.len();
+                Arc::new(tangent.columns.columns(0, n).into_owned())
+            });
+            (system, linear)
+        });
+        each.unzip()
     }
 
     pub(super) fn flat(&self) -> Vec<(Bounds, f64)> {
@@ -205,14 +227,21 @@ pub(super) struct Descent<'s> {
     pub noise_um: f64,
     /// Fall of the sum of logarithms below which it has settled.
     pub settled: f64,
+    /// Whether it has settled only where its columns, made anew, say so too.
+    pub closely: bool,
     /// The levels that count.
     pub levels: Levels,
 }
+
+/// How the answer on each fitted record changes with the coefficients, at the rows of a search.
+type LinearColumns = Vec<Arc<DMatrix<f64>>>;
 
 /// A point and the sum of the logarithms of what it leaves of each record.
 pub(super) struct Standing {
     pub fitted: Fitted,
     pub error: f64,
+    /// The coefficients' columns, where a point nearby has them.
+    pub linear: Option<LinearColumns>,
 }
 
 /// Rounds in which each record is weighed by what is left of it.
@@ -254,9 +283,9 @@ pub(super) fn reweighed(
 impl Descent<'_> {
     /// Solves for the linear coefficients at these effects; for a nonlinear chain around the given coefficients.
     pub(super) fn project(&self, mut fitted: Fitted) -> Standing {
-        let systems = fitted.systems(self.records, false, self.levels);
-        let linear = fitted.coefficients.len();
-        let solve = |sum: &Normal| within_bounds(sum, linear, fitted.held(), 0.0, &[]);
+        let (systems, linear) = fitted.systems(self.records, false, self.levels, None);
+        let n = fitted.coefficients.len();
+        let solve = |sum: &Normal| within_bounds(sum, n, fitted.held(), 0.0, &[]);
         let solved = reweighed(&systems, self.noise_um, Some(&fitted.coefficients), REWEIGHED, solve);
         let mut error = f64::INFINITY;
         if let Some((solution, left)) = solved {
@@ -265,7 +294,11 @@ impl Descent<'_> {
         if !fitted.chain.linear() {
             error = self.error(&fitted);
         }
-        Standing { fitted, error }
+        Standing {
+            fitted,
+            error,
+            linear: Some(linear),
+        }
     }
 
     /// The sum of logarithms at the rows of the search.
@@ -292,43 +325,60 @@ impl Descent<'_> {
     }
 
     /// From a point to the bottom of its valley, in a number of steps at the most.
+    ///
+    /// The coefficients' columns change little with an effect's parameters, and each of them takes a run of its own: they are made anew only
+    /// where a search is to settle closely and has come to where the kept ones lead.
     pub(super) fn descend(&self, start: Standing, most_steps: usize) -> Standing {
         let mut here = start;
         let mut damping = 1e-3;
+        let mut anew = here.linear.is_none();
         for _ in 0..most_steps.min(MOST_STEPS) {
-            let systems = here.fitted.systems(self.records, true, self.levels);
-            let linear = here.fitted.coefficients.len();
-            let mut stay = here.fitted.coefficients.clone();
-            stay.resize(linear + here.fitted.parameters(), 0.0);
-            let flat = here.fitted.flat();
-            let solution = |damping: f64| {
-                let solve = |sum: &Normal| within_bounds(sum, linear, here.fitted.held(), damping, &flat);
-                reweighed(&systems, self.noise_um, Some(&stay), 2, solve)
-            };
-            let promised = solution(1e-9).map_or(0.0, |(_, error)| here.error - error);
-            if here.error.is_finite() && promised < self.settled {
+            let kept = here.linear.take().filter(|_| !anew);
+            let (systems, linear) = here.fitted.systems(self.records, true, self.levels, kept.as_ref());
+            let lower = self.step(&here, &systems, &mut damping);
+            here.linear = Some(linear);
+            let settled = lower
+                .as_ref()
+                .is_none_or(|lower| here.error - lower.error < self.settled);
+            if let Some((fitted, error)) = lower.map(|lower| (lower.fitted, lower.error)) {
+                here = Standing { fitted, error, ..here };
+            }
+            if settled && (anew || !self.closely) {
                 break;
             }
-            // A step that does not go down is tried again, shorter.
-            let mut lower = None;
-            for _ in 0..5 {
-                let Some((solution, _)) = solution(damping) else { break };
-                let fitted = here.fitted.moved_by(&solution);
-                let error = self.error(&fitted);
-                if error < here.error {
-                    lower = Some(Standing { fitted, error });
-                    damping = (damping * 0.1).max(1e-9);
-                    break;
-                }
-                damping *= 10.0;
-            }
-            let Some(lower) = lower else { break };
-            let fell = here.error - lower.error;
-            here = lower;
-            if fell < self.settled {
-                break;
-            }
+            anew = settled;
         }
         here
+    }
+
+    /// A step down, if there is one that brings as much as counts; one that does not go down is tried again, shorter.
+    fn step(&self, here: &Standing, systems: &[Normal], damping: &mut f64) -> Option<Standing> {
+        let n = here.fitted.coefficients.len();
+        let mut stay = here.fitted.coefficients.clone();
+        stay.resize(n + here.fitted.parameters(), 0.0);
+        let flat = here.fitted.flat();
+        let solution = |damping: f64| {
+            let solve = |sum: &Normal| within_bounds(sum, n, here.fitted.held(), damping, &flat);
+            reweighed(systems, self.noise_um, Some(&stay), 2, solve)
+        };
+        let promised = solution(1e-9).map_or(0.0, |(_, error)| here.error - error);
+        if here.error.is_finite() && promised < self.settled {
+            return None;
+        }
+        for _ in 0..5 {
+            let (solution, _) = solution(*damping)?;
+            let fitted = here.fitted.moved_by(&solution);
+            let error = self.error(&fitted);
+            if error < here.error {
+                *damping = (*damping * 0.1).max(1e-9);
+                return Some(Standing {
+                    fitted,
+                    error,
+                    linear: None,
+                });
+            }
+            *damping *= 10.0;
+        }
+        None
     }
 }

@@ -14,6 +14,7 @@ mod trial;
 pub use candidate::Refused;
 pub use trial::{Part, Trial};
 
+use crate::any_state;
 use crate::chain::{Chain, Link};
 use crate::chain_facts::facts;
 use crate::columns::Design;
@@ -123,8 +124,7 @@ impl<'a> Search<'a> {
         let of = |shape: Shape| move || Self::new(dataset, model, &shape, noise_um);
         match rayon::join(of(Shape::Free), of(Shape::Fading)) {
             (Ok(plays), Ok(mut fading)) => {
-                let parts = plays.standing.parts.len().max(1) as f64;
-                if fading.foretold(&fading.standing) < plays.foretold(&plays.standing) + WITHIN_REACH * parts {
+                if fading.foretold(&fading.standing) < plays.foretold(&plays.standing) + plays.reach() {
                     fading.follow_states();
                     fading.start_held_out();
                 }
@@ -160,24 +160,37 @@ impl<'a> Search<'a> {
         let Some(mut other) = self.other.take() else {
             return false;
         };
-        let effects: Vec<Arc<dyn Effect>> = tried.iter().map(|(effect, _)| Arc::clone(*effect)).collect();
-        let theirs: Vec<Trial> = other
-            .candidates(&effects, line_hz, &|_, _| ())
-            .into_iter()
-            .flatten()
-            .collect();
-        let least = |a: &&Trial, b: &&Trial| self.foretold(a).total_cmp(&self.foretold(b));
-        let best = theirs.iter().chain([&other.standing]).min_by(least);
-        let own = tried
-            .iter()
-            .map(|&(_, trial)| trial)
-            .chain([&self.standing])
-            .min_by(least);
-        let turns = best.zip(own).is_some_and(|(best, own)| self.yields(own, best));
+        let (first, others) = tried.split_at(tried.len().min(1));
+        let mut theirs = other.trials(first, line_hz);
+        let own = self.best(tried.iter().map(|&(_, trial)| trial));
+        if self.foretold(other.best(&theirs)) > self.foretold(own) + self.reach() {
+            return false;
+        }
+        theirs.extend(other.trials(others, line_hz));
+        let turns = self.yields(own, other.best(&theirs));
         if turns {
             std::mem::swap(self, &mut other);
         }
         turns
+    }
+
+    /// Trials of effects on this shape, as far as they can be tried.
+    fn trials(&self, tried: &[(&Arc<dyn Effect>, &Trial)], line_hz: Option<f64>) -> Vec<Trial> {
+        let effects: Vec<Arc<dyn Effect>> = tried.iter().map(|(effect, _)| Arc::clone(*effect)).collect();
+        let trials = self.candidates(&effects, line_hz, &|_, _| ());
+        trials.into_iter().flatten().collect()
+    }
+
+    /// Which of the standing chain and some trials foretells the parts best.
+    fn best<'t>(&'t self, trials: impl IntoIterator<Item = &'t Trial>) -> &'t Trial {
+        let least = |a: &&Trial, b: &&Trial| self.foretold(a).total_cmp(&self.foretold(b));
+        let all = trials.into_iter().chain([&self.standing]);
+        all.min_by(least).unwrap_or(&self.standing)
+    }
+
+    /// What foretells the parts worse by more than this will not come below.
+    fn reach(&self) -> f64 {
+        WITHIN_REACH * self.standing.parts.len().max(1) as f64
     }
 
     /// One more effect, on the free shape that goes first with it; as [`Self::candidate_held`].
@@ -288,6 +301,7 @@ impl<'a> Search<'a> {
             records: &self.records,
             noise_um: self.noise_um,
             settled: 1e-2,
+            closely: false,
             levels,
         }
     }
@@ -304,6 +318,7 @@ impl<'a> Search<'a> {
         let mut here = Standing {
             fitted: self.standing.fitted.clone(),
             error: f64::INFINITY,
+            linear: None,
         };
         let own_numbers = here.fitted.chain.links.iter().any(|link| link.effect.has_own_numbers());
         for _ in 0..if own_numbers { 3 } else { 1 } {
@@ -352,16 +367,7 @@ fn chosen_states(
         }
         let record = prepared.record();
         let guess = initial::guess(&record.voltage_v, &record.position_um);
-        initial::choose_by(
-            guess,
-            &record.position_um,
-            fitted.chain.design.family == Family::Duhem,
-            |state| {
-                let trace = prepared.trace(dynamic).starting_at(state, dynamic);
-                let own = fitted.chain.settle(&fitted.coefficients, &trace);
-                fitted.chain.respond(&fitted.coefficients, &trace, &own)
-            },
-        )
+        any_state::choose(&fitted.chain, &fitted.coefficients, prepared.trace(dynamic), guess)
     };
     records.par_iter().enumerate().map(chosen).collect()
 }

@@ -87,7 +87,7 @@ pub(super) fn judge(
                 columns,
                 target,
                 residual,
-            } = point.tangent(record, i, Look::All, true);
+            } = point.tangent(record, i, Look::All, true, None);
             let of_part = |part: &std::ops::Range<usize>| {
                 let rows = columns.rows(part.start, part.len()).into_owned();
                 Normal::of_columns(&rows, &target.rows(part.start, part.len()).into_owned())
