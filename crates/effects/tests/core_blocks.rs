@@ -67,6 +67,13 @@ fn restored(numbers: &RestoringNumbers, position_um: &[f64]) -> Option<Vec<f64>>
     Some(through(&mode, position_um))
 }
 
+fn slew_limit(values: &[f64]) -> SlewLimit<f64> {
+    match values[1] {
+        0.0 => SlewLimit::new(values[0], RATE_HZ).unwrap(),
+        falling => SlewLimit::unequal(values[0], falling, RATE_HZ).unwrap(),
+    }
+}
+
 /// What the core's blocks make of voltage and position; `None` where the effect leaves it alone or has no block.
 fn by_the_core(id: EffectId, values: &[f64], played: &Played) -> [Option<Vec<f64>>; 2] {
     let (voltage_v, position_um) = (&played.voltage_v, &played.position_um);
@@ -83,10 +90,7 @@ fn by_the_core(id: EffectId, values: &[f64], played: &Played) -> [Option<Vec<f64
             let growing = GrowingLag::<f64>::new(values[0], values[2], values[3], RATE_HZ).unwrap();
             [Some(through(&growing, voltage_v)), lag(values[1], position_um)]
         }
-        EffectId::SlewLimit => [
-            Some(through(&SlewLimit::<f64>::new(values[0], RATE_HZ).unwrap(), voltage_v)),
-            None,
-        ],
+        EffectId::SlewLimit => [Some(through(&slew_limit(values), voltage_v)), None],
         EffectId::Saturation => {
             let limit = |at: usize, series: &[f64]| {
                 Some(through(&Saturation::new(values[at], values[at + 1]).unwrap(), series))

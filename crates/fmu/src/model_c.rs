@@ -178,12 +178,13 @@ impl Parts {
                 self.lag(value(1), n, rate_hz, false)?;
             }
             EffectId::SlewLimit => {
-                let most = value(0) / rate_hz;
+                let rise = value(0) / rate_hz;
+                let fall = if value(1) == 0.0 { rise } else { value(1) / rate_hz };
                 line!(self.members, "double slewed{n};");
                 line!(self.on_voltage[0], "s->slewed{n} = v;");
                 line!(
                     self.on_voltage[1],
-                    "v = s->slewed{n} += smaller(larger(-{most:?}, v - s->slewed{n}), {most:?});"
+                    "v = s->slewed{n} += smaller(larger(-{fall:?}, v - s->slewed{n}), {rise:?});"
                 );
             }
             EffectId::Saturation => {

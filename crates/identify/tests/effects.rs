@@ -257,6 +257,7 @@ fn val_slew_limit() {
     // A full sine of 200 Hz asks for 63 kV/s.
     let limit = CurrentLimit {
         current_a: 0.099,
+        sink_a: None,
         capacitance_uf: 1.8,
     };
     let pi = FitOptions::new(Family::Pi);
@@ -264,6 +265,34 @@ fn val_slew_limit() {
         stage.amplifier.current_limit = Some(limit)
     });
     close(value(&added, EffectId::SlewLimit, "slew"), 55e3, 0.02);
+    assert_eq!(value(&added, EffectId::SlewLimit, "falling"), 0.0);
+}
+
+/// An amplifier that takes less current than it gives: one limit helps, added once more it is two.
+#[test]
+fn val_a_slew_limit_of_unequal_sides() {
+    let limit = CurrentLimit {
+        current_a: 0.099,
+        sink_a: Some(0.063),
+        capacitance_uf: 1.8,
+    };
+    let mut config = stage();
+    config.amplifier.current_limit = Some(limit);
+    let dataset = record(&config);
+    let start = fit(&dataset, &FitOptions::new(Family::Pi), &|_| ()).unwrap().model;
+    let equal = add_effect(&dataset, &start, EffectId::SlewLimit, &|_| ()).unwrap();
+    let unequal = add_effect(&dataset, &equal.model, EffectId::SlewLimit, &|_| ()).unwrap();
+    let slew = |name: &str| value(&unequal, EffectId::SlewLimit, name);
+    close(slew("slew"), 55e3, 0.03);
+    close(slew("falling"), 35e3, 0.03);
+    let left = |added: &Added| added.after.identify_percent.unwrap();
+    assert!(
+        left(&unequal) < 0.5 * left(&equal),
+        "{} {}",
+        left(&unequal),
+        left(&equal)
+    );
+    assert!(add_effect(&dataset, &unequal.model, EffectId::SlewLimit, &|_| ()).is_err());
 }
 
 #[test]

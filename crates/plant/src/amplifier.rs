@@ -20,11 +20,13 @@ pub struct Amplifier {
     pub current_limit: Option<CurrentLimit>,
 }
 
-/// A current limit into a capacitance: `|dv/dt| <= I / C`.
+/// A current limit into a capacitance: `-I_sink / C <= dv/dt <= I / C`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CurrentLimit {
     /// Largest current, amperes.
     pub current_a: f64,
+    /// Largest current that it takes back, amperes; as much as it gives where `None`.
+    pub sink_a: Option<f64>,
     /// Capacitance of the stack, microfarads.
     pub capacitance_uf: f64,
 }
@@ -33,11 +35,20 @@ impl CurrentLimit {
     /// The slew rate, volts per second.
     ///
     /// ```
-    /// let limit = hysteron_plant::CurrentLimit { current_a: 0.1, capacitance_uf: 1.8 };
+    /// let limit = hysteron_plant::CurrentLimit { current_a: 0.1, sink_a: None, capacitance_uf: 1.8 };
     /// assert!((limit.slew_v_per_s() - 55_556.0).abs() < 1.0);
     /// ```
     pub fn slew_v_per_s(&self) -> f64 {
-        self.current_a / (1e-6 * self.capacitance_uf)
+        self.slew_of(self.current_a)
+    }
+
+    fn slew_of(&self, current_a: f64) -> f64 {
+        current_a / (1e-6 * self.capacitance_uf)
+    }
+
+    /// Largest rates upward and downward, volts per second.
+    fn slews_v_per_s(&self) -> [f64; 2] {
+        [self.current_a, self.sink_a.unwrap_or(self.current_a)].map(|current_a| self.slew_of(current_a))
     }
 }
 
@@ -88,13 +99,14 @@ impl Amplifier {
             "a stack has 0.3 to 0.6 times more capacitance at its highest voltage: 0.002 to 0.006 a volt for one of 100 to 150 V",
         )?;
         if let Some(limit) = &self.current_limit {
-            within(
-                "amplifier.current_limit.current_a",
-                limit.current_a,
-                1e-6,
-                1e3,
-                "amplifiers give 0.01 to 10 A",
-            )?;
+            for (name, current_a) in [
+                ("amplifier.current_limit.current_a", Some(limit.current_a)),
+                ("amplifier.current_limit.sink_a", limit.sink_a),
+            ] {
+                if let Some(current_a) = current_a {
+                    within(name, current_a, 1e-6, 1e3, "amplifiers give 0.01 to 10 A")?;
+                }
+            }
             within(
                 "amplifier.current_limit.capacitance_uf",
                 limit.capacitance_uf,
@@ -117,8 +129,10 @@ pub(crate) struct AmplifierState {
     growth_per_v: f64,
     lag_s: f64,
     step_s: f64,
-    slew_v_per_s: Option<f64>,
-    most_v: f64,
+    /// Largest rates upward and downward.
+    slews_v_per_s: Option<[f64; 2]>,
+    /// Largest changes in a step.
+    most_v: [f64; 2],
     /// Voltage at the stack.
     pub(crate) output_v: f64,
 }
@@ -132,8 +146,8 @@ impl AmplifierState {
             growth_per_v: config.lag_growth_per_v,
             lag_s: config.lag_s,
             step_s: 0.0,
-            slew_v_per_s: config.current_limit.map(|limit| limit.slew_v_per_s()),
-            most_v: f64::INFINITY,
+            slews_v_per_s: config.current_limit.map(|limit| limit.slews_v_per_s()),
+            most_v: [f64::INFINITY; 2],
             output_v: 0.0,
         }
     }
@@ -143,7 +157,8 @@ impl AmplifierState {
             lag.set_step(step_s);
         }
         self.step_s = step_s;
-        self.most_v = self.slew_v_per_s.map_or(f64::INFINITY, |slew| slew * step_s);
+        let slews_v_per_s = self.slews_v_per_s.unwrap_or([f64::INFINITY; 2]);
+        self.most_v = slews_v_per_s.map(|slew| slew * step_s);
     }
 
     /// One step: the command's two ends in, the stack voltage's two ends out.
@@ -162,11 +177,12 @@ impl AmplifierState {
             }
             None => to_v,
         };
-        if self.lag.is_none() && self.slew_v_per_s.is_none() {
+        if self.lag.is_none() && self.slews_v_per_s.is_none() {
             self.output_v = to_v;
             return (from_v, to_v);
         }
-        self.output_v = wanted_v.clamp(before_v - self.most_v, before_v + self.most_v);
+        let [up_v, down_v] = self.most_v;
+        self.output_v = wanted_v.clamp(before_v - down_v, before_v + up_v);
         if let Some(lag) = &mut self.lag {
             lag.output = self.output_v;
         }

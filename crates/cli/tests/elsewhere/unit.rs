@@ -79,7 +79,7 @@ fn val_a_stage_as_a_unit_is_the_model() {
                 ("from_v", 2.0, "V"),
             ],
         ),
-        ("slew-limit", &[("slew", 2e4, "V/s")]),
+        ("slew-limit", &[("slew", 2e4, "V/s"), ("falling", 1.4e4, "V/s")]),
         (
             "saturation",
             &[

@@ -199,6 +199,7 @@ impl Form {
                 let current_a = peak_v_per_s / size * 1e-6 * CAPACITANCE_UF;
                 config.amplifier.current_limit = Some(CurrentLimit {
                     current_a,
+                    sink_a: None,
                     capacitance_uf: CAPACITANCE_UF,
                 });
             }
