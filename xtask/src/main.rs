@@ -138,21 +138,14 @@ fn firmware(what: Option<&str>, tables: &[String]) -> Result<(), String> {
 
 fn test() -> Result<(), String> {
     install_target()?;
-    install_browser()?;
-    install_emulator()?;
-    install_compiler()?;
-    install_fmpy()?;
-    firmware_starts::install()?;
-    cargo(&["fmt", "--all", "--check"])?;
-    cargo(&[
-        "clippy",
-        "--workspace",
-        "--all-targets",
-        "--locked",
-        "--",
-        "--deny",
-        "warnings",
-    ])?;
+    // What else is installed comes over the network, while the cores check the sources.
+    std::thread::scope(|scope| {
+        let installed = scope.spawn(install_programs);
+        check_sources()?;
+        installed
+            .join()
+            .unwrap_or_else(|_| Err("the installation broke off".to_owned()))
+    })?;
     cargo(&[
         "build",
         "--package",
@@ -173,6 +166,29 @@ fn test() -> Result<(), String> {
     release::package()?;
     tests::tests()?;
     docs::check()
+}
+
+/// Layout, and what clippy finds.
+fn check_sources() -> Result<(), String> {
+    cargo(&["fmt", "--all", "--check"])?;
+    cargo(&[
+        "clippy",
+        "--workspace",
+        "--all-targets",
+        "--locked",
+        "--",
+        "--deny",
+        "warnings",
+    ])
+}
+
+/// Installs the programs that the tests run in.
+fn install_programs() -> Result<(), String> {
+    install_browser()?;
+    install_emulator()?;
+    install_compiler()?;
+    install_fmpy()?;
+    firmware_starts::install()
 }
 
 /// Where cargo puts what it builds.

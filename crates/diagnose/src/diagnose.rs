@@ -26,7 +26,7 @@ const MOST_ROUNDS: usize = 3;
 /// Names the physical effect that a model lacks, from all records. `progress` gets the share done and what is tried now.
 ///
 /// # Cost
-/// Some hundred passes over the records: about a second for 60 000 samples, linear in them.
+/// Some hundred passes over the records: some seconds for 60 000 samples, linear in them.
 pub fn diagnose(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64, &str) + Sync)) -> Diagnosis {
     examine(dataset, model, &[], progress).0
 }
