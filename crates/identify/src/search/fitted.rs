@@ -326,12 +326,13 @@ impl Descent<'_> {
 
     /// From a point to the bottom of its valley, in a number of steps at the most.
     ///
-    /// The coefficients' columns change little with an effect's parameters, and each of them takes a run of its own: they are made anew only
-    /// where a search is to settle closely and has come to where the kept ones lead.
+    /// The coefficients' columns change little with the parameters of a linear effect, and each of them takes a run of its own: they are made
+    /// anew only where a search is to settle closely and has come to where the kept ones lead. A nonlinear effect bends them wherever it goes.
     pub(super) fn descend(&self, start: Standing, most_steps: usize) -> Standing {
         let mut here = start;
         let mut damping = 1e-3;
-        let mut anew = here.linear.is_none();
+        let bent = !here.fitted.chain.linear();
+        let mut anew = bent || here.linear.is_none();
         for _ in 0..most_steps.min(MOST_STEPS) {
             let kept = here.linear.take().filter(|_| !anew);
             let (systems, linear) = here.fitted.systems(self.records, true, self.levels, kept.as_ref());
@@ -346,7 +347,7 @@ impl Descent<'_> {
             if settled && (anew || !self.closely) {
                 break;
             }
-            anew = settled;
+            anew = bent || settled;
         }
         here
     }
