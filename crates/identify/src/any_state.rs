@@ -1,6 +1,6 @@
 //! A chain's answer to one record from any state of its plays: what does not depend on the state is run once.
 
-use crate::chain::{Chain, Own};
+use crate::chain::Chain;
 use crate::chain_trace::Trace;
 use crate::effects::Family;
 use crate::initial;
@@ -32,23 +32,28 @@ struct Ends {
 }
 
 impl AnyState<'_, '_> {
-    fn hysteresis(&self, fraction: f64, samples: usize) -> Vec<f64> {
+    /// The record from a state that it remembers.
+    fn from(&self, fraction: f64) -> Trace<'_> {
         let mut from = self.remanent.clone();
         from.initial = InitialState::Remanent { fraction };
+        from
+    }
+
+    fn hysteresis(&self, from: &Trace<'_>, samples: usize) -> Vec<f64> {
         self.chain
-            .hysteresis(self.coefficients, &from, &self.voltage_at_stack_v[..samples])
+            .hysteresis(self.coefficients, from, &self.voltage_at_stack_v[..samples])
     }
 
     fn ends(&self) -> &Ends {
         self.ends.get_or_init(|| {
             let whole = self.voltage_at_stack_v.len();
-            let (down, up) = (self.hysteresis(0.0, whole), self.hysteresis(1.0, whole));
+            let [down, up] = [0.0, 1.0].map(|fraction| self.hysteresis(&self.from(fraction), whole));
             // A play from any other state moves between those from both ends, and goes on as they do once they have met.
             let differ = down.iter().zip(&up).rposition(|(down, up)| down != up);
             let fading = self.chain.design.family == Family::Duhem;
             Ends {
                 middle: if fading {
-                    self.hysteresis(0.5, whole)
+                    self.hysteresis(&self.from(0.5), whole)
                 } else {
                     Vec::new()
                 },
@@ -59,8 +64,8 @@ impl AnyState<'_, '_> {
         })
     }
 
-    /// What the hysteresis makes of the command from a state.
-    fn stroke_um(&self, fraction: f64) -> Vec<f64> {
+    /// What the hysteresis makes of the command from a state, `from` the record in it.
+    fn stroke_um(&self, from: &Trace<'_>, fraction: f64) -> Vec<f64> {
         let Ends {
             down,
             middle,
@@ -75,14 +80,14 @@ impl AnyState<'_, '_> {
         }
         if !middle.is_empty() {
             // What fading elements hold is linear in what they held, on each side of the middle.
-            let (from, to, share) = if fraction < 0.5 {
+            let (one, other, share) = if fraction < 0.5 {
                 (down, middle, 2.0 * fraction)
             } else {
                 (middle, up, 2.0 * fraction - 1.0)
             };
-            return from.iter().zip(to).map(|(a, b)| a + share * (b - a)).collect();
+            return one.iter().zip(other).map(|(a, b)| a + share * (b - a)).collect();
         }
-        let mut stroke_um = self.hysteresis(fraction, *remembers);
+        let mut stroke_um = self.hysteresis(from, *remembers);
         stroke_um.extend_from_slice(&down[*remembers..]);
         stroke_um
     }
@@ -94,10 +99,9 @@ impl AnyState<'_, '_> {
             let own = self.chain.settle(self.coefficients, trace);
             return self.chain.respond(self.coefficients, trace, &own);
         };
-        let mut trace = self.remanent.clone();
-        trace.initial = state;
-        let stroke_um = self.stroke_um(fraction);
-        let own: Own = self
+        let trace = self.from(fraction);
+        let stroke_um = self.stroke_um(&trace, fraction);
+        let own = self
             .chain
             .settle_behind(self.coefficients, &trace, &self.voltage_at_stack_v, &stroke_um);
         self.chain

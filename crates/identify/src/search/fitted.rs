@@ -340,8 +340,8 @@ impl Descent<'_> {
             here.linear = Some(linear);
             let settled = lower
                 .as_ref()
-                .is_none_or(|lower| here.error - lower.error < self.settled);
-            if let Some((fitted, error)) = lower.map(|lower| (lower.fitted, lower.error)) {
+                .is_none_or(|(_, error)| here.error - error < self.settled);
+            if let Some((fitted, error)) = lower {
                 here = Standing { fitted, error, ..here };
             }
             if settled && (anew || !self.closely) {
@@ -352,8 +352,9 @@ impl Descent<'_> {
         here
     }
 
-    /// A step down, if there is one that brings as much as counts; one that does not go down is tried again, shorter.
-    fn step(&self, here: &Standing, systems: &[Normal], damping: &mut f64) -> Option<Standing> {
+    /// Where a step down leads, and the sum of logarithms there, if the step brings as much as counts; one that does not go down is tried
+    /// again, shorter.
+    fn step(&self, here: &Standing, systems: &[Normal], damping: &mut f64) -> Option<(Fitted, f64)> {
         let n = here.fitted.coefficients.len();
         let mut stay = here.fitted.coefficients.clone();
         stay.resize(n + here.fitted.parameters(), 0.0);
@@ -372,11 +373,7 @@ impl Descent<'_> {
             let error = self.error(&fitted);
             if error < here.error {
                 *damping = (*damping * 0.1).max(1e-9);
-                return Some(Standing {
-                    fitted,
-                    error,
-                    linear: None,
-                });
+                return Some((fitted, error));
             }
             *damping *= 10.0;
         }
