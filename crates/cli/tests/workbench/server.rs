@@ -4,21 +4,10 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
-
-/// What is measured in time is measured alone: other servers of these tests wait.
-static MACHINE: RwLock<()> = RwLock::new(());
-
-/// A test's share of the machine, held as long as its server.
-enum Share {
-    Some { _guard: RwLockReadGuard<'static, ()> },
-    All { _guard: RwLockWriteGuard<'static, ()> },
-}
 
 /// `hysteron lab`, ended with the test.
 pub(crate) struct Server {
     child: Child,
-    _share: Share,
     pub(crate) port: u16,
     pub(crate) token: String,
 }
@@ -44,33 +33,15 @@ impl Answer {
 impl Server {
     /// Starts it on a session folder.
     pub(crate) fn start(session: &Path) -> Self {
-        let guard = MACHINE.read().unwrap_or_else(PoisonError::into_inner);
-        Self::with_share(session, Share::Some { _guard: guard })
-    }
-
-    /// Starts it when no other test runs one, and keeps others waiting.
-    pub(crate) fn start_alone(session: &Path) -> Self {
-        let guard = MACHINE.write().unwrap_or_else(PoisonError::into_inner);
-        Self::with_share(session, Share::All { _guard: guard })
+        Self::with(session, None)
     }
 
     /// Starts it on a session folder with data of the user's own.
     pub(crate) fn start_with(session: &Path, data: &Path) -> Self {
-        let guard = MACHINE.read().unwrap_or_else(PoisonError::into_inner);
-        Self::with(session, Some(data), Share::Some { _guard: guard })
+        Self::with(session, Some(data))
     }
 
-    /// As [`Self::start_with`], when no other test runs one.
-    pub(crate) fn start_alone_with(session: &Path, data: &Path) -> Self {
-        let guard = MACHINE.write().unwrap_or_else(PoisonError::into_inner);
-        Self::with(session, Some(data), Share::All { _guard: guard })
-    }
-
-    fn with_share(session: &Path, share: Share) -> Self {
-        Self::with(session, None, share)
-    }
-
-    fn with(session: &Path, data: Option<&Path>, share: Share) -> Self {
+    fn with(session: &Path, data: Option<&Path>) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_hysteron"))
             .args(["lab", "--no-open", "--session"])
             .arg(session)
@@ -91,7 +62,6 @@ impl Server {
             port: port.parse().unwrap(),
             token: token.trim_end_matches('/').to_owned(),
             child,
-            _share: share,
         }
     }
 

@@ -4,8 +4,10 @@ use crate::browser::{Browser, there};
 use crate::controller::the_controller;
 use crate::server::Server;
 use fantoccini::Locator;
+use hysteron_data::read_record;
 use serde_json::{Value, json};
 use std::path::Path;
+use std::time::Instant;
 
 pub(crate) fn in_browser(test: impl Future<Output = ()>) {
     tokio::runtime::Builder::new_multi_thread()
@@ -15,6 +17,25 @@ pub(crate) fn in_browser(test: impl Future<Output = ()>) {
         .unwrap()
         .block_on(test);
 }
+
+/// The least time that some work takes in this process, seconds: a measure of the machine.
+pub(crate) fn least_s(work: impl Fn()) -> f64 {
+    let times = (0..5).map(|_| {
+        let begun = Instant::now();
+        work();
+        begun.elapsed().as_secs_f64()
+    });
+    times.fold(f64::INFINITY, f64::min)
+}
+
+/// Frames a second that the browser can draw of lines as long as a chart's.
+const LINES: &str = "const done = arguments[0]; const canvas = document.createElement('canvas'); \
+    Object.assign(canvas, {width: 1000, height: 300}); document.body.append(canvas); const pen = canvas.getContext('2d'); \
+    let n = 0; const begun = performance.now(); const frame = () => { pen.clearRect(0, 0, 1000, 300); \
+    for (let line = 0; line < 2; line += 1) { pen.beginPath(); \
+        for (let x = 0; x < 2000; x += 1) pen.lineTo(x / 2, 150 + 140 * Math.sin(x + n + line)); pen.stroke(); } \
+    n += 1; if (n < 180) { requestAnimationFrame(frame); } else { canvas.remove(); done(1000 * n / (performance.now() - begun)); } }; \
+    requestAnimationFrame(frame);";
 
 pub(crate) fn hysteron(folder: &Path, arguments: &[&str]) -> Value {
     let out = assert_cmd::Command::new(env!("CARGO_BIN_EXE_hysteron"))
@@ -301,7 +322,7 @@ fn val_a_million_samples_are_fluid() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let server = Server::start_alone(&folder.path().join("session"));
+    let server = Server::start(&folder.path().join("session"));
     let mut csv = String::with_capacity(40_000_000);
     csv.push_str("time_s,voltage_v,position_um\n");
     for k in 0..1_000_000_u32 {
@@ -351,11 +372,8 @@ fn val_a_million_samples_are_fluid() {
         assert!(highest > 90.0, "the spike is drawn: {highest}");
         let fluid = "const done = arguments[0]; const chart = document.querySelector('.plot').chart; let n = 0; const from = performance.now(); \
             const frame = () => { if (n < 60) chart.zoomBy(0.96); else chart.pan(n % 40 < 20 ? 0.03 : -0.03); n += 1; if (n < 180) requestAnimationFrame(frame); else done(1000 * n / (performance.now() - from)); }; requestAnimationFrame(frame);";
-        // The best of three: what other programs take of the machine is not the page's.
-        let mut per_second = 0.0;
-        for _ in 0..3 {
-            per_second = f64::max(per_second, browser.run_async(fluid, vec![]).await.as_f64().unwrap());
-        }
+        let per_second = browser.run_async(fluid, vec![]).await.as_f64().unwrap();
+        let possible = browser.run_async(LINES, vec![]).await.as_f64().unwrap();
         browser.click("#use").await;
         browser.click("#to-fit").await;
         browser.choose("#model", "pi").await;
@@ -365,31 +383,25 @@ fn val_a_million_samples_are_fluid() {
         let spike = browser.run(spike, vec![]).await.as_f64().unwrap();
         assert!(spike > 80.0, "the spike is in the error: {spike}");
         let linked = fluid.replace(".plot", "#residual");
-        let mut compared = 0.0;
-        for _ in 0..3 {
-            compared = f64::max(compared, browser.run_async(&linked, vec![]).await.as_f64().unwrap());
-        }
+        let compared = browser.run_async(&linked, vec![]).await.as_f64().unwrap();
         let memory = server.peak_memory();
-        let known = |value: Option<f64>, unit| value.map_or("unknown".to_owned(), |value| format!("{value:.2} {unit}"));
+        let alone_s = least_s(|| drop(read_record(&file).unwrap()));
         println!(
             "a million samples: first picture after {:.2} s\n\
-             the server's work for it: {}\n\
-             zoom and pan: {per_second:.0} frames/s; in the linked views of the comparison: {compared:.0} frames/s\n\
-             largest memory of the server, fit included: {}",
+             zoom and pan: {per_second:.0} frames/s; in the linked views of the comparison: {compared:.0} frames/s; \
+             lines alone: {possible:.0} frames/s",
             first_ms / 1e3,
-            known(worked_s, "s"),
-            known(memory.map(|bytes| bytes as f64 / 1e6), "MB"),
         );
         browser.picture("million").await;
-        // Two seconds of work up to the first picture, however long a busy machine takes over them; and half of the frames of an
-        // idle one.
+        // Beside figures of the same machine in the same run: a slow or busy one is no fault of the page.
+        if let Some(worked_s) = worked_s {
+            let ratio = worked_s / alone_s;
+            println!("the server's work for the first picture: {ratio:.1} readings of the file");
+            assert!(ratio < 4.0, "{ratio} readings before the first picture");
+        }
         assert!(
-            worked_s.is_none_or(|s| s < 2.0),
-            "{worked_s:?} s of work before the first picture"
-        );
-        assert!(
-            per_second >= 15.0 && compared >= 15.0,
-            "{per_second} and {compared} frames a second"
+            f64::min(per_second, compared) >= 0.25 * possible,
+            "{per_second} and {compared} frames a second; lines alone {possible}"
         );
         assert!(memory.is_none_or(|bytes| bytes < 1_000_000_000), "{memory:?} bytes");
         browser.close().await;
