@@ -5,7 +5,7 @@ use crate::upload::Upload;
 use crate::{BoardError, Request};
 use hysteron_firmware::telemetry::order_packet;
 use hysteron_firmware::tuning::Change;
-use hysteron_firmware::wire::Order;
+use hysteron_firmware::wire::{Hello, Order};
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{Read, Write};
@@ -19,7 +19,7 @@ pub const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Longest wait for the answer to a change, seconds of the board's time. A debug probe that polls ten times a second takes half of one
 /// to carry a change there and the answer back.
-const LONGEST_ANSWER_S: f64 = 5.0;
+pub(crate) const LONGEST_ANSWER_S: f64 = 5.0;
 
 /// Who starts the loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,10 +44,10 @@ pub struct Wish {
 }
 
 /// A change, and whom it is for: 0 all axes, or the number of one.
-type Addressed = (u8, Change);
+pub(crate) type Addressed = (u8, Change);
 
 /// The changes that make the wishes of all axes, with the tables that the board has.
-fn changes(wishes: &[Option<Wish>], axes: &[Collector]) -> Result<VecDeque<Addressed>, BoardError> {
+pub(crate) fn changes(wishes: &[Option<Wish>], axes: &[Vec<Hello>]) -> Result<VecDeque<Addressed>, BoardError> {
     let Some(first) = wishes.iter().flatten().next() else {
         return Ok(VecDeque::new());
     };
@@ -55,8 +55,7 @@ fn changes(wishes: &[Option<Wish>], axes: &[Collector]) -> Result<VecDeque<Addre
         return Err(BoardError::OneAxis);
     }
     let mut all = VecDeque::new();
-    for (number, axis) in (1..).zip(axes) {
-        let tables = axis.tables().unwrap_or_default();
+    for (number, tables) in (1..).zip(axes) {
         if number == 1 && tables.len() > 1 {
             all.push_back((0, Change::Bank(first.bank)));
         }
@@ -95,8 +94,13 @@ fn changes(wishes: &[Option<Wish>], axes: &[Collector]) -> Result<VecDeque<Addre
     Ok(all)
 }
 
+/// The tables of every axis, as far as they are known.
+fn tables(axes: &[Collector]) -> Vec<Vec<Hello>> {
+    axes.iter().map(|axis| axis.tables().unwrap_or_default()).collect()
+}
+
 /// The orders that make a change. A board of one axis is not told whose it is.
-fn orders((to, change): Addressed, axes: usize) -> impl Iterator<Item = Order> {
+pub(crate) fn orders((to, change): Addressed, axes: usize) -> impl Iterator<Item = Order> {
     (axes > 1).then_some(Order::To(to)).into_iter().chain(change.orders())
 }
 
@@ -131,17 +135,16 @@ pub fn capture(
 ) -> Result<Vec<Capture>, BoardError> {
     crate::within("seconds", seconds, 1e-3, 600.0)?;
     let (source, board) = open(from)?;
-    let (mut run, asked) = match (start, &board) {
+    let (run, asked) = match (start, &board) {
         (Start::Nobody, _) => (Run::Recording, None),
         (_, None) => return Err(BoardError::NotAsked(from.to_owned())),
-        (Start::Host, board) => (Run::Waiting(&[]), board.as_ref()),
-        (Start::Playing(wishes), board) => (Run::Waiting(wishes), board.as_ref()),
+        (Start::Host, board) => (Run::Waiting(Vec::new()), board.as_ref()),
+        (Start::Playing(wishes), board) => (Run::Waiting(wishes.to_vec()), board.as_ref()),
     };
-    let recorded = record(from, source, seconds, progress, &mut |axes| match asked {
-        Some(mut board) => run.go_on(axes, &mut |order| {
-            board.write_all(&order_packet(order)).map_err(failed(from))
-        }),
-        None => Ok(true),
+    let mut taking = Taking::new(seconds, run);
+    let listened = listen(from, source, &mut taking, progress, &mut |order| match asked {
+        Some(mut board) => board.write_all(&order_packet(order)).map_err(failed(from)),
+        None => Ok(()),
     });
     // The other side may be gone already; what was recorded says whether the loop still ran.
     if let Some(mut board) = asked {
@@ -151,10 +154,8 @@ pub fn capture(
     if let Some(board) = board {
         let _ = board.shutdown(Shutdown::Write);
     }
-    match &run {
-        Run::Changing(left, _) if recorded.is_ok() => Err(BoardError::NoAnswer { what: asked_for(left) }),
-        _ => recorded,
-    }
+    listened?;
+    taking.finish()
 }
 
 /// The change that waits for its answer.
@@ -163,16 +164,17 @@ fn asked_for(left: &VecDeque<Addressed>) -> &'static str {
 }
 
 /// What a board that is asked to run is at.
-enum Run<'a> {
+#[derive(Debug)]
+pub(crate) enum Run {
     /// It has not described itself.
-    Waiting(&'a [Option<Wish>]),
+    Waiting(Vec<Option<Wish>>),
     /// It is being changed: what is left, the first asked for since so many ticks.
     Changing(VecDeque<Addressed>, u64),
     /// It has been asked to start.
     Recording,
 }
 
-impl Run<'_> {
+impl Run {
     /// Asks for what comes next; whether the recording has begun.
     fn go_on(
         &mut self,
@@ -185,7 +187,7 @@ impl Run<'_> {
         let left = match self {
             Self::Recording => return Ok(true),
             Self::Waiting(_) if axes.iter().any(|axis| axis.tables().is_none()) => return Ok(false),
-            Self::Waiting(wishes) => changes(wishes, axes)?,
+            Self::Waiting(wishes) => changes(wishes, &tables(axes))?,
             Self::Changing(left, since) => {
                 let what = asked_for(left);
                 match answer(axes, left.front().map_or(0, |(to, _)| *to)) {
@@ -221,44 +223,83 @@ impl Run<'_> {
     }
 }
 
-fn record(
+/// A recording under way.
+#[derive(Debug)]
+pub(crate) struct Taking {
+    both: [Collector; 2],
+    seconds: f64,
+    run: Run,
+}
+
+impl Taking {
+    /// Of so many seconds of the board's time.
+    pub(crate) fn new(seconds: f64, run: Run) -> Self {
+        Self {
+            both: [0, 1].map(Collector::of_axis),
+            seconds,
+            run,
+        }
+    }
+
+    /// Takes more of the stream and asks for what comes next; the share that has been recorded, 0 before it has begun.
+    pub(crate) fn take(
+        &mut self,
+        bytes: &[u8],
+        ask: &mut dyn FnMut(Order) -> Result<(), BoardError>,
+    ) -> Result<f64, BoardError> {
+        self.both.iter_mut().try_for_each(|axis| axis.push(bytes))?;
+        let (rate_hz, axes) = (self.both[0].rate_hz(), axes(&self.both));
+        match rate_hz {
+            Some(rate_hz) if self.run.go_on(&mut self.both[..axes], ask)? => {
+                Ok(self.both[0].ticks() as f64 / (self.seconds * rate_hz))
+            }
+            _ => Ok(0.0),
+        }
+    }
+
+    /// Whether no sample will ever be one of ours.
+    fn hopeless(&self) -> bool {
+        let [first, _] = &self.both;
+        first.foreign() || (first.rate_hz().is_none() && first.ticks() > MOST_UNEXPLAINED)
+    }
+
+    /// What came.
+    pub(crate) fn finish(self) -> Result<Vec<Capture>, BoardError> {
+        if let Run::Changing(left, _) = &self.run {
+            return Err(BoardError::NoAnswer { what: asked_for(left) });
+        }
+        let axes = axes(&self.both);
+        self.both.into_iter().take(axes).map(Collector::finish).collect()
+    }
+}
+
+/// Listens until the recording has its length, or the stream ends, is silent or is none.
+fn listen(
     from: &str,
     source: Box<dyn Read + Send>,
-    seconds: f64,
+    taking: &mut Taking,
     progress: &mut dyn FnMut(f64),
-    go_on: &mut dyn FnMut(&mut [Collector]) -> Result<bool, BoardError>,
-) -> Result<Vec<Capture>, BoardError> {
+    ask: &mut dyn FnMut(Order) -> Result<(), BoardError>,
+) -> Result<(), BoardError> {
     let chunks = chunks(source);
-    let mut both = [0, 1].map(Collector::of_axis);
     loop {
-        let [first, _] = &both;
-        match chunks.recv_timeout(PATIENCE) {
-            Ok(Ok(chunk)) => both.iter_mut().try_for_each(|axis| axis.push(&chunk))?,
+        let [first, _] = &taking.both;
+        let share = match chunks.recv_timeout(PATIENCE) {
+            Ok(Ok(chunk)) => taking.take(&chunk, ask)?,
             Ok(Err(source)) if first.ticks() == 0 => return Err(failed(from)(source)),
             Err(RecvTimeoutError::Timeout) if first.ticks() == 0 && first.counts().foreign_bytes == 0 => {
                 return Err(BoardError::Silent { from: from.to_owned() });
             }
             // A stream that ends or breaks off leaves what has come.
-            Ok(Err(_)) | Err(_) => break,
-        }
-        let rate_hz = both[0].rate_hz();
-        let axes = axes(&both);
-        if let Some(rate_hz) = rate_hz
-            && go_on(&mut both[..axes])?
-        {
-            let share = both[0].ticks() as f64 / (seconds * rate_hz);
+            Ok(Err(_)) | Err(_) => return Ok(()),
+        };
+        if share > 0.0 {
             progress(share);
-            if share >= 1.0 {
-                break;
-            }
         }
-        let [first, _] = &both;
-        if first.foreign() || (rate_hz.is_none() && first.ticks() > MOST_UNEXPLAINED) {
-            break;
+        if share >= 1.0 || taking.hopeless() {
+            return Ok(());
         }
     }
-    let axes = axes(&both);
-    both.into_iter().take(axes).map(Collector::finish).collect()
 }
 
 /// How many axes the board says that it has; one before it has said so.

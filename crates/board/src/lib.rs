@@ -8,8 +8,11 @@ mod emulator;
 pub mod host;
 pub mod image;
 mod learned;
+pub mod live;
 mod player;
 pub mod rig;
+pub mod scope;
+pub mod served;
 pub mod slots;
 pub mod telemetry;
 pub mod two_axes;
@@ -192,6 +195,18 @@ pub enum BoardError {
     /// A source that takes no orders.
     #[error("{0}: a file takes no orders; give HOST:PORT of a server, or start the loop by the board's button")]
     NotAsked(String),
+    /// A run that was ended.
+    #[error("the run was ended after {0} ticks")]
+    Ended(u32),
+    /// A connection that is over.
+    #[error("the connection to the board is over: {0}; connect again")]
+    Over(String),
+    /// A recording that is under way.
+    #[error("a recording is under way or a change waits for its answer; wait for it or end it")]
+    Taking,
+    /// A board that has not described itself.
+    #[error("the board has not described all of its tables yet, which it does every 0.2 s; ask again")]
+    Undescribed,
     /// A source that says nothing.
     #[error(
         "{from}: nothing came for 5 s; is the board running, and is this its RTT channel 1 (the log is channel 0)?"
@@ -232,6 +247,9 @@ pub enum BoardError {
         /// Samples that did not.
         lost: u64,
     },
+    /// A table that does not run.
+    #[error(transparent)]
+    Table(#[from] hysteron_table::TableError),
     /// The simulated stage.
     #[error(transparent)]
     Stage(#[from] StageError),
@@ -593,6 +611,9 @@ fn exchange(
         }
         bench.output(&frame);
         *ticks = wanted + 1;
+        if bench.over() {
+            return Err(BoardError::Ended(*ticks).into());
+        }
         if wanted % 1024 == 0 {
             progress(f64::from(wanted) / f64::from(setup.ticks));
         }

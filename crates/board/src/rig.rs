@@ -16,6 +16,10 @@ pub trait Bench {
     fn input(&mut self, number: u32) -> Input;
     /// Takes the code that answers it.
     fn output(&mut self, frame: &Frame);
+    /// Whether the run shall end before its last tick.
+    fn over(&self) -> bool {
+        false
+    }
 }
 
 /// What the board and the stage did, one value a tick.

@@ -85,13 +85,63 @@ pub struct Counts {
     pub restarts: u64,
 }
 
+/// The packets in pieces of a stream.
+#[derive(Debug, Default)]
+pub(crate) struct Packets {
+    /// Bytes whose packet has not ended.
+    rest: Vec<u8>,
+}
+
+impl Packets {
+    /// Takes more of the stream, which may have `ended` with it: each packet, and none for a byte that belongs to no packet.
+    pub(crate) fn split(&mut self, bytes: &[u8], ended: bool, each: &mut dyn FnMut(Option<Found>)) {
+        self.rest.extend_from_slice(bytes);
+        let bytes = std::mem::take(&mut self.rest);
+        let mut at = 0;
+        while at < bytes.len() {
+            let found = find(&bytes[at..]);
+            at += match found {
+                Found::Sample(_) => SAMPLE_BYTES,
+                Found::About(_) => ABOUT_BYTES,
+                Found::Answer => ANSWER_BYTES,
+                Found::Incomplete if !ended => break,
+                // A board gives no orders.
+                Found::Incomplete | Found::Nothing | Found::Order(_) => 1,
+            };
+            let packet = matches!(found, Found::Sample(_) | Found::About(_) | Found::Answer);
+            each(packet.then_some(found));
+        }
+        self.rest = bytes[at..].to_vec();
+    }
+}
+
+/// From one sample to the next, by their numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Step {
+    /// Nothing is missing.
+    Follows,
+    /// The board counts anew: half of the counter's range on, or the same number twice.
+    Anew,
+    /// So many ticks on.
+    Gap(u32),
+}
+
+impl Step {
+    pub(crate) fn of(last: u32, number: u32) -> Self {
+        match number.wrapping_sub(last) {
+            1 => Self::Follows,
+            step if step == 0 || step > u32::MAX / 2 => Self::Anew,
+            step => Self::Gap(step),
+        }
+    }
+}
+
 /// Puts packets of one axis together from pieces of a stream.
 #[derive(Debug, Default)]
 pub struct Collector {
     /// 0 the first axis, 1 the second.
     axis: u8,
-    /// Bytes whose packet has not ended.
-    rest: Vec<u8>,
+    packets: Packets,
     /// Of each table, as they come.
     abouts: Vec<About>,
     pieces: Vec<(u64, Vec<Sample>)>,
@@ -108,6 +158,17 @@ pub(crate) struct Answer {
     pub accepted: bool,
 }
 
+impl Answer {
+    /// What a sample says of a change; most say nothing.
+    pub(crate) fn of(sample: &Sample) -> Option<Self> {
+        let flags = sample.frame.flags;
+        (flags & (ACCEPTED | REFUSED) != 0).then_some(Self {
+            tick: sample.frame.number,
+            accepted: flags & ACCEPTED != 0,
+        })
+    }
+}
+
 impl Collector {
     /// Of the axis of this number, from 0 on; packets of another are passed over.
     pub fn of_axis(axis: u8) -> Self {
@@ -122,39 +183,32 @@ impl Collector {
     /// # Errors
     /// A second description that is not the first, more gaps than a recording may have.
     pub fn push(&mut self, bytes: &[u8]) -> Result<(), BoardError> {
-        self.rest.extend_from_slice(bytes);
-        self.scan(false)
+        self.scan(bytes, false)
     }
 
-    fn scan(&mut self, ended: bool) -> Result<(), BoardError> {
-        let bytes = std::mem::take(&mut self.rest);
-        let mut at = 0;
-        while at < bytes.len() {
-            match find(&bytes[at..]) {
-                Found::Sample(sample) => {
-                    if sample.axis == self.axis {
-                        self.sample(sample)?;
-                    }
-                    at += SAMPLE_BYTES;
-                }
-                Found::About(about) => {
-                    if about.axis == self.axis {
-                        self.about(about)?;
-                    }
-                    at += ABOUT_BYTES;
-                }
-                // What the board says of its slots is no part of a recording.
-                Found::Answer => at += ANSWER_BYTES,
-                Found::Incomplete if !ended => break,
-                // A board gives no orders.
-                Found::Incomplete | Found::Nothing | Found::Order(_) => {
-                    self.counts.foreign_bytes += 1;
-                    at += 1;
-                }
+    fn scan(&mut self, bytes: &[u8], ended: bool) -> Result<(), BoardError> {
+        let mut packets = std::mem::take(&mut self.packets);
+        let mut taken = Ok(());
+        packets.split(bytes, ended, &mut |found| {
+            if taken.is_ok() {
+                taken = self.take(found);
+            }
+        });
+        self.packets = packets;
+        taken
+    }
+
+    fn take(&mut self, found: Option<Found>) -> Result<(), BoardError> {
+        match found {
+            Some(Found::Sample(sample)) if sample.axis == self.axis => self.sample(sample),
+            Some(Found::About(about)) if about.axis == self.axis => self.about(about),
+            // Of the other axis; and what the board says of its slots is no part of a recording.
+            Some(_) => Ok(()),
+            None => {
+                self.counts.foreign_bytes += 1;
+                Ok(())
             }
         }
-        self.rest = bytes[at..].to_vec();
-        Ok(())
     }
 
     fn about(&mut self, about: About) -> Result<(), BoardError> {
@@ -188,29 +242,23 @@ impl Collector {
 
     fn sample(&mut self, sample: Sample) -> Result<(), BoardError> {
         let number = sample.frame.number;
-        if sample.frame.flags & (ACCEPTED | REFUSED) != 0 {
-            self.answer = Some(Answer {
-                tick: number,
-                accepted: sample.frame.flags & ACCEPTED != 0,
-            });
-        }
+        self.answer = Answer::of(&sample).or(self.answer);
         let last = self.pieces.last().and_then(|(_, samples)| samples.last());
         let one_table = last.is_some_and(|last| last.frame.bank() == sample.frame.bank());
-        let follows = match last.map(|last| number.wrapping_sub(last.frame.number)) {
-            Some(1) => true,
-            // Half of the counter's range on: it has been set back. So has one that says the same number twice.
-            Some(step) if step == 0 || step > u32::MAX / 2 => {
+        let follows = match last.map(|last| Step::of(last.frame.number, number)) {
+            Some(Step::Follows) => true,
+            Some(Step::Anew) => {
                 self.counts.restarts += 1;
                 false
             }
-            Some(step)
+            Some(Step::Gap(step))
                 if step > UNHEARD_TICKS && self.counts.lost + self.counts.restarts + self.counts.unheard == 0 =>
             {
                 self.counts.unheard = std::mem::take(&mut self.counts.samples);
                 self.pieces.clear();
                 false
             }
-            Some(step) => {
+            Some(Step::Gap(step)) => {
                 self.counts.lost += u64::from(step) - 1;
                 false
             }
@@ -297,7 +345,7 @@ impl Collector {
     /// # Errors
     /// No sample, no description of the board, a description whose numbers make no sense.
     pub fn finish(mut self) -> Result<Capture, BoardError> {
-        self.scan(true)?;
+        self.scan(&[], true)?;
         self.drop_alone();
         let bytes = self.counts.foreign_bytes;
         if self.pieces.is_empty() {

@@ -75,6 +75,9 @@ pub struct SimulatedStage {
     /// Runs a controller along the references between two positions, micrometres.
     #[expect(clippy::type_complexity, reason = "a run with what it is given")]
     pub run: Box<dyn Fn(&Controller, [f64; 2]) -> Result<StageRun, String> + Send + Sync>,
+    /// Serves a table's law at it as a board would: its address, and what holds it.
+    #[expect(clippy::type_complexity, reason = "a maker with what it makes")]
+    pub serve: Box<dyn Fn(&str) -> Result<(String, Box<dyn Send + Sync>), String> + Send + Sync>,
 }
 
 /// What became of a controller on a simulated stage.

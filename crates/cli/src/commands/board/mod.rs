@@ -1,7 +1,8 @@
-//! `hysteron board`: recordings of the firmware, in the emulator or on a board, and tables for a board.
+//! `hysteron board`: recordings of the firmware, in the emulator or on a board, tables for a board, and a board for whoever has none.
 
 mod record;
 mod run;
+mod serve;
 mod upload;
 mod wanted;
 
@@ -30,6 +31,8 @@ pub(crate) enum BoardCommand {
     Run(run::RunArgs),
     /// Record what a real board sends of every tick as a dataset
     Record(record::RecordArgs),
+    /// Pretend to be a real board: a table's law or an image, at the simulated stage, for whoever connects
+    Serve(serve::ServeArgs),
     /// Send a table to a real board, into the slot of its flash that is not in use; no image is built
     Upload(upload::UploadArgs),
 }
@@ -38,6 +41,7 @@ pub(crate) fn run(args: &BoardArgs) -> Result<Done, CliError> {
     match &args.command {
         BoardCommand::Run(args) => run::run(args),
         BoardCommand::Record(args) => record::run(args),
+        BoardCommand::Serve(args) => serve::run(args),
         BoardCommand::Upload(args) => upload::run(args),
     }
 }

@@ -2,22 +2,30 @@
 
 use crate::commands::control::track::{SEED, bench, text, usual_um};
 use crate::error::CliError;
+use hysteron_board::served::Served;
 use hysteron_control::design::Controller;
 use hysteron_control::expected::Plan;
 use hysteron_control::reference::SHAPES;
 use hysteron_lab::{SimulatedStage, StageRun};
-use hysteron_plant::preset;
+use hysteron_plant::{Stage, preset};
 use hysteron_tracking::bench::{Bench, compare};
 
 /// Each with its run.
 pub(crate) fn stages() -> Vec<SimulatedStage> {
     let offered = |name: &'static str| {
         let stage = preset::named(name)?;
+        let served = stage.clone();
         Some(SimulatedStage {
             name,
             usual_um: usual_um(&stage),
             run: Box::new(move |controller, range_um| {
                 alone(name, &bench(&stage, SEED, range_um, controller), controller).map_err(|error| error.worded())
+            }),
+            serve: Box::new(move |table| {
+                let stage = Stage::new(&served, SEED).map_err(|error| error.to_string())?;
+                let board = Served::start(table, stage).map_err(|error| error.to_string())?;
+                let address = board.address().to_owned();
+                Ok((address, Box::new(board)))
             }),
         })
     };
