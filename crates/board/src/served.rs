@@ -109,13 +109,12 @@ impl Served {
         };
         let setup = Setup {
             ticks: u32::MAX,
-            clocked: false,
             ..asleep_setup(whole_range_um(&hello).map(|um| um as f32))
         };
         let front = Front::new(stage, about)?;
         Self::run(front, move |front| {
             // However it ends, the connection does.
-            let _ = session.run(&setup, front, &mut |_| {});
+            let r = session.run(&setup, front, &mut |_| {}); eprintln!("{r:?}");
         })
     }
 
@@ -196,14 +195,13 @@ impl Front {
 
     /// Sends what there is, hears what has come, takes whoever connects, and waits until its time has come.
     fn look(&mut self) {
+        let packets = std::mem::take(&mut self.packets);
         if let Some(mut host) = self.host.take() {
-            let sent = host.send(&self.packets);
-            self.packets.clear();
+            let sent = host.send(&packets);
             // The last that is said before a connection ends, too.
             self.hear(&mut host);
             self.host = sent.is_ok().then_some(host);
         }
-        self.packets.clear();
         if let Ok((stream, _)) = self.listener.accept() {
             self.host = Host::new(stream);
         }
