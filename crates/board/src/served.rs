@@ -107,6 +107,7 @@ impl Served {
             name: named(machine.name()),
             axis: 0,
         };
+        // On its own clock: without, an image takes inputs in bulk.
         let setup = Setup {
             ticks: u32::MAX,
             ..asleep_setup(whole_range_um(&hello).map(|um| um as f32))
@@ -114,7 +115,7 @@ impl Served {
         let front = Front::new(stage, about)?;
         Self::run(front, move |front| {
             // However it ends, the connection does.
-            let r = session.run(&setup, front, &mut |_| {}); eprintln!("{r:?}");
+            let _ = session.run(&setup, front, &mut |_| {});
         })
     }
 

@@ -37,3 +37,4 @@ pub use ladder::{Ladder, Rung, add, add_own, ladder};
 pub use learn::{Attempt, Learned, Stop, learn, learn_from, learn_with};
 pub use region::{GoesWith, Region, region};
 pub use signature::{Fitted, Signature, signatures};
+pub use spectrum::density;

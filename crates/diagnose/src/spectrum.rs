@@ -69,17 +69,40 @@ pub(crate) fn spectrum(records: &[RecordComparison], noise_rms: f64) -> Spectrum
             segments += 1.0;
         }
     }
-    // Mean square of the Hann window is 3/8; density per hertz by the bin width 1 / (segment x period).
-    let to_density = |power: f64| (power / segments / 0.375 * segment as f64 * common).sqrt();
+    let (frequency_hz, residual_um_per_rthz) = densities(&residual, segments, segment, common);
+    let (_, measured_um_per_rthz) = densities(&measured, segments, segment, common);
     let white = noise_rms * (2.0 * common).sqrt();
-    // The first two bins hold the mean, spread by the window.
-    let bins = 2..segment / 2;
     Spectrum {
-        frequency_hz: bins.clone().map(|k| k as f64 / (segment as f64 * common)).collect(),
-        residual_um_per_rthz: bins.clone().map(|k| to_density(residual[k])).collect(),
-        measured_um_per_rthz: bins.clone().map(|k| to_density(measured[k])).collect(),
-        noise_um_per_rthz: bins.map(|_| white).collect(),
+        noise_um_per_rthz: vec![white; frequency_hz.len()],
+        frequency_hz,
+        residual_um_per_rthz,
+        measured_um_per_rthz,
     }
+}
+
+/// Amplitude spectral density of one series by the same method: frequencies, hertz, and the series' unit a root hertz; empty of fewer
+/// than 64 samples.
+pub fn density(values: &[f64], period_s: f64) -> (Vec<f64>, Vec<f64>) {
+    if values.len() < 64 {
+        return (Vec::new(), Vec::new());
+    }
+    let segment = LONGEST_SEGMENT.min(values.len() / 2 * 2);
+    let mut sums = vec![0.0; segment / 2 + 1];
+    let mut segments = 0.0;
+    for start in (0..=values.len() - segment).step_by(segment / 2) {
+        add_segment(&values[start..start + segment], &mut sums);
+        segments += 1.0;
+    }
+    densities(&sums, segments, segment, period_s)
+}
+
+/// Frequencies and densities of summed powers. Mean square of the Hann window is 3/8; density per hertz by the bin width
+/// 1 / (segment x period). The first two bins hold the mean, spread by the window.
+fn densities(sums: &[f64], segments: f64, segment: usize, period_s: f64) -> (Vec<f64>, Vec<f64>) {
+    let bins = 2..segment / 2;
+    let hertz = bins.clone().map(|k| k as f64 / (segment as f64 * period_s));
+    let density = bins.map(|k| (sums[k] / segments / 0.375 * segment as f64 * period_s).sqrt());
+    (hertz.collect(), density.collect())
 }
 
 fn add_segment(values: &[f64], sums: &mut [f64]) {

@@ -9,7 +9,7 @@ use crate::place::{Of, Place};
 use crate::reading::Reading;
 use crate::session::Session;
 use crate::{
-    App, assets, bring, came_back, campaign, draft, grow, hand, jobs, learn, riddle, rungs, state, views, work,
+    App, assets, board, bring, came_back, campaign, draft, grow, hand, jobs, learn, riddle, rungs, state, views, work,
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
@@ -77,6 +77,7 @@ pub(crate) fn router(
                 .post(draft::keep)
                 .layer(DefaultBodyLimit::max(draft::BODY_LIMIT)),
         )
+        .route("/api/board", get(board::look).post(board::perform))
         .route("/api/export/{what}", get(download))
         .fallback(|| async { Refusal::absent("there is nothing at this address") })
         .method_not_allowed_fallback(|| async {

@@ -17,7 +17,7 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: [Asset; 22] = [
+const ASSETS: [Asset; 24] = [
     asset!("app.js", JS),
     asset!("api.js", JS),
     asset!("dom.js", JS),
@@ -34,7 +34,9 @@ const ASSETS: [Asset; 22] = [
     asset!("take.js", JS),
     asset!("numbers.js", JS),
     asset!("ladder.js", JS),
+    asset!("form.js", JS),
     asset!("controller.js", JS),
+    asset!("board.js", JS),
     asset!("campaign.js", JS),
     asset!("stale.js", JS),
     asset!("style.css", CSS),

@@ -66,6 +66,24 @@ pub(crate) async fn received(folder: &Path, name: &str, mut content: Body) -> Re
     Ok(beside)
 }
 
+/// Keeps a recording of the board as a file that is brought, under a name that no other has.
+pub(crate) fn keep_recorded(app: &App, beside: NamedTempFile, role: Role) -> Result<(), Refusal> {
+    let name = {
+        let mut session = app.session();
+        let name = (1..)
+            .map(|number| format!("board-{number:03}.csv"))
+            .find(|name| !session.book.files.contains_key(name))
+            .unwrap_or_default();
+        let brought = Brought {
+            role: Some(role),
+            ..Brought::default()
+        };
+        session.book.files.insert(name.clone(), brought);
+        name
+    };
+    keep(app, name, beside, None).map(drop)
+}
+
 /// Keeps a file that has come whole, or the recordings in it: on the disk and in the book before it is answered.
 fn keep(app: &App, name: String, beside: NamedTempFile, asked_by: Option<usize>) -> Result<Value, Refusal> {
     let folder = app.session().uploads.folder.clone();

@@ -242,7 +242,7 @@ pub(crate) fn track(app: &Arc<App>, of: Of, along: &Along) -> Result<(), Refusal
 }
 
 /// The number of a simulated stage.
-fn stage(app: &App, name: &str) -> Result<usize, Refusal> {
+pub(crate) fn stage(app: &App, name: &str) -> Result<usize, Refusal> {
     let names = || app.stages.iter().map(|stage| stage.name);
     names().position(|known| known == name).ok_or_else(|| {
         Refusal::bad(format!(

@@ -10,6 +10,7 @@ mod api;
 mod archive;
 mod assets;
 mod bench;
+mod board;
 mod book;
 mod bring;
 mod came_back;
@@ -115,6 +116,7 @@ pub struct Lab {
 pub(crate) struct App {
     session: Mutex<Session>,
     job: Mutex<Job>,
+    bench: Mutex<Option<board::OnBench>>,
     tick: watch::Sender<u64>,
     pub(crate) starts: Vec<StartingPoint>,
     pub(crate) stages: Vec<SimulatedStage>,
@@ -159,6 +161,7 @@ impl Lab {
         let app = App {
             session: Mutex::new(session),
             job: Mutex::default(),
+            bench: Mutex::default(),
             tick: watch::Sender::new(1),
             starts: options.starts,
             stages: options.stages,
@@ -189,6 +192,7 @@ impl Lab {
             .build()?;
         runtime.block_on(async {
             let listener = tokio::net::TcpListener::from_std(self.listener)?;
+            tokio::spawn(board::watch(Arc::clone(&self.app)));
             axum::serve(listener, api::router(self.app, self.guard)).await
         })?;
         Ok(())

@@ -45,6 +45,7 @@ pub(crate) fn state(app: &App, tick: u64) -> Value {
         "campaign": book.campaign,
         "challenge": riddle::state(&session),
         "current": book.current,
+        "board": app.has_board(),
         "job": job,
     })
 }

@@ -1,4 +1,4 @@
-// The way from left to right: data, fit, compare, diagnose, ladder, controller, export.
+// The way from left to right: data, fit, compare, diagnose, ladder, controller, board, export.
 import { ask, tell, Refused } from "./api.js";
 import { el, table, command, right } from "./dom.js";
 import { num, quantity, readable, unit } from "./numbers.js";
@@ -8,10 +8,11 @@ import { diagnosePage } from "./diagnose.js";
 import { effectName, effectPage } from "./effects.js";
 import { ladderPage } from "./ladder.js";
 import { controllerPage } from "./controller.js";
+import { boardPage } from "./board.js";
 import { exportPage } from "./take.js";
 import { staleNotice } from "./stale.js";
 
-const STATIONS = [["data", "Data"], ["fit", "Fit"], ["compare", "Compare"], ["diagnose", "Diagnose"], ["ladder", "Ladder"], ["controller", "Controller"], ["export", "Export"]];
+const STATIONS = [["data", "Data"], ["fit", "Fit"], ["compare", "Compare"], ["diagnose", "Diagnose"], ["ladder", "Ladder"], ["controller", "Controller"], ["board", "Board"], ["export", "Export"]];
 const by = (id) => document.getElementById(id);
 const fault = by("fault");
 
@@ -147,7 +148,7 @@ async function fitPage() {
   return page;
 }
 
-const PAGES = { data: dataPage, fit: fitPage, compare: comparePage, diagnose: diagnosePage, ladder: ladderPage, controller: controllerPage, export: exportPage, effects: effectPage };
+const PAGES = { data: dataPage, fit: fitPage, compare: comparePage, diagnose: diagnosePage, ladder: ladderPage, controller: controllerPage, board: boardPage, export: exportPage, effects: effectPage };
 
 for (const event of ["click", "submit", "change"]) {
   addEventListener(event, ({ target }) => {

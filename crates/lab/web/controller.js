@@ -1,37 +1,11 @@
 // The controller of a step or of the campaign: designed by one button, run, taken home as it is and as the firmware's table.
 import { ask, download } from "./api.js";
-import { el, command, panel, printed, typed } from "./dom.js";
+import { el, command, panel, printed } from "./dom.js";
+import { form } from "./form.js";
 import { num, text } from "./numbers.js";
 import { COLOURS, curvesPlot, dotsPlot } from "./plots.js";
 import { campaignPart, done } from "./campaign.js";
 import { staleNotice } from "./stale.js";
-
-/** What was typed last, by form: a refusal must not take it away. */
-const given = {};
-
-/** A form: parts with their fields, and the button that sends what was filled in. */
-function form(lab, id, parts, title, act) {
-  const kept = given[id] || {};
-  const field = ({ name, title: label, otherwise, choices, tick }) => {
-    const own = `${id}-${name}`;
-    const input = choices
-      ? el("select", { id: own, name }, choices.map(([value, words]) => el("option", { value, selected: kept[name] === value }, words)))
-      : el("input", tick ? { id: own, name, type: "checkbox", checked: kept[name] === true } : { id: own, name, type: "number", step: "any", placeholder: otherwise, value: kept[name] ?? null });
-    // `Rate, Hz (--rate-hz)`: the option, by which a refusal names the field, stays in one piece.
-    const [words, option] = label.replace(")", "").split(" (");
-    const named = el("label", { for: own }, `${words} `, el("code", { class: "option" }, option));
-    return el("p", { class: tick ? "tick" : null }, tick ? [input, " ", named] : [named, input]);
-  };
-  const value = (input) => (input.type === "checkbox" ? input.checked : input.tagName === "SELECT" ? input.value : typed(input.value));
-  const made = el("form", { id: `${id}-form`, submit: (event) => {
-    event.preventDefault();
-    given[id] = Object.fromEntries([...made.querySelectorAll("input, select")].map((input) => [input.name, value(input)]));
-    act(given[id]);
-  } },
-  parts.map(([part, fields]) => el("fieldset", {}, el("legend", {}, part), el("div", { class: "fields" }, fields.map(field)))),
-  el("button", { type: "submit", id, class: title.includes("again") ? "" : "main", disabled: lab.state.job.running }, title));
-  return made;
-}
 
 const BEYOND = { name: "beyond_records", title: "Leave what the records cover (--beyond-records)", tick: true };
 

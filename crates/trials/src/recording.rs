@@ -6,7 +6,7 @@ use hysteron_board::capture::{Start, Wish, capture};
 use hysteron_board::telemetry::{Capture, hex};
 use hysteron_board::two_axes::{TwoAxisRig, run_both};
 use hysteron_board::upload::Upload;
-use hysteron_board::{BoardError, Change, Fault, Hello, Machine, Outcome, Recording, Request, budget};
+use hysteron_board::{BoardError, Change, Fault, Hello, Machine, Mode, Outcome, Recording, Request, budget};
 use hysteron_control::adapted::Adapted;
 use hysteron_data::{Dataset, Known, Record, Role};
 use hysteron_plant::{Stage, StageConfig};
@@ -69,17 +69,54 @@ pub fn record(
     axis: usize,
     progress: &dyn Fn(f64),
 ) -> Result<Recorded, TrialError> {
-    let mut captured = capture(from, seconds, start, &mut |share| progress(share))?;
+    recorded(capture(from, seconds, start, &mut |share| progress(share))?, axis)
+}
+
+/// What was captured of all axes, as the recording of one.
+///
+/// # Errors
+/// An axis that there is not.
+pub fn recorded(mut captured: Vec<Capture>, axis: usize) -> Result<Recorded, TrialError> {
     if axis >= captured.len() {
         return Err(BoardError::OneAxis.into());
     }
-    let recorded = captured.swap_remove(axis);
-    let counted = counted(&recorded);
-    let fault = first_fault(recorded.pieces.iter().map(|piece| &piece.recording));
+    let own = captured.swap_remove(axis);
+    let counted = counted(&own);
+    let fault = first_fault(own.pieces.iter().map(|piece| &piece.recording));
     Ok(Recorded {
-        dataset: dataset_of_board(recorded, captured.first(), &counted),
+        dataset: dataset_of_board(own, captured.first(), &counted),
         counted,
         fault,
+    })
+}
+
+/// How an axis followed its reference, over the later half of the ticks on which the loop ran.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Followed {
+    /// Root mean square of reference less position, micrometres.
+    pub rms_um: f64,
+    /// From the lowest to the highest reference, micrometres.
+    pub span_um: f64,
+}
+
+/// As the longest piece without a gap shows it; none where the loop did not run.
+pub fn followed(captured: &Capture) -> Option<Followed> {
+    let longest = captured
+        .pieces
+        .iter()
+        .max_by_key(|piece| piece.recording.frames.len())?;
+    let ran = longest
+        .recording
+        .frames
+        .iter()
+        .filter(|frame| frame.mode() == Mode::Running);
+    let [low, high] = ran.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], frame| {
+        let um = f64::from(frame.reference_um);
+        [low.min(um), high.max(um)]
+    });
+    (low <= high).then(|| Followed {
+        rms_um: longest.recording.rms_um(),
+        span_um: high - low,
     })
 }
 

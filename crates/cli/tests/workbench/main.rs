@@ -5,6 +5,7 @@
     reason = "a test that cannot set up its files fails"
 )]
 
+mod board;
 mod bring;
 mod browser;
 mod campaign;

@@ -117,8 +117,13 @@ impl Server {
 
     /// Waits for the job by asking for news.
     pub(crate) fn wait(&self) -> serde_json::Value {
+        self.wait_for(|state| state["job"]["running"] == false)
+    }
+
+    /// Waits until something holds by asking for news.
+    pub(crate) fn wait_for(&self, holds: impl Fn(&serde_json::Value) -> bool) -> serde_json::Value {
         let mut state = self.state();
-        while state["job"]["running"].as_bool().unwrap() {
+        while !holds(&state) {
             state = self
                 .ask("GET", &format!("api/session?seen={}", state["tick"]), b"")
                 .json();
