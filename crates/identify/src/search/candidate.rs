@@ -3,7 +3,7 @@
 use super::fitted::{Descent, Fitted, Levels, Look, Standing, reweighed};
 use super::records::Prepared;
 use super::system::within_bounds;
-use super::trial::{Trial, judge};
+use super::trial::{Trial, judge, logarithms};
 use super::{Search, Shape, bounds, chosen_states, has, start_in};
 use crate::chain::{Chain, Link, Own, Stroke};
 use crate::effects::{Bounds, Effect, EffectId, EffectName, Facts, Mark};
@@ -91,6 +91,11 @@ const MAY_BE_WIDER: f64 = 0.6;
 
 /// Least error that is looked into for a wider form, percent of peak to peak.
 const MATTERS_PERCENT: f64 = 0.3;
+
+/// A wider form that hides the narrower effect is followed no further where a start, and then its first steps, leave so many times what
+/// another effect of its mark leaves: it would have to take much of that.
+const BEGUN_HOPELESS: f64 = 6.0;
+const HOPELESS: f64 = 3.0;
 
 /// What is left is more than noise above so many times that.
 const STRUCTURE: f64 = 2.0;
@@ -199,7 +204,7 @@ impl Search<'_> {
             let mut plan = self.plan(effect, narrower.as_ref())?;
             plan.hold(held);
             plan.point.ridge = ridge;
-            self.candidate_on(effect, plan, &basis, None, Effort::Thorough)
+            self.candidate_on(effect, plan, &basis, None, (Effort::Thorough, None))
         };
         let trial = under(self.standing.ridge())?;
         // The stiff plays of a chain that lacks an effect hide the valley of one that they can imitate.
@@ -222,26 +227,29 @@ impl Search<'_> {
     ) -> Vec<Result<Trial, Refused>> {
         let basis = self.basis();
         let done = std::sync::atomic::AtomicUsize::new(0);
-        let tried = |effect: &Arc<dyn Effect>, narrower: Option<&Trial>| {
+        let tried = |effect: &Arc<dyn Effect>, narrower: Option<&Trial>, rival: Option<f64>| {
             let before = done.load(std::sync::atomic::Ordering::Relaxed);
             progress(before as f64 / effects.len() as f64, effect.description().name);
             let trial = self
                 .plan(effect, narrower)
-                .and_then(|plan| self.candidate_on(effect, plan, &basis, line_hz, Effort::Quick));
+                .and_then(|plan| self.candidate_on(effect, plan, &basis, line_hz, (Effort::Quick, rival)));
             done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             trial
         };
         let first = effects.par_iter().with_max_len(1);
         let first: Vec<Option<Result<Trial, Refused>>> = first
-            .map(|effect| effect.widens().is_none().then(|| tried(effect, None)))
+            .map(|effect| effect.widens().is_none().then(|| tried(effect, None, None)))
             .collect();
         let of = |name: EffectId| {
             let place = effects.iter().position(|effect| effect.name() == name)?;
             first[place].as_ref()?.as_ref().ok()
         };
-        let others_take_much = |mark: Option<Mark>| {
-            let mut alike = effects.iter().zip(&first).filter(|(other, _)| other.mark() == mark);
-            alike.any(|(_, trial)| matches!(trial, Some(Ok(trial)) if self.may_be_wider(trial)))
+        // What the best of those leaves that take much and are told by the same mark.
+        let rival = |mark: Option<Mark>| {
+            let alike = effects.iter().zip(&first).filter(|(other, _)| other.mark() == mark);
+            let much =
+                alike.filter_map(|(_, trial)| trial.as_ref()?.as_ref().ok().filter(|trial| self.may_be_wider(trial)));
+            much.map(|trial| self.left_by(trial)).min_by(f64::total_cmp)
         };
         let all = effects.par_iter().with_max_len(1).zip(&first);
         all.map(|(effect, trial)| match (trial, effect.widens()) {
@@ -250,11 +258,13 @@ impl Search<'_> {
                 if !self.leaves_structure(&self.standing) {
                     return Err(Refused::Cannot("little is left beside the narrower effect".to_owned()));
                 }
-                tried(effect, None)
+                tried(effect, None, None)
             }
             (None, name) => match name.and_then(of).filter(|trial| self.may_be_wider(trial)) {
-                Some(narrower) => tried(effect, Some(narrower)),
-                None if effect.hides_the_narrower() && others_take_much(effect.mark()) => tried(effect, None),
+                Some(narrower) => tried(effect, Some(narrower), None),
+                None if effect.hides_the_narrower() && rival(effect.mark()).is_some() => {
+                    tried(effect, None, rival(effect.mark()))
+                }
                 None => Err(Refused::Cannot(
                     "the effect that it is a wider form of takes little".to_owned(),
                 )),
@@ -289,7 +299,7 @@ impl Search<'_> {
         plan: Plan,
         basis: &Basis,
         line_hz: Option<f64>,
-        effort: Effort,
+        (effort, rival): (Effort, Option<f64>),
     ) -> Result<Trial, Refused> {
         let Plan {
             point,
@@ -332,6 +342,18 @@ impl Search<'_> {
         if !effect.has_own_numbers() && starts.len() > look.followed() {
             starts = self.quick_look(&point, link, starts, basis, look);
         }
+        let behind =
+            |error: f64, times: f64| rival.is_some_and(|rival| error > rival + self.taking_part() * times.powi(2).ln());
+        if rival.is_some() {
+            starts.retain(|values| {
+                let mut at = point.clone();
+                at.chain.links[link].values.clone_from(values);
+                !behind(self.descent_on(&self.records, look).project(at).error, BEGUN_HOPELESS)
+            });
+            if starts.is_empty() {
+                return Ok(self.standing.taking_nothing(point));
+            }
+        }
         let nowhere = || Refused::Cannot("there is nowhere to begin".to_owned());
         let mut best = self
             .followed(&self.records, (&point, link, &starts), basis.error, look)
@@ -341,6 +363,9 @@ impl Search<'_> {
             let nothing = [point.bounds[link].iter().map(|b| b.neutral).collect()];
             let from_nothing = self.followed(&self.records, (&point, link, &nothing), basis.error, look);
             best = from_nothing.filter(|at| at.error < best.error).unwrap_or(best);
+        }
+        if behind(best.error, HOPELESS) {
+            return Ok(self.standing.taking_nothing(best.fitted));
         }
         let mut other_states = None;
         if effect.outlasts_records() {
@@ -410,10 +435,20 @@ impl Search<'_> {
         (best, states)
     }
 
+    /// The sum of logarithms of what a trial leaves of the records that are fitted.
+    fn left_by(&self, trial: &Trial) -> f64 {
+        let floor_um2 = vec![self.noise_um.powi(2); self.records.len()];
+        logarithms(&self.records, &floor_um2, |i| trial.left_um2[i])
+    }
+
+    /// Records that are fitted.
+    fn taking_part(&self) -> f64 {
+        self.records.iter().filter(|record| record.fits).count() as f64
+    }
+
     /// Whether a sum of logarithms is that of records which are left, in the mean, with many times their noise.
     fn leaves_much(&self, error: f64) -> bool {
-        let fitted = self.records.iter().filter(|record| record.fits).count() as f64;
-        error > fitted * (MUCH * self.noise_um).powi(2).max(f64::MIN_POSITIVE).ln()
+        error > self.taking_part() * (MUCH * self.noise_um).powi(2).max(f64::MIN_POSITIVE).ln()
     }
 
     /// The parameters of an effect, and the states of the records, beside plays that are too stiff to take its part.

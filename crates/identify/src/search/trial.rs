@@ -148,7 +148,7 @@ pub(super) fn judge(
 const UPHILL: f64 = 0.1;
 
 /// Sum of the logarithms of what is left of the fitted records.
-fn logarithms(records: &[Prepared<'_>], floor_um2: &[f64], left_um2: impl Fn(usize) -> f64) -> f64 {
+pub(super) fn logarithms(records: &[Prepared<'_>], floor_um2: &[f64], left_um2: impl Fn(usize) -> f64) -> f64 {
     let taking_part = (0..records.len()).filter(|&i| records[i].fits);
     taking_part.map(|i| (floor_um2[i] + left_um2(i)).ln()).sum()
 }
