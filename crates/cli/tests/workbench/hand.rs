@@ -112,7 +112,8 @@ fn val_a_record_of_60_000_samples_follows_a_slider() {
         if let (Some(before_s), Some(after_s)) = (before_s, server.processor_s()) {
             let ratio = (after_s - before_s) / frames / alone_s;
             println!("a frame costs {ratio:.2} runs of its record");
-            assert!(ratio < 2.0, "a frame costs {ratio} runs of its record");
+            // A run, its error and its points. To choose the record's start anew takes some 25 runs.
+            assert!(ratio < 8.0, "a frame costs {ratio} runs of its record");
         }
         browser.close().await;
     });
