@@ -389,8 +389,10 @@ fn val_a_million_samples_are_fluid() {
         println!(
             "a million samples: first picture after {:.2} s\n\
              zoom and pan: {per_second:.0} frames/s; in the linked views of the comparison: {compared:.0} frames/s; \
-             lines alone: {possible:.0} frames/s",
+             lines alone: {possible:.0} frames/s\n\
+             largest memory of the server, fit included: {}",
             first_ms / 1e3,
+            memory.map_or("unknown".to_owned(), |bytes| format!("{:.0} MB", bytes as f64 / 1e6)),
         );
         browser.picture("million").await;
         // Beside figures of the same machine in the same run: a slow or busy one is no fault of the page.
