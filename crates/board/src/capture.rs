@@ -2,7 +2,7 @@
 
 use crate::telemetry::{Answer, Capture, Collector, MOST_UNEXPLAINED};
 use crate::upload::Upload;
-use crate::{BoardError, Request};
+use crate::{BoardError, Request, Shape};
 use hysteron_firmware::telemetry::order_packet;
 use hysteron_firmware::tuning::Change;
 use hysteron_firmware::wire::{Hello, Order};
@@ -41,6 +41,18 @@ pub struct Wish {
     pub request: Request,
     /// Points of the reference.
     pub upload: Option<Upload>,
+}
+
+impl Wish {
+    /// A reference and its parts; points of one's own have their own shape and range.
+    pub fn new(bank: u8, request: Request, upload: Option<Upload>) -> Self {
+        let request = upload.map_or(request, |points| Request {
+            shape: Shape::Table,
+            range_um: Some(points.range_um),
+            ..request
+        });
+        Self { bank, request, upload }
+    }
 }
 
 /// A change, and whom it is for: 0 all axes, or the number of one.

@@ -189,7 +189,7 @@ impl Live {
         waited.unwrap_or_else(PoisonError::into_inner).0.status()
     }
 
-    /// The last ticks of an axis, or those about a trigger; none before there are as many.
+    /// The last ticks of an axis, or those about a trigger; none of an axis that has not been heard.
     pub fn scope(&self, axis: usize, window: &Window) -> Option<Scope> {
         let state = self.board.state();
         let about = state.abouts.iter().find(|about| usize::from(about.axis) == axis)?;

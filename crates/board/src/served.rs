@@ -64,8 +64,8 @@ impl Served {
             hello,
             adc_um: [table.adc_min_um as f32, table.adc_top_um as f32],
             dac_v: [table.dac_min_v as f32, table.dac_top_v as f32],
-            name: named(NAME),
             axis: 0,
+            ..About::of(NAME)
         };
         let mut front = Front::new(stage, about)?;
         front.stored = Some(stored);
@@ -104,8 +104,8 @@ impl Served {
             hello,
             adc_um,
             dac_v,
-            name: named(machine.name()),
             axis: 0,
+            ..About::of(machine.name())
         };
         // On its own clock: without, an image takes inputs in bulk.
         let setup = Setup {
@@ -142,15 +142,6 @@ impl Drop for Served {
         // A thread that panicked has ended as well.
         let _ = self.thread.take().map(JoinHandle::join);
     }
-}
-
-fn named(name: &str) -> [u8; 16] {
-    let mut bytes = [0; 16];
-    bytes
-        .iter_mut()
-        .zip(name.bytes())
-        .for_each(|(place, byte)| *place = byte);
-    bytes
 }
 
 /// The stage, and whoever has connected last.

@@ -175,9 +175,9 @@ impl Wanted {
         let given_um = pair("reference", self.low_um, self.high_um)?;
         let (hz, seconds) = (self.hz.unwrap_or(USUAL_HZ), self.seconds.unwrap_or(USUAL_S));
         let request = Request {
-            shape: points.as_ref().map_or(self.shape.shape(), |_| Shape::Table),
+            shape: self.shape.shape(),
             frequency_hz: hz,
-            range_um: points.as_ref().map_or(given_um, |points| Some(points.range_um)),
+            range_um: given_um,
             seconds,
             feedforward: !self.no_feedforward,
             feedback: !self.no_feedback,
@@ -215,11 +215,7 @@ impl Wanted {
             axis: self.axis,
         };
         let mut wishes = vec![None; self.axis];
-        wishes.push(Some(Wish {
-            bank: self.bank.unwrap_or(0),
-            request,
-            upload: points,
-        }));
+        wishes.push(Some(Wish::new(self.bank.unwrap_or(0), request, points)));
         Ok((wishes, seconds, recording))
     }
 }
@@ -616,11 +612,8 @@ fn send(app: &Arc<App>, of: Of) -> Result<(), Refusal> {
             fault: None,
         });
         let sent = sent.map_err(Refusal::unusable)?;
-        sent.taken.map_err(|refused| {
-            Refusal::unusable(format!(
-                "the board refuses the table and keeps the one that it has: {refused}"
-            ))
-        })?;
+        sent.taken
+            .map_err(|refused| Refusal::unusable(BoardError::TableRefused { to: from, refused }))?;
         match sent.runs {
             Some(true) => Ok(()),
             _ => Err(Refusal::unusable(

@@ -2,14 +2,13 @@
 //! another table; a closed page leaves it at rest; what is lost is shown.
 
 use crate::browser::{Browser, there};
-use crate::server::Server;
+use crate::server::{Server, started};
 use crate::way::{hysteron, in_browser};
 use hysteron_board::Mode;
 use hysteron_board::live::{Ask, AxisStatus, Live};
 use serde_json::{Value, json};
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 use std::time::Duration;
 
 /// Longest wait for what takes a fraction of a second.
@@ -177,20 +176,9 @@ struct Serving(Child);
 impl Serving {
     fn start() -> (Self, String) {
         let table = concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware/tables/tracking-8k.toml");
-        let mut child = Command::new(env!("CARGO_BIN_EXE_hysteron"))
-            .args(["board", "serve", table, "--stage", "8k"])
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap())
-            .read_line(&mut line)
-            .unwrap();
-        let address = line
-            .trim()
-            .strip_prefix("board: ")
-            .unwrap_or_else(|| panic!("{line}"))
-            .to_owned();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hysteron"));
+        command.args(["board", "serve", table, "--stage", "8k"]);
+        let (child, address) = started(&mut command, "board: ");
         (Self(child), address)
     }
 }

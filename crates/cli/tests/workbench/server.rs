@@ -42,21 +42,9 @@ impl Server {
     }
 
     fn with(session: &Path, data: Option<&Path>) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_hysteron"))
-            .args(["lab", "--no-open", "--session"])
-            .arg(session)
-            .args(data)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap())
-            .read_line(&mut line)
-            .unwrap();
-        let address = line
-            .trim()
-            .strip_prefix("workbench: http://127.0.0.1:")
-            .unwrap_or_else(|| panic!("{line}"));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hysteron"));
+        command.args(["lab", "--no-open", "--session"]).arg(session).args(data);
+        let (child, address) = started(&mut command, "workbench: http://127.0.0.1:");
         let (port, token) = address.split_once('/').unwrap();
         Self {
             port: port.parse().unwrap(),
@@ -130,6 +118,17 @@ impl Server {
         }
         state
     }
+}
+
+/// Starts a program that serves; what its first line says behind some words.
+pub(crate) fn started(command: &mut Command, words: &str) -> (Child, String) {
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap())
+        .read_line(&mut line)
+        .unwrap();
+    let said = line.trim().strip_prefix(words).unwrap_or_else(|| panic!("{line}"));
+    (child, said.to_owned())
 }
 
 /// A request to a port of this machine.

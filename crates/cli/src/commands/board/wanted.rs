@@ -49,18 +49,15 @@ impl Wanted {
         let upload = self.trajectory.as_deref().map(upload).transpose()?;
         let given_um = self.low.zip(self.high).map(|(low, high)| [low, high]);
         let shape = self.shape.unwrap_or(ShapeName::Sine);
-        Ok(Wish {
-            bank: self.bank.unwrap_or(0),
-            request: Request {
-                shape: upload.map_or(shape.shape(), |_| Shape::Table),
-                frequency_hz: self.hz.unwrap_or(USUAL_HZ),
-                range_um: upload.map_or(given_um, |upload| Some(upload.range_um)),
-                seconds,
-                feedforward: !self.no_feedforward,
-                feedback: !self.no_feedback,
-            },
-            upload,
-        })
+        let request = Request {
+            shape: shape.shape(),
+            frequency_hz: self.hz.unwrap_or(USUAL_HZ),
+            range_um: given_um,
+            seconds,
+            feedforward: !self.no_feedforward,
+            feedback: !self.no_feedback,
+        };
+        Ok(Wish::new(self.bank.unwrap_or(0), request, upload))
     }
 
     /// The reference in words.
