@@ -64,8 +64,8 @@ fn limits(tables: &[&Path]) -> crate::firmware_image::Limits {
     }
 }
 
-/// Builds an image a table, and holds the emulator beside the host over controllers and references.
-pub(crate) fn compare() -> Result<(), String> {
+/// Builds an image a table, one of two tables, one of both axes, and those that measure themselves.
+pub(crate) fn images() -> Result<(), String> {
     let folder = Path::new(IMAGES).join("tables");
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let paper = STAGES.iter().flat_map(|stage| {
@@ -92,6 +92,11 @@ pub(crate) fn compare() -> Result<(), String> {
     for (name, board) in [("tracking-xy", BOARDS[0]), ("tracking-xy-m7", BOARDS[1])] {
         build_both(&folder.join(name), board, &[&x], &[&y])?;
     }
+    Ok(())
+}
+
+/// Holds the images in the emulator beside the host over controllers and references.
+pub(crate) fn emulator_and_host() -> Result<(), String> {
     // Of the whole workspace: with the features of one package alone its dependencies would be compiled twice.
     run(
         "cargo",

@@ -17,6 +17,7 @@ mod tests;
 
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
+use tests::Work;
 
 const HELP: &str = "\
 usage: cargo xtask <command>
@@ -123,7 +124,9 @@ fn firmware(what: Option<&str>, tables: &[String]) -> Result<(), String> {
         Some("bench") => install_emulator()
             .and_then(|()| install_compiler())
             .and_then(|()| firmware_bench::bench()),
-        Some("compare") => install_emulator().and_then(|()| firmware::compare()),
+        Some("compare") => install_emulator()
+            .and_then(|()| firmware::images())
+            .and_then(|()| firmware::emulator_and_host()),
         Some("boards") => install_compiler().and_then(|()| firmware_boards::boards()),
         Some("starts") => install_compiler()
             .and_then(|()| firmware_starts::install())
@@ -146,6 +149,31 @@ fn test() -> Result<(), String> {
             .join()
             .unwrap_or_else(|_| Err("the installation broke off".to_owned()))
     })?;
+    release::package()?;
+    // The images, one crate after another, leave a core to the tests.
+    let programs = std::thread::scope(|scope| {
+        let images = scope.spawn(images);
+        let programs = tests::programs().and_then(|programs| Ok((programs, python::beside_tests()?)));
+        images
+            .join()
+            .unwrap_or_else(|_| Err("the images broke off".to_owned()))?;
+        programs
+    });
+    let (programs, of_python) = programs?;
+    let checks = [
+        Work::Check("firmware compare", firmware::emulator_and_host),
+        Work::Check("firmware starts", firmware_starts::starts),
+        Work::Check("docs", docs::check),
+        of_python,
+        // No member of the workspace: its tests run on the host all the same.
+        Work::of_cargo(&["test", "--package", "hysteron-firmware", "--locked"]),
+        Work::of_cargo(&["test", "--workspace", "--locked", "--no-fail-fast", "--doc"]),
+    ];
+    tests::run(checks.into_iter().chain(programs))
+}
+
+/// Builds everything for the chips, and checks what needs no program of the host's.
+fn images() -> Result<(), String> {
     cargo(&[
         "build",
         "--package",
@@ -156,16 +184,10 @@ fn test() -> Result<(), String> {
         "--locked",
     ])?;
     firmware::refuses_panics()?;
-    firmware::compare()?;
+    firmware::images()?;
     firmware::build(&[])?;
     firmware_bench::bench()?;
-    firmware_boards::boards()?;
-    firmware_starts::starts()?;
-    // No member of the workspace: its tests run on the host all the same.
-    cargo(&["test", "--package", "hysteron-firmware", "--locked"])?;
-    release::package()?;
-    tests::tests()?;
-    docs::check()
+    firmware_boards::boards()
 }
 
 /// Layout, and what clippy finds.
@@ -188,6 +210,7 @@ fn install_programs() -> Result<(), String> {
     install_emulator()?;
     install_compiler()?;
     install_fmpy()?;
+    python::environment(false)?;
     firmware_starts::install()
 }
 

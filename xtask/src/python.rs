@@ -1,6 +1,6 @@
 //! The Python package: built with the workspace, laid out under `target/python`, and tested there by pytest.
 
-use crate::tests::Counts;
+use crate::tests::{self, Work};
 use crate::{cargo, install_packages, output, run, targets};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -36,9 +36,7 @@ pub(crate) fn python(words: &[String]) -> Result<(), String> {
     };
     install_python()?;
     cargo(&["build", "--workspace", "--locked"])?;
-    let mut counts = Counts::default();
-    test(fleet, &mut counts)?;
-    counts.close()
+    tests::run([test(fleet)?])
 }
 
 /// Installs the interpreter, which also plays a stage in another program, and its environments where they are absent.
@@ -50,15 +48,15 @@ pub(crate) fn install_python() -> Result<(), String> {
     install_packages(&["python3", "python3-venv"])
 }
 
-/// Builds the package's module beside the tests of the workspace, with what is compiled for them, and counts its own tests.
-pub(crate) fn beside_tests(counts: &mut Counts) -> Result<(), String> {
+/// Builds the package's module beside the tests of the workspace, with what is compiled for them; its tests.
+pub(crate) fn beside_tests() -> Result<Work, String> {
     // The same targets give the same features to every dependency: nothing is compiled anew but the module.
     cargo(&["build", "--workspace", "--lib", "--tests", "--locked"])?;
-    test(false, counts)
+    test(false)
 }
 
-/// Runs pytest on the module and the program that were built.
-fn test(fleet: bool, counts: &mut Counts) -> Result<(), String> {
+/// pytest on the module and the program that were built.
+fn test(fleet: bool) -> Result<Work, String> {
     let python = environment(fleet)?;
     let package = lay_out()?;
     let mut pytest = Command::new(python);
@@ -69,12 +67,11 @@ fn test(fleet: bool, counts: &mut Counts) -> Result<(), String> {
         .env("HYSTERON_CAPI", absolute(&library("hysteron_capi"))?)
         .env("PYTHONPATH", package)
         .current_dir(PACKAGE);
-    counts.pytest(pytest);
-    Ok(())
+    Ok(Work::of_pytest(pytest))
 }
 
 /// The interpreter of an environment with what the tests need; what is there already is not fetched again.
-fn environment(fleet: bool) -> Result<PathBuf, String> {
+pub(crate) fn environment(fleet: bool) -> Result<PathBuf, String> {
     let folder = targets().join("python");
     let python = absolute(&folder.join("bin/python"))?;
     if !python.exists() {

@@ -1,20 +1,28 @@
-//! All tests of the workspace: built once, then as many of their programs at a time as there are cores.
+//! All tests of the workspace: built once, then as many of their programs and checks at a time as there are cores.
 //!
 //! `cargo test` runs one program after another, and a program with one long test leaves the other cores idle.
 
-use crate::python;
-use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
 use std::sync::Mutex;
 
 /// The programs that take minutes start first: none of them shall be left alone at the end.
-const LONGEST: [&str; 4] = ["rehearse", "workbench", "control", "hidden_effects"];
+const LONGEST: [&str; 5] = ["rehearse", "workbench", "control", "hidden_effects", "real_data"];
 
-/// A built test program, and the folder that cargo would run it in.
-struct Program {
+/// What runs beside other work on a core of its own.
+pub(crate) enum Work {
+    /// A program that says how many tests passed.
+    Tests(Box<Tests>),
+    /// A check that counts no tests, and its name.
+    Check(&'static str, fn() -> Result<(), String>),
+}
+
+/// A program of tests.
+pub(crate) struct Tests {
     name: String,
-    path: PathBuf,
-    folder: PathBuf,
+    command: Command,
+    read: fn(&mut Counts, &str),
 }
 
 /// What test programs said of themselves.
@@ -27,31 +35,85 @@ pub(crate) struct Counts {
     broken: Vec<String>,
 }
 
-/// Builds and runs all tests, the examples of the documentation too, and closes on the sum of their counts.
-pub(crate) fn tests() -> Result<(), String> {
-    let programs = Mutex::new(programs()?.into_iter());
+/// Runs all of it in its order, a piece on every core, and closes on the sum of the counts.
+pub(crate) fn run(work: impl IntoIterator<Item = Work>) -> Result<(), String> {
+    let work = Mutex::new(work.into_iter().collect::<VecDeque<_>>());
     let counts = Mutex::new(Counts::default());
-    let next = || programs.lock().ok()?.next();
+    let next = || work.lock().ok()?.pop_front();
     std::thread::scope(|scope| {
         for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
             scope.spawn(|| {
-                while let Some(program) = next() {
-                    let mut command = Command::new(&program.path);
-                    command.current_dir(&program.folder);
-                    run(command, &program.path.display().to_string(), &counts);
+                while let Some(one) = next() {
+                    one.done(&counts);
                 }
             });
         }
     });
-    let mut examples = Command::new("cargo");
-    examples.args(["test", "--workspace", "--locked", "--no-fail-fast", "--doc"]);
-    run(examples, "cargo test --doc", &counts);
-
-    let mut counts = counts.into_inner().map_err(|error| error.to_string())?;
-    if let Err(reason) = python::beside_tests(&mut counts) {
-        counts.broken.push(reason);
-    }
+    let counts = counts.into_inner().map_err(|error| error.to_string())?;
     counts.close()
+}
+
+impl Work {
+    /// Tests that cargo builds and runs by these words.
+    pub(crate) fn of_cargo(words: &[&str]) -> Self {
+        let mut command = Command::new("cargo");
+        command.args(words);
+        Self::tests(format!("cargo {}", words.join(" ")), command, Counts::take_cargo)
+    }
+
+    /// Tests that pytest runs.
+    pub(crate) fn of_pytest(command: Command) -> Self {
+        Self::tests("pytest".to_owned(), command, Counts::take_pytest)
+    }
+
+    /// A test program, in the folder that cargo would run it in.
+    fn of_program(path: &Path, folder: &Path) -> Self {
+        let mut command = Command::new(path);
+        command.current_dir(folder);
+        Self::tests(path.display().to_string(), command, Counts::take_cargo)
+    }
+
+    fn tests(name: String, command: Command, read: fn(&mut Counts, &str)) -> Self {
+        Self::Tests(Box::new(Tests { name, command, read }))
+    }
+
+    fn done(self, counts: &Mutex<Counts>) {
+        match self {
+            Self::Tests(tests) => tests.run(counts),
+            Self::Check(name, check) => {
+                let checked = check();
+                if let (Err(reason), Ok(mut counts)) = (checked, counts.lock()) {
+                    println!("\n{name}: {reason}");
+                    counts.broken.push(name.to_owned());
+                }
+            }
+        }
+    }
+}
+
+impl Tests {
+    /// Runs it, shows what it said when it ends, and counts it.
+    fn run(mut self, counts: &Mutex<Counts>) {
+        // Browser, emulator and Python were installed before: a test that does not find them fails.
+        if let Ok(interpreter) = crate::fmpy_interpreter() {
+            self.command.env("HYSTERON_PYTHON", interpreter);
+        }
+        self.command
+            .env("HYSTERON_BROWSER", "required")
+            .env("HYSTERON_EMULATOR", "required");
+        let ended = self.command.output();
+        let Ok(mut counts) = counts.lock() else {
+            return;
+        };
+        println!("\n> {}", self.name);
+        match ended {
+            Ok(output) => counts.take(&self.name, &output, self.read),
+            Err(error) => {
+                println!("cannot start it: {error}");
+                counts.broken.push(self.name);
+            }
+        }
+    }
 }
 
 impl Counts {
@@ -71,8 +133,34 @@ impl Counts {
         }
     }
 
-    /// Counts a closing line of pytest: `2 failed, 58 passed, 1 skipped in 20.31s`.
-    fn take_pytest(&mut self, line: &str) {
+    /// Shows what a program said, and counts it.
+    fn take(&mut self, name: &str, output: &Output, read: fn(&mut Self, &str)) {
+        let said = String::from_utf8_lossy(&output.stdout);
+        print!("{said}{}", String::from_utf8_lossy(&output.stderr));
+        read(self, &said);
+        if !output.status.success() {
+            println!("{name}: {}", output.status);
+            self.broken.push(name.to_owned());
+        }
+    }
+
+    /// Counts the closing line of every program of cargo's: `test result: ok. 5 passed; 0 failed; 1 ignored; ...`.
+    fn take_cargo(&mut self, said: &str) {
+        for result in said.lines().filter_map(|line| line.strip_prefix("test result: ")) {
+            let count = |what: &str| -> u64 {
+                let before = result.split(what).next().unwrap_or_default();
+                let number = before.split_whitespace().next_back();
+                number.and_then(|word| word.parse().ok()).unwrap_or(0)
+            };
+            self.passed += count(" passed");
+            self.failed += count(" failed");
+            self.ignored += count(" ignored");
+        }
+    }
+
+    /// Counts the closing line of pytest: `2 failed, 58 passed, 1 skipped in 20.31s`.
+    fn take_pytest(&mut self, said: &str) {
+        let line = said.trim_end().lines().next_back().unwrap_or_default();
         let mut before = "0";
         for word in line.split_whitespace() {
             let count: u64 = before.parse().unwrap_or(0);
@@ -85,31 +173,10 @@ impl Counts {
             before = word;
         }
     }
-
-    /// Runs pytest, and counts what its last line says.
-    pub(crate) fn pytest(&mut self, mut command: Command) {
-        println!("\n> pytest");
-        let output = match command.output() {
-            Ok(output) => output,
-            Err(error) => {
-                println!("cannot start it: {error}");
-                self.broken.push("pytest".to_owned());
-                return;
-            }
-        };
-        let said = String::from_utf8_lossy(&output.stdout);
-        // Its closing line is counted here; printed as it is, it would stand beside the sum of all tests.
-        let (before, last) = said.trim_end().rsplit_once('\n').unwrap_or(("", said.trim_end()));
-        println!("{before}{}\npytest: {last}", String::from_utf8_lossy(&output.stderr));
-        self.take_pytest(last);
-        if !output.status.success() {
-            self.broken.push(format!("pytest ({})", output.status));
-        }
-    }
 }
 
-/// Builds the test programs.
-fn programs() -> Result<Vec<Program>, String> {
+/// Builds the test programs of the workspace, those first that take longest.
+pub(crate) fn programs() -> Result<Vec<Work>, String> {
     let arguments = [
         "test",
         "--workspace",
@@ -137,56 +204,12 @@ fn programs() -> Result<Vec<Program>, String> {
         let manifest = message["manifest_path"].as_str().map(PathBuf::from);
         let folder = manifest.as_deref().and_then(std::path::Path::parent);
         if let (Some(path), Some(folder)) = (message["executable"].as_str(), folder) {
-            programs.push(Program {
-                name: name.to_owned(),
-                path: path.into(),
-                folder: folder.to_owned(),
-            });
+            let place = LONGEST.iter().position(|longest| *longest == name);
+            programs.push((place.unwrap_or(LONGEST.len()), Work::of_program(path.as_ref(), folder)));
         }
     }
-    let place = |program: &Program| LONGEST.iter().position(|name| *name == program.name);
-    programs.sort_by_key(|program| place(program).unwrap_or(LONGEST.len()));
-    Ok(programs)
-}
-
-/// Runs a test program, shows what it said when it ends, and counts it.
-fn run(mut command: Command, name: &str, counts: &Mutex<Counts>) {
-    // Browser, emulator and Python were installed before: a test that does not find them fails.
-    if let Ok(interpreter) = crate::fmpy_interpreter() {
-        command.env("HYSTERON_PYTHON", interpreter);
-    }
-    command
-        .env("HYSTERON_BROWSER", "required")
-        .env("HYSTERON_EMULATOR", "required");
-    let ended = command.output();
-    let Ok(mut counts) = counts.lock() else {
-        return;
-    };
-    println!("\n> {name}");
-    let output = match ended {
-        Ok(output) => output,
-        Err(error) => {
-            println!("cannot start it: {error}");
-            counts.broken.push(name.to_owned());
-            return;
-        }
-    };
-    let said = String::from_utf8_lossy(&output.stdout);
-    print!("{said}{}", String::from_utf8_lossy(&output.stderr));
-    for result in said.lines().filter_map(|line| line.strip_prefix("test result: ")) {
-        let count = |what: &str| -> u64 {
-            let before = result.split(what).next().unwrap_or_default();
-            let number = before.split_whitespace().next_back();
-            number.and_then(|word| word.parse().ok()).unwrap_or(0)
-        };
-        counts.passed += count(" passed");
-        counts.failed += count(" failed");
-        counts.ignored += count(" ignored");
-    }
-    if !output.status.success() {
-        println!("{name}: {}", output.status);
-        counts.broken.push(name.to_owned());
-    }
+    programs.sort_by_key(|(place, _)| *place);
+    Ok(programs.into_iter().map(|(_, tests)| tests).collect())
 }
 
 #[cfg(test)]
