@@ -246,6 +246,9 @@ impl Mark {
     }
 }
 
+/// Takes small changes of a position through an effect, in place.
+pub type Changes<'a> = Box<dyn Fn(&mut [Vec<f64>]) + Sync + 'a>;
+
 /// One record as effects see it. All series have the length of the command; where the record is periodic, one period of
 /// run-in stands before it.
 #[derive(Debug, Clone, Copy)]
@@ -385,11 +388,13 @@ pub trait Effect: Send + Sync {
         let _ = (values, signals, position_um, change);
     }
 
-    /// [`Effect::on_change`] of many changes of one position.
-    fn on_changes(&self, values: &[f64], signals: &Signals<'_>, position_um: &[f64], columns: &mut [Vec<f64>]) {
-        for column in columns {
-            self.on_change(values, signals, position_um, column);
-        }
+    /// [`Effect::on_change`] of many changes of one position, with what they share made once.
+    fn on_changes<'a>(&'a self, values: &'a [f64], signals: Signals<'a>, position_um: &'a [f64]) -> Changes<'a> {
+        Box::new(move |columns| {
+            for column in columns {
+                self.on_change(values, &signals, position_um, column);
+            }
+        })
     }
 
     /// Unit of one of its parameters where no temperature was recorded.

@@ -42,7 +42,9 @@ pub use amplitude_gain::with_small_plays;
 pub use catalogue::{catalogue, find};
 pub use compensator::{Compensation, Compensator, CreepElement, StageMode};
 pub use delay::late;
-pub use effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, RateLaw, Scene, Shape, Signals};
+pub use effect::{
+    Acts, Bounds, Changes, Description, Effect, Facts, Mark, Named, Place, RateLaw, Scene, Shape, Signals,
+};
 pub use effect_file::{EffectFile, FileParameter, FileState};
 pub use error::{EffectError, InText};
 pub use family::{Family, MAX_PLAYS};

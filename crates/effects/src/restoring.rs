@@ -1,7 +1,7 @@
 //! A mode with a restoring force that is no straight line, over whole series: what three effects share.
 
 use crate::compensator::{Compensation, Compensator, StageMode};
-use crate::effect::{Bounds, Effect, Facts, Signals};
+use crate::effect::{Bounds, Changes, Effect, Facts, Signals};
 use crate::id::EffectId;
 use hysteron_core::effects::Block;
 use hysteron_core::effects::restoring::{Memory, RestoringMode, RestoringNumbers, RestoringState};
@@ -100,42 +100,46 @@ type Linear = [[f64; 5]; 3];
 /// Change of the input by which a change of rest is told, of half the stroke.
 const SMALL: f64 = 1e-4;
 
-/// What small changes of the series before the mode are behind it, in place.
-pub(crate) fn changes(numbers: &RestoringNumbers, signals: &Signals<'_>, series: &[f64], columns: &mut [Vec<f64>]) {
+/// Takes small changes of the series before the mode through it.
+pub(crate) fn changes<'a>(numbers: &RestoringNumbers, signals: Signals<'_>, series: &[f64]) -> Changes<'a> {
+    let none = || -> Changes<'a> { Box::new(|_| ()) };
     let Ok(mode) = RestoringMode::<f64>::new(numbers, 1.0 / signals.period_s) else {
-        return;
+        return none();
     };
-    let Some(mut state) = begun(&mode, numbers, signals, series) else {
-        return;
+    let Some(mut state) = begun(&mode, numbers, &signals, series) else {
+        return none();
     };
     let begins = at_rest(&mode, series[0], numbers.half);
     let each: Vec<Linear> = series
         .iter()
         .map(|&input| mode.step_linearised(&mut state, input))
         .collect();
-    let period = (signals.run_in > 0).then(|| &each[..signals.run_in]);
-    for column in columns {
-        let first = column.first().copied().unwrap_or(0.0);
-        let mut change = match period {
-            Some(period) => repeated(period, &column[..period.len()]),
-            None => begins.map(|part| part * first),
-        };
-        let mut before = match period {
-            Some(period) => column[period.len() - 1],
-            None => first,
-        };
-        for (value, linear) in column.iter_mut().zip(&each) {
-            change = moved(linear, change, before, *value);
-            before = *value;
-            *value = change[0];
+    let run_in = signals.run_in;
+    Box::new(move |columns| {
+        let period = (run_in > 0).then(|| &each[..run_in]);
+        for column in columns {
+            let first = column.first().copied().unwrap_or(0.0);
+            let mut change = match period {
+                Some(period) => repeated(period, &column[..period.len()]),
+                None => begins.map(|part| part * first),
+            };
+            let mut before = match period {
+                Some(period) => column[period.len() - 1],
+                None => first,
+            };
+            for (value, linear) in column.iter_mut().zip(&each) {
+                change = moved(linear, change, before, *value);
+                before = *value;
+                *value = change[0];
+            }
         }
-    }
+    })
 }
 
 /// [`changes`] of one.
-pub(crate) fn change(numbers: &RestoringNumbers, signals: &Signals<'_>, series: &[f64], change: &mut [f64]) {
+pub(crate) fn change(numbers: &RestoringNumbers, signals: Signals<'_>, series: &[f64], change: &mut [f64]) {
     let mut column = [change.to_vec()];
-    changes(numbers, signals, series, &mut column);
+    changes(numbers, signals, series)(&mut column);
     change.copy_from_slice(&column[0]);
 }
 
@@ -227,7 +231,7 @@ mod tests {
             let series = drive(400);
             let wiggle: Vec<f64> = (0..400).map(|k| (TAU * k as f64 / 50.0 + 0.3).cos()).collect();
             let mut column = [wiggle.clone()];
-            changes(&numbers(), &signals(run_in), &series, &mut column);
+            changes(&numbers(), signals(run_in), &series)(&mut column);
             let at = |size: f64| {
                 let mut shifted: Vec<f64> = series.iter().zip(&wiggle).map(|(y, w)| y + size * w).collect();
                 run(&numbers(), &signals(run_in), &mut shifted);

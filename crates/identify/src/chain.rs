@@ -3,7 +3,7 @@
 use crate::basis::{Basis, PlayScales};
 use crate::chain_trace::Trace;
 use crate::columns::Design;
-use crate::effects::{Acts, Effect, EffectName, Family, RateLaw, Signals};
+use crate::effects::{Acts, Changes, Effect, EffectName, Family, RateLaw, Signals};
 use crate::fading::Fading;
 use crate::moving_plays::{Cells, LANES, Moving, Sums, Visit};
 use crate::start_state::InitialState;
@@ -298,6 +298,13 @@ impl Chain {
             });
             known = Some(position_um);
         }
+        let bends: Vec<Changes<'_>> = bends
+            .iter()
+            .map(|(i, position)| {
+                let (link, signals) = (&self.links[*i], signals(trace, own, &stack_v, *i));
+                link.effect.on_changes(&link.values, signals, position)
+            })
+            .collect();
         let at: Vec<usize> = rows.iter().map(|&k| trace.at(k)).collect();
         let moved = self.links.iter().any(|link| link.effect.acts() == Acts::Linearly);
         let passing = Passing {
@@ -390,8 +397,8 @@ struct Passing<'p> {
     trace: &'p Trace<'p>,
     own: &'p Own,
     stack_v: &'p [f64],
-    /// Each nonlinear link with the position before it.
-    bends: &'p [(usize, Vec<f64>)],
+    /// What each nonlinear link makes of small changes.
+    bends: &'p [Changes<'p>],
     at: &'p [usize],
     direct: bool,
     /// Coefficients, where the plays' part of the position is wanted as well.
@@ -475,11 +482,7 @@ impl Passing<'_> {
     }
 
     fn bend(&self, series: &mut [Vec<f64>]) {
-        for (i, position) in self.bends {
-            let link = &self.chain.links[*i];
-            let signals = signals(self.trace, self.own, self.stack_v, *i);
-            link.effect.on_changes(&link.values, &signals, position, series);
-        }
+        self.bends.iter().for_each(|changed| changed(series));
     }
 
     fn at_rows(&self, column: Vec<f64>) -> Vec<f64> {

@@ -1,7 +1,7 @@
 //! `mode-hysteresis`
 
 use crate::compensator::Compensation;
-use crate::effect::{Acts, Bounds, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
+use crate::effect::{Acts, Bounds, Changes, Description, Effect, Facts, Mark, Named, Place, Scene, Signals};
 use crate::id::{EffectId, EffectName};
 use crate::restoring;
 use hysteron_core::effects::restoring::{Memory, RestoringNumbers};
@@ -124,11 +124,11 @@ impl Effect for ModeHysteresis {
     }
 
     fn on_change(&self, values: &[f64], signals: &Signals<'_>, position_um: &[f64], change: &mut [f64]) {
-        restoring::change(&numbers(values), signals, position_um, change);
+        restoring::change(&numbers(values), *signals, position_um, change);
     }
 
-    fn on_changes(&self, values: &[f64], signals: &Signals<'_>, position_um: &[f64], columns: &mut [Vec<f64>]) {
-        restoring::changes(&numbers(values), signals, position_um, columns);
+    fn on_changes<'a>(&'a self, values: &'a [f64], signals: Signals<'a>, position_um: &'a [f64]) -> Changes<'a> {
+        restoring::changes(&numbers(values), signals, position_um)
     }
 
     fn dynamic(&self) -> bool {

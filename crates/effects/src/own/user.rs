@@ -3,7 +3,7 @@
 use super::user_file::{DU, Definition, STARTS, TEMPERATURE, V, V2};
 use super::user_states::{Inputs, Machine, settle};
 use crate::compensator::Compensation;
-use crate::effect::{Acts, Bounds, Description, Effect, Facts, Place, Signals};
+use crate::effect::{Acts, Bounds, Changes, Description, Effect, Facts, Place, Signals};
 use crate::effect_file::{EffectFile, FileParameter};
 use crate::id::EffectName;
 use crate::series::peak_to_peak;
@@ -227,8 +227,8 @@ impl Effect for UserEffect {
         change.copy_from_slice(&columns[0]);
     }
 
-    fn on_changes(&self, values: &[f64], signals: &Signals<'_>, position_um: &[f64], columns: &mut [Vec<f64>]) {
-        self.directions(values, signals, position_um, columns);
+    fn on_changes<'a>(&'a self, values: &'a [f64], signals: Signals<'a>, position_um: &'a [f64]) -> Changes<'a> {
+        Box::new(move |columns| self.directions(values, &signals, position_um, columns))
     }
 
     fn dynamic(&self) -> bool {

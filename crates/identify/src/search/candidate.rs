@@ -92,8 +92,8 @@ const MAY_BE_WIDER: f64 = 0.6;
 /// Least error that is looked into for a wider form, percent of peak to peak.
 const MATTERS_PERCENT: f64 = 0.3;
 
-/// A wider form that hides the narrower effect is followed no further where a start, and then its first steps, leave so many times what
-/// another effect of its mark leaves: it would have to take much of that.
+/// A wider form is followed no further where a start, and then its first steps, leave so many times what the narrower effect leaves, or
+/// where the wider form hides that, what another effect of its mark leaves: it would have to take much of that.
 const BEGUN_HOPELESS: f64 = 6.0;
 const HOPELESS: f64 = 3.0;
 
@@ -258,16 +258,15 @@ impl Search<'_> {
                 if !self.leaves_structure(&self.standing) {
                     return Err(Refused::Cannot("little is left beside the narrower effect".to_owned()));
                 }
-                tried(effect, None, None)
+                tried(effect, None, Some(basis.error))
             }
             (None, name) => match name.and_then(of).filter(|trial| self.may_be_wider(trial)) {
-                Some(narrower) => tried(effect, Some(narrower), None),
-                None if effect.hides_the_narrower() && rival(effect.mark()).is_some() => {
-                    tried(effect, None, rival(effect.mark()))
+                Some(narrower) => tried(effect, Some(narrower), Some(self.left_by(narrower))),
+                None => {
+                    let rival = rival(effect.mark()).filter(|_| effect.hides_the_narrower());
+                    let little = || Refused::Cannot("the effect that it is a wider form of takes little".to_owned());
+                    tried(effect, None, Some(rival.ok_or_else(little)?))
                 }
-                None => Err(Refused::Cannot(
-                    "the effect that it is a wider form of takes little".to_owned(),
-                )),
             },
         })
         .collect()
