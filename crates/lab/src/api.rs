@@ -7,7 +7,7 @@ use crate::export::{self, Download};
 use crate::guard::{self, Guard};
 use crate::place::{Of, Place};
 use crate::reading::Reading;
-use crate::session::Session;
+use crate::undo::{self, Way};
 use crate::{
     App, assets, board, bring, came_back, campaign, draft, grow, hand, jobs, learn, riddle, rungs, state, views, work,
 };
@@ -269,39 +269,14 @@ async fn perform(State(app): Shared, content: Bytes) -> Answer {
             app.changed();
         }
         Deed::Stop => jobs::stop(&app)?,
-        Deed::Undo | Deed::Redo | Deed::GoTo { .. } => {
-            walk(&mut app.session(), &deed)?;
+        Deed::Undo => undo::go(&app, Way::Undo)?,
+        Deed::Redo => undo::go(&app, Way::Redo)?,
+        Deed::GoTo { step } => {
+            undo::walk(&mut app.session(), step)?;
             app.changed();
         }
     }
     Ok(Json(json!({})).into_response())
-}
-
-/// Moves along the tree of steps.
-fn walk(session: &mut Session, deed: &Deed) -> Result<(), Refusal> {
-    let current = session.book.current;
-    let step = |number: Option<usize>| number.and_then(|number| session.book.steps.get(number));
-    let next = match deed {
-        Deed::Undo => step(current)
-            .and_then(|step| step.parent)
-            .ok_or_else(|| Refusal::conflict("there is nothing to undo"))?,
-        Deed::Redo => step(current)
-            .and_then(|step| step.redo)
-            .ok_or_else(|| Refusal::conflict("there is nothing to redo"))?,
-        Deed::GoTo { step } => {
-            session.step(*step)?;
-            *step
-        }
-        _ => return Ok(()),
-    };
-    // Redo leads back to where one came from.
-    let mut child = next;
-    while let Some(parent) = session.book.steps[child].parent {
-        session.book.steps[parent].redo = Some(child);
-        child = parent;
-    }
-    session.book.current = Some(next);
-    session.save()
 }
 
 /// What is known of the bench, for the fields of a campaign's plan.

@@ -8,10 +8,11 @@ use crate::controller::Made;
 use crate::error::Refusal;
 use crate::folder::write_whole;
 use crate::reading::{MANIFEST, Reading, Source, Target, import_command, quoted};
+use crate::undo::Changes;
 use hysteron_data::{Dataset, Role};
 use hysteron_identify::{EffectId, Family};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Version of `session.json`.
@@ -44,6 +45,9 @@ pub(crate) struct Book {
     /// Their runs on simulated stages.
     #[serde(default)]
     pub(crate) on_stage: BTreeMap<usize, Made>,
+    /// What undo and redo of a change of the data lead to.
+    #[serde(default, skip_serializing_if = "Changes::is_empty")]
+    pub(crate) changes: Changes,
     /// The files that were brought, by name.
     pub(crate) files: BTreeMap<String, Brought>,
     /// The campaign on a stage of the user's own, where there is one.
@@ -247,6 +251,7 @@ impl Default for Book {
             controllers: BTreeMap::new(),
             tracked: BTreeMap::new(),
             on_stage: BTreeMap::new(),
+            changes: Changes::default(),
             files: BTreeMap::new(),
             campaign: None,
         }
@@ -305,6 +310,12 @@ impl Book {
         sound.then_some(()).ok_or_else(|| {
             "session.json names steps or data that are not there; move the file away to begin anew".to_owned()
         })
+    }
+
+    /// The folders of the data as they are, were and can be again.
+    pub(crate) fn folders(&self) -> BTreeSet<String> {
+        let generations = self.generations.iter().map(|generation| &generation.data);
+        generations.chain(self.changes.folders()).cloned().collect()
     }
 
     /// The number of the present generation of the data.

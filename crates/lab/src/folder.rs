@@ -39,7 +39,7 @@ fn grown(folder: &Path) -> Vec<PathBuf> {
     let Ok(Some(book)) = Book::read(&folder.join("session.json")) else {
         return Vec::new();
     };
-    let names = book.generations.into_iter().skip(1).map(|generation| generation.data);
+    let names = book.folders().into_iter();
     // Only what the workbench itself names so.
     let own = |name: &String| {
         name.strip_prefix("data-")

@@ -34,6 +34,7 @@ mod rungs;
 mod series;
 mod session;
 mod state;
+mod undo;
 mod uploads;
 mod views;
 mod wish;

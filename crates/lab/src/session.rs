@@ -128,15 +128,11 @@ impl Session {
     }
 
     /// Goes on with the data as they have grown; they lie in their folder already. Steps stay, and stay on the data that they
-    /// were fitted on. A generation that no step was fitted on gives way to the new one.
+    /// were fitted on. A generation that no step was fitted on gives way to the new one; undo leads back to it.
     pub(crate) fn grow(&mut self, mut next: Generation, files: &[String], dataset: Dataset) -> Result<(), Refusal> {
         let mut book = self.book.clone();
-        let now = book.now().unwrap_or_default();
-        let mut gone = Vec::new();
-        if now > 0 && book.steps.iter().all(|step| step.generation < now) {
-            gone.extend(book.generations.pop());
-        }
-        if let Some(before) = gone.first() {
+        let tail = book.take_tail();
+        if let Some(before) = &tail {
             next.take_over(before);
         }
         for name in files {
@@ -144,16 +140,29 @@ impl Session {
                 file.stands = Stands::Taken;
             }
         }
+        book.changes_from(tail);
+        let mut gone = None;
         if next.nothing_new() {
-            gone.push(next);
+            gone = Some(self.folder.join(&next.data));
         } else {
             let before = book.data();
             next.command = before.and_then(|before| next.command(before, &book.files, &dataset));
             book.generations.push(next);
         }
-        book.revision += 1;
-        book.write(&self.folder.join("session.json"))?;
-        self.book = book;
+        self.go_on(book, dataset)?;
+        if let Some(folder) = gone {
+            // The book does not name it; where it cannot be removed it does no harm.
+            let _ = std::fs::remove_dir_all(folder);
+        }
+        Ok(())
+    }
+
+    /// Goes on with another state of the same data, as the book has it.
+    pub(crate) fn go_on(&mut self, mut book: Book, dataset: Dataset) -> Result<(), Refusal> {
+        let now = self.book.now().unwrap_or_default();
+        let fitted = self.book.steps.iter().any(|step| step.generation == now);
+        book.revision = self.book.revision + 1;
+        self.take_book(book)?;
         // To find a record's period takes a transform of it: what is known of those that were there stays.
         self.shown.truncate(dataset.records.len());
         for (shown, record) in self.shown.iter_mut().zip(&dataset.records) {
@@ -162,10 +171,18 @@ impl Session {
         let new = dataset.records.iter().skip(self.shown.len());
         self.shown.extend(new.map(crate::state::record));
         let before = self.dataset.replace(Arc::new(dataset));
-        self.earlier = before.filter(|_| gone.is_empty()).map(|dataset| (now, dataset));
-        for generation in gone {
-            // No step needs it; where it cannot be removed it does no harm.
-            let _ = std::fs::remove_dir_all(self.folder.join(generation.data));
+        self.earlier = before.filter(|_| fitted).map(|dataset| (now, dataset));
+        Ok(())
+    }
+
+    /// Writes another book and goes on with it; data that it does not name any more end.
+    fn take_book(&mut self, book: Book) -> Result<(), Refusal> {
+        book.write(&self.folder.join("session.json"))?;
+        let before = std::mem::replace(&mut self.book, book);
+        let named = self.book.folders();
+        for folder in before.folders().difference(&named) {
+            // Where it cannot be removed it does no harm.
+            let _ = std::fs::remove_dir_all(self.folder.join(folder));
         }
         Ok(())
     }
@@ -228,9 +245,9 @@ impl Session {
             comparisons.push((number, one.comparison));
         }
         book.current = parent;
+        book.settle();
         book.revision += 1;
-        book.write(&self.folder.join("session.json"))?;
-        self.book = book;
+        self.take_book(book)?;
         for (number, comparison) in comparisons {
             self.remember(number, Arc::new(comparison));
         }

@@ -5,6 +5,7 @@ use crate::book::Step;
 use crate::reading::quoted;
 use crate::riddle;
 use crate::session::Session;
+use crate::undo::Way;
 use crate::uploads::{Found, Upload};
 use hysteron_data::{Known, Manifest};
 use serde_json::{Value, json};
@@ -45,6 +46,8 @@ pub(crate) fn state(app: &App, tick: u64) -> Value {
         "campaign": book.campaign,
         "challenge": riddle::state(&session),
         "current": book.current,
+        "undo": book.offered(Way::Undo),
+        "redo": book.offered(Way::Redo),
         "board": app.has_board(),
         "job": job,
     })

@@ -80,10 +80,11 @@ function drawWay() {
     return el("li", {}, el("a", attributes, title));
   }));
   by("to-effects").toggleAttribute("aria-current", here === "effects");
-  const steps = lab.state.steps;
-  const step = lab.state.current === null ? null : steps[lab.state.current];
-  by("undo").disabled = !step || step.parent === null;
-  by("redo").disabled = !step || step.redo === null;
+  for (const [name, keys] of [["undo", "Ctrl+Z"], ["redo", "Ctrl+Y"]]) {
+    const what = lab.state[name];
+    by(name).disabled = what === null;
+    by(name).title = `${name === "undo" ? "Undo" : "Redo"}${what === null ? "" : `: ${what}`} (${keys})`;
+  }
   by("version").textContent = `hysteron ${lab.state.version}.`;
   by("folder").textContent = `The session is in ${lab.state.folder}.`;
   document.title = `${(STATIONS.find(([name]) => name === here) || ["", "Effects"])[1]} · Hysteron workbench`;

@@ -91,6 +91,23 @@ fn val_a_project_with_models_takes_more_records() {
         // And what a record is used for is changed in the data.
         browser.choose("#record-role-1", "identify").await;
         browser.see_text("the role of second.csv changed").await;
+        // Each change is taken back and made again; the model that is looked at stays.
+        let title = async |button: &str| {
+            let script = format!("return document.querySelector('{button}').title");
+            browser.run(&script, Vec::new()).await
+        };
+        assert_eq!(title("#undo").await, "Undo: second.csv got another role (Ctrl+Z)");
+        browser.click("#undo").await;
+        browser.see_text("bad.csv came. Its").await;
+        browser.click("#undo").await;
+        browser.see("#add-files:not([disabled])").await;
+        browser.see("main:not(:has(#record-role-3))").await;
+        assert_eq!(title("#redo").await, "Redo: bad.csv came in (Ctrl+Y)");
+        browser.picture("grow-undone").await;
+        browser.click("#redo").await;
+        browser.see("#record-role-3").await;
+        browser.click("#redo").await;
+        browser.see_text("the role of second.csv changed").await;
         // Models do not end by one click.
         browser.click("details.other summary").await;
         browser.click("#start-demo").await;
