@@ -9,7 +9,8 @@ use crate::place::{Of, Place};
 use crate::reading::Reading;
 use crate::undo::{self, Way};
 use crate::{
-    App, assets, board, bring, came_back, campaign, draft, grow, hand, jobs, learn, riddle, rungs, state, views, work,
+    App, assets, board, bring, came_back, campaign, draft, grow, hand, jobs, learn, projects, riddle, rungs, state,
+    views, work,
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
@@ -58,6 +59,7 @@ pub(crate) fn router(
         .route("/api/use", post(bring::use_as))
         .route("/api/forget", post(bring::forget))
         .route("/api/do", post(perform))
+        .route("/api/projects", get(projects))
         .route("/api/raw", get(views::raw))
         .route("/api/compare", get(views::compare))
         .route("/api/words", get(views::words))
@@ -164,6 +166,17 @@ enum Deed {
     Keep {
         step: usize,
     },
+    Name {
+        step: usize,
+        name: String,
+        note: String,
+    },
+    NewProject {
+        name: String,
+    },
+    OpenProject {
+        name: String,
+    },
     Diagnose,
     Report,
     Design {
@@ -240,6 +253,12 @@ async fn perform(State(app): Shared, content: Bytes) -> Answer {
             rungs::keep(&mut app.session(), step)?;
             app.changed();
         }
+        Deed::Name { step, name, note } => {
+            rungs::name(&mut app.session(), step, &name, &note)?;
+            app.changed();
+        }
+        Deed::NewProject { name } => aside(move || projects::make(&app, &name)).await?,
+        Deed::OpenProject { name } => aside(move || projects::open(&app, &name)).await?,
         Deed::Diagnose => work::diagnose(&app)?,
         Deed::Report => work::report(&app)?,
         Deed::Design { wishes, of } => controller::make(&app, of, &wishes)?,
@@ -277,6 +296,11 @@ async fn perform(State(app): Shared, content: Bytes) -> Answer {
         }
     }
     Ok(Json(json!({})).into_response())
+}
+
+/// The projects, for their page.
+async fn projects(State(app): Shared) -> Answer {
+    aside(move || Ok(Json(projects::list(&app)).into_response())).await
 }
 
 /// What is known of the bench, for the fields of a campaign's plan.

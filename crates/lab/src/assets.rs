@@ -17,7 +17,7 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: [Asset; 24] = [
+const ASSETS: [Asset; 25] = [
     asset!("app.js", JS),
     asset!("api.js", JS),
     asset!("dom.js", JS),
@@ -38,6 +38,7 @@ const ASSETS: [Asset; 24] = [
     asset!("controller.js", JS),
     asset!("board.js", JS),
     asset!("campaign.js", JS),
+    asset!("projects.js", JS),
     asset!("stale.js", JS),
     asset!("style.css", CSS),
     asset!("vendor/uPlot.esm.js", JS),

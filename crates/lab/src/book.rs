@@ -97,6 +97,12 @@ pub(crate) struct Step {
     pub(crate) recipe: Recipe,
     /// `mrpi, 10 plays` or `+ delay`.
     pub(crate) title: String,
+    /// What a person calls it instead; empty for nothing.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub(crate) named: String,
+    /// What a person wrote about it.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub(crate) note: String,
     /// Its file, as the commands name it.
     pub(crate) model: String,
     /// The command that makes it.
@@ -176,6 +182,17 @@ pub(crate) struct Since {
     pub(crate) records: Vec<String>,
     /// Records that have another role.
     pub(crate) roles: Vec<String>,
+}
+
+impl Step {
+    /// What it is called.
+    pub(crate) fn name(&self) -> &str {
+        if self.named.is_empty() {
+            &self.title
+        } else {
+            &self.named
+        }
+    }
 }
 
 impl Generation {
@@ -415,6 +432,8 @@ mod tests {
                 plays: 3,
             },
             title: String::new(),
+            named: String::new(),
+            note: String::new(),
             model: model_name(0),
             command: String::new(),
             identify_percent: None,

@@ -28,6 +28,7 @@ mod jobs;
 mod learn;
 mod own;
 mod place;
+mod projects;
 mod reading;
 mod riddle;
 mod rungs;
@@ -47,6 +48,7 @@ use guard::Guard;
 use hysteron_control::design::Controller;
 use hysteron_control::expected::Row;
 use jobs::Job;
+use projects::Projects;
 use session::Session;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
@@ -116,6 +118,7 @@ pub struct Lab {
 /// What requests share.
 pub(crate) struct App {
     session: Mutex<Session>,
+    pub(crate) projects: Projects,
     job: Mutex<Job>,
     bench: Mutex<Option<board::OnBench>>,
     tick: watch::Sender<u64>,
@@ -150,10 +153,10 @@ impl Lab {
     /// Opens the session and takes the port, on loopback only.
     ///
     /// # Errors
-    /// - A session folder that cannot be written, that another server holds, or whose `session.json` cannot be read.
+    /// - A session folder, or the project in it that was open last, that cannot be written, that another server holds, or whose `session.json` cannot be read.
     /// - Data that cannot be read; a port that is taken.
     pub fn open(options: Options) -> Result<Self, LabError> {
-        let mut session = Session::open(&options.session)?;
+        let (projects, mut session) = Projects::found(&options.session)?;
         if let Some(data) = &options.data {
             own::begin_with(&mut session, data)?;
         }
@@ -161,6 +164,7 @@ impl Lab {
         let guard = Guard::new(&address);
         let app = App {
             session: Mutex::new(session),
+            projects,
             job: Mutex::default(),
             bench: Mutex::default(),
             tick: watch::Sender::new(1),

@@ -1,4 +1,4 @@
-//! Steps that are taken off the ladder and put back; their models stay in their files.
+//! Steps that are taken off the ladder and put back, their models staying in their files; what a person calls them and wrote of them.
 
 use crate::error::Refusal;
 use crate::session::Session;
@@ -31,5 +31,37 @@ pub(crate) fn keep(session: &mut Session, number: usize) -> Result<(), Refusal> 
         session.book.steps[step].removed = false;
     }
     session.book.current = Some(number);
+    session.save()
+}
+
+/// Longest name of a step, characters.
+const NAME: usize = 80;
+
+/// Longest note on a step, characters.
+const NOTE: usize = 4000;
+
+/// Names a step, and keeps a note on it; with an empty name it is called by what made it again.
+pub(crate) fn name(session: &mut Session, number: usize, name: &str, note: &str) -> Result<(), Refusal> {
+    session.step(number)?;
+    let name = name.trim();
+    for (what, text, most) in [("name", name, NAME), ("note", note, NOTE)] {
+        let count = text.chars().count();
+        if count > most {
+            return Err(Refusal::unusable(format!(
+                "the {what} has {count} characters; at most {most} are kept"
+            )));
+        }
+    }
+    if name.chars().any(char::is_control) {
+        return Err(Refusal::unusable("a name is one line without control characters"));
+    }
+    let step = &mut session.book.steps[number];
+    // Called as it was made, it needs no name of its own.
+    step.named = if name == step.title {
+        String::new()
+    } else {
+        name.to_owned()
+    };
+    note.trim().clone_into(&mut step.note);
     session.save()
 }

@@ -387,6 +387,8 @@ fn step(
         generation,
         recipe,
         title,
+        named: String::new(),
+        note: String::new(),
         model: model_name(number),
         command,
         identify_percent: comparison.identify.map(|pooled| pooled.nrmse_percent),

@@ -31,6 +31,7 @@ pub(crate) fn state(app: &App, tick: u64) -> Value {
         "version": app.version,
         "revision": book.revision,
         "folder": session.folder.display().to_string(),
+        "project": app.projects.open_name(),
         "session_command": format!("hysteron lab --session {}", quoted(&session.folder.display().to_string())),
         "data": data(&session),
         "files": session.uploads.files.iter().map(|file| upload(&session, file)).collect::<Vec<_>>(),
@@ -79,6 +80,8 @@ fn data(session: &Session) -> Option<Value> {
 fn shown_step(session: &Session, step: &Step) -> Value {
     let mut shown = json!(step);
     shown["since"] = json!(session.book.since(step));
+    shown["title"] = json!(step.name());
+    shown["made"] = json!(step.title);
     shown
 }
 

@@ -132,7 +132,7 @@ impl Book {
     /// What undo or redo would do, for its button; nothing where there is nothing to do.
     pub(crate) fn offered(&self, way: Way) -> Option<String> {
         match self.next(way)? {
-            Next::Step(step) => Some(format!("to {}", self.steps.get(step)?.title)),
+            Next::Step(step) => Some(format!("to {}", self.steps.get(step)?.name())),
             Next::Data => {
                 let mut other = self.clone();
                 other.turn(way)?;
@@ -237,7 +237,7 @@ fn turn(app: &Arc<App>, way: Way) -> Result<(), Refusal> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::book::{Brought, Came};
+    use crate::book::Came;
     use hysteron_data::Role;
 
     fn generation(data: &str, came: &[&str], roles: &[&str]) -> Generation {
@@ -263,10 +263,7 @@ mod tests {
             next.take_over(before);
         }
         for came in &next.came {
-            book.files
-                .entry(came.file.clone())
-                .or_insert_with(Brought::default)
-                .stands = Stands::Taken;
+            book.files.entry(came.file.clone()).or_default().stands = Stands::Taken;
         }
         book.changes_from(tail);
         if !next.nothing_new() {

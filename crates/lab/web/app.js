@@ -10,6 +10,7 @@ import { ladderPage } from "./ladder.js";
 import { controllerPage } from "./controller.js";
 import { boardPage } from "./board.js";
 import { exportPage } from "./take.js";
+import { projectsPage } from "./projects.js";
 import { staleNotice } from "./stale.js";
 
 const STATIONS = [["data", "Data"], ["fit", "Fit"], ["compare", "Compare"], ["diagnose", "Diagnose"], ["ladder", "Ladder"], ["controller", "Controller"], ["board", "Board"], ["export", "Export"]];
@@ -79,15 +80,15 @@ function drawWay() {
     const attributes = { href: open ? `#${name}` : null, "aria-current": name === here ? "step" : null, "aria-disabled": open ? null : "true", role: open ? null : "link" };
     return el("li", {}, el("a", attributes, title));
   }));
-  by("to-effects").toggleAttribute("aria-current", here === "effects");
+  for (const aside of ["effects", "projects"]) by(`to-${aside}`).toggleAttribute("aria-current", here === aside);
   for (const [name, keys] of [["undo", "Ctrl+Z"], ["redo", "Ctrl+Y"]]) {
     const what = lab.state[name];
     by(name).disabled = what === null;
     by(name).title = `${name === "undo" ? "Undo" : "Redo"}${what === null ? "" : `: ${what}`} (${keys})`;
   }
   by("version").textContent = `hysteron ${lab.state.version}.`;
-  by("folder").textContent = `The session is in ${lab.state.folder}.`;
-  document.title = `${(STATIONS.find(([name]) => name === here) || ["", "Effects"])[1]} · Hysteron workbench`;
+  by("folder").textContent = `Project ${lab.state.project}, in ${lab.state.folder}.`;
+  document.title = `${(STATIONS.find(([name]) => name === here) || ["", here === "projects" ? "Projects" : "Effects"])[1]} · ${lab.state.project} · Hysteron workbench`;
 }
 
 function drawJob() {
@@ -149,7 +150,7 @@ async function fitPage() {
   return page;
 }
 
-const PAGES = { data: dataPage, fit: fitPage, compare: comparePage, diagnose: diagnosePage, ladder: ladderPage, controller: controllerPage, board: boardPage, export: exportPage, effects: effectPage };
+const PAGES = { data: dataPage, fit: fitPage, compare: comparePage, diagnose: diagnosePage, ladder: ladderPage, controller: controllerPage, board: boardPage, export: exportPage, effects: effectPage, projects: projectsPage };
 
 for (const event of ["click", "submit", "change"]) {
   addEventListener(event, ({ target }) => {
@@ -183,6 +184,8 @@ async function listen() {
       seen = lab.state.tick;
       // Another version of the program has another page.
       if (was && was.version !== lab.state.version) { location.reload(); return; }
+      // Another project has other steps: what this page remembers of those is of no use.
+      if (was && was.folder !== lab.state.folder) { location.hash = lab.state.current === null ? "data" : "ladder"; location.reload(); return; }
       if (lost) { say(null); lost = false; }
       if (was && was.run !== lab.state.run) by("back").hidden = false;
       const { job } = lab.state;

@@ -88,7 +88,7 @@ function dropZone(lab) {
 /** Begins anew; where models end with it, only on a second word. */
 function beginAnew(lab, deed) {
   const count = lab.state.steps.length;
-  if (count && !confirm(`Begin anew? The data of this session and ${many(count, "model")} end with it.`)) return;
+  if (count && !confirm(`Begin anew? The data of this session and ${many(count, "model")} end with it. A new project (above, Projects) keeps them.`)) return;
   again = false;
   lab.act(deed);
 }

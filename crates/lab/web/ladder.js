@@ -37,7 +37,8 @@ function rung(lab, number, depth, most) {
   const row = el("li", { class: here ? "rung here" : "rung" },
     el("button", { type: "button", id: `step-${number}`, "aria-current": here ? "step" : null, click: () => lab.act({ what: "go-to", step: number }) }, `${number + 1}: ${step.title}`, step.since ? el("span", { class: "since", title: sinceWords(step.since) }, `fitted before ${step.since.records.length ? many(step.since.records.length, "record") : many(step.since.roles.length, "role")}`) : null),
     el("span", { class: "track", role: "img", "aria-label": `error ${percent(value)} of peak to peak, noise floor ${percent(step.noise_percent)}` }, bar, floor),
-    el("span", { class: "figure" }, percent(value)));
+    el("span", { class: "figure" }, percent(value)),
+    step.note ? el("span", { class: "note" }, step.note) : null);
   // Only the name is indented: all bars begin at one line, so that they can be compared.
   row.firstChild.style.marginLeft = `${1.4 * depth}rem`;
   return row;
@@ -70,6 +71,22 @@ function offLadder(lab) {
     off.map((k) => el("button", { type: "button", id: `keep-${k}`, disabled: job.running, click: () => lab.act({ what: "keep", step: k }) }, `Put back ${k + 1}: ${steps[k].title}`)));
 }
 
+/** What a person calls the step that is looked at, and wrote about it. */
+function naming(lab) {
+  const { steps, current } = lab.state;
+  const step = steps[current];
+  const name = el("input", { id: "step-name", maxlength: "80", value: step.title, placeholder: step.made, autocomplete: "off" });
+  const note = el("textarea", { id: "step-note", rows: "3", maxlength: "4000" }, step.note || "");
+  return el("details", { class: "panel", id: "naming" }, el("summary", {}, `Name and note of step ${current + 1}`),
+    el("form", { submit: (event) => {
+      event.preventDefault();
+      lab.act({ what: "name", step: current, name: name.value, note: note.value });
+    } },
+    el("p", {}, el("label", { for: "step-name" }, `Name; empty for ${step.made}`), name),
+    el("p", {}, el("label", { for: "step-note" }, "Note"), note),
+    el("p", {}, el("button", { type: "submit", id: "keep-name", disabled: lab.state.job.running }, "Keep both"))));
+}
+
 /** What learning said of the way that this step is on. */
 function learnedPart(lab) {
   const { steps, current, learned } = lab.state;
@@ -92,6 +109,7 @@ export async function ladderPage(lab) {
     el("p", {}, judged ? "Pooled error on records not fitted to, percent of peak to peak. The stroke is the noise floor. A step chosen here is the one that all pages show." : "Pooled error on the records fitted to; no record was kept to judge by, so a fall here proves nothing."),
     el("ol", { class: "rungs panel" }, order(steps).map(([number, depth]) => rung(lab, number, depth, most))),
     offLadder(lab),
+    naming(lab),
     command([...new Set(way(steps, current).map((k) => steps[k].command))].join(" && ")),
     learnedPart(lab));
   const select = el("select", { id: "effect" }, known.map((k) => el("option", { value: k.name }, effectName(k.name))));

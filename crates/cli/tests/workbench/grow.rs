@@ -359,7 +359,10 @@ fn kept(server: &Server) -> Value {
         state["files"],
         state["steps"],
         state["current"],
-        state["diagnosed"]
+        state["diagnosed"],
+        state["undo"],
+        state["redo"],
+        state["project"]
     ])
 }
 
@@ -367,7 +370,8 @@ fn kept(server: &Server) -> Value {
 fn regress_nothing_acknowledged_is_lost_when_the_server_is_killed() {
     let place = tempfile::tempdir().unwrap();
     let session = place.path().join("session");
-    let deeds: [&dyn Fn(&Server); 7] = [
+    let act = |server: &Server, deed: &str| assert_eq!(server.act(deed).status, 200, "{deed}");
+    let deeds: [&dyn Fn(&Server); 11] = [
         &begun,
         &|server| {
             let came = server.ask("POST", "api/upload?name=third.csv&asked=0", csv(750).as_bytes());
@@ -391,6 +395,14 @@ fn regress_nothing_acknowledged_is_lost_when_the_server_is_killed() {
             let deed = r#"{"what":"role","record":"second.csv","role":"validate"}"#;
             assert_eq!(server.act(deed).status, 200);
         },
+        &|server| act(server, r#"{"what":"undo"}"#),
+        &|server| act(server, r#"{"what":"redo"}"#),
+        &|server| act(server, r#"{"what":"name","step":1,"name":"both","note":"of a Monday"}"#),
+        &|server| {
+            act(server, r#"{"what":"new-project","name":"another"}"#);
+            assert_eq!(server.state()["steps"], json!([]));
+            act(server, r#"{"what":"open-project","name":""}"#);
+        },
     ];
     let mut before = None;
     for (k, deed) in deeds.iter().enumerate() {
@@ -407,6 +419,10 @@ fn regress_nothing_acknowledged_is_lost_when_the_server_is_killed() {
     let state = server.state();
     assert_eq!(names(&state), ["first.csv", "second.csv", "third.csv"]);
     assert_eq!(state["steps"].as_array().unwrap().len(), 2);
+    assert_eq!(
+        [&state["steps"][1]["title"], &state["steps"][1]["note"]],
+        ["both", "of a Monday"]
+    );
     assert_eq!(
         state["steps"][1]["since"],
         json!({"records": [], "roles": ["second.csv"]})

@@ -18,6 +18,7 @@ mod own;
 #[path = "../own_bench/mod.rs"]
 mod own_bench;
 mod pictures;
+mod projects;
 mod same;
 mod server;
 mod way;
