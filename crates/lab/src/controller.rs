@@ -9,7 +9,7 @@ use crate::session::Session;
 use crate::wish::{Given, pair};
 use crate::{folder, uploads};
 use hysteron_control::design::beyond;
-use hysteron_control::design::curves::LoopCurves;
+use hysteron_control::design::curves::{LoopCurves, MeasuredLoop};
 use hysteron_control::design::source::{Source, Wishes, design, usual_rate_hz, usual_volts};
 use hysteron_control::design::{Controller, ReferenceKind};
 use hysteron_control::expected::{Row, half_the_stroke};
@@ -277,9 +277,10 @@ pub(crate) fn table(app: &Arc<App>, of: Of, bench: &Bench) -> Result<(), Refusal
     })
 }
 
-/// What holds where nobody wishes otherwise, and the loop of a controller over frequency.
+/// What holds where nobody wishes otherwise, and the loop of a controller over frequency, also through what the stage answered where the
+/// data of its step tell.
 pub(crate) fn view(app: &App, place: Place) -> Result<Value, Refusal> {
-    let session = app.session();
+    let mut session = app.session();
     let (volts, rate_hz) = match (place, &session.book.campaign) {
         (Place::Step(number), _) => {
             let model = session.model(number)?;
@@ -291,10 +292,20 @@ pub(crate) fn view(app: &App, place: Place) -> Result<Value, Refusal> {
     let usual = json!({ "volts": volts, "rate_hz": rate_hz, "margin": Wishes::default().margin });
     let there = place.has_one(&session.book);
     let controller = there.then(|| designed(&session, place)).transpose()?;
+    let of_step = match (place, &controller) {
+        (Place::Step(number), Some(_)) => Some((session.data_of(number)?, session.model(number)?)),
+        _ => None,
+    };
+    drop(session);
+    let measured = of_step.and_then(|(dataset, model)| {
+        let found = small_signal_response(&model, &dataset)?;
+        MeasuredLoop::of(controller.as_ref()?, &found)
+    });
     Ok(json!({
         "usual": usual,
         "stages": app.stages.iter().map(|stage| json!({"name": stage.name, "usual_um": stage.usual_um})).collect::<Vec<_>>(),
         "curves": controller.as_ref().and_then(LoopCurves::of),
+        "measured": measured,
         "margin": controller.as_ref().and_then(|c| Some(c.feedback.as_ref()?.peak_sensitivity)),
         "told_to_hz": controller.as_ref().and_then(|c| Some(c.feedback.as_ref()?.told_to_hz)),
         "range_um": controller.as_ref().map(half_the_stroke),

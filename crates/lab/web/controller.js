@@ -1,6 +1,6 @@
 // The controller of a step or of the campaign: designed by one button, run, taken home as it is and as the firmware's table.
 import { ask, download } from "./api.js";
-import { el, command, panel, printed } from "./dom.js";
+import { el, command, panel, printed, right, table } from "./dom.js";
 import { form } from "./form.js";
 import { num, text } from "./numbers.js";
 import { COLOURS, curvesPlot, dotsPlot } from "./plots.js";
@@ -59,22 +59,48 @@ function stagePart(page, found) {
   });
 }
 
+/** How far the loop stays from swinging, by the model and by what the stage answered. */
+function marginsOf({ curves, measured }) {
+  const at = (found, words) => right(found === null ? "not that far" : `${words(found[0])} at ${num(found[1])} Hz`);
+  const row = (title, part, words) => [title, at(curves.margins[part], words), ...(measured ? [at(measured.margins[part], words)] : [])];
+  return el("div", { id: "margins" }, table("Margins", ["Margin", "By the model", ...(measured ? [`As measured, ${num(measured.frequency_hz[0])} to ${num(measured.frequency_hz.at(-1))} Hz`] : [])], [
+    row("Phase, where the gain crosses 1", "phase_deg", (v) => `${num(v)}°`),
+    row("Gain, where the phase crosses −180°", "gain_db", (v) => `${num(v)} dB`),
+    row("Largest sensitivity", "sensitivity", num)]),
+  measured ? null : el("p", { class: "hint" }, "No record of small signals with known lines: the margins are those of the model alone."));
+}
+
+/** Values over other frequencies, as far as these lie between them: straight over the logarithms of the frequencies. */
+function resampled(from, values, to, log) {
+  const [f, g] = log ? [Math.log, Math.exp] : [(v) => v, (v) => v];
+  let k = 0;
+  return to.map((x) => {
+    while (k + 2 < from.length && from[k + 1] < x) k += 1;
+    if (x < from[k] || x > from[k + 1]) return null;
+    const share = Math.log(x / from[k]) / Math.log(from[k + 1] / from[k]);
+    return g(f(values[k]) + share * (f(values[k + 1]) - f(values[k])));
+  });
+}
+
 /** Gain and phase around the loop, and what it leaves of a disturbance. */
 function loopPart(page, view) {
-  const { curves } = view;
+  const { curves, measured } = view;
   if (!curves) return;
   const hosts = [0, 1, 2].map((k) => el("div", { class: "plot", id: `loop-${["sensitivity", "gain", "phase"][k]}` }));
   const [sensitivity, gain, phase] = hosts;
-  page.append(el("div", { class: "pair" },
+  page.append(panel("How far from swinging", marginsOf(view)), el("div", { class: "pair" },
     panel("What is left of a disturbance", sensitivity, el("p", { class: "hint" }, `Below 1 feedback helps, above it adds. Worst: over modes ±10 % and loop gain 0.6 to 1.3. The peak of the design, with a mode wherever nothing is told, is ${num(view.margin)}; above ${num(view.told_to_hz)} Hz nothing is told.`)),
     el("section", { class: "panel" }, el("h3", {}, "Gain around the loop"), gain, el("h3", {}, "Its phase"), phase)));
   page.addEventListener("shown", () => {
     const x = curves.frequency_hz;
     const level = (value) => x.map(() => value);
     const mark = { x: view.told_to_hz, label: "told up to here" };
-    curvesPlot(sensitivity, x, [["nominal", COLOURS.measured, curves.sensitivity], ["worst", COLOURS.model, curves.worst_sensitivity], ["no feedback", COLOURS.noise, level(1), [6, 4]]], "error over disturbance", { height: 420, log: true, mark, name: "sensitivity" });
-    curvesPlot(gain, x, [["gain", COLOURS.measured, curves.gain], ["crossover", COLOURS.noise, level(1), [6, 4]]], "gain", { log: true, mark, name: "loop gain" });
-    curvesPlot(phase, x, [["phase, degrees", COLOURS.measured, curves.phase_deg], ["critical", COLOURS.noise, level(-180), [6, 4]]], "phase, °", { mark, name: "loop phase" });
+    // What follows from the model has the model's colour, what was measured the measurement's.
+    const asMeasured = (part, log) => (measured ? [["as measured", COLOURS.measured, resampled(measured.frequency_hz, measured[part], x, log)]] : []);
+    const ofModel = (part, words = "by the model", dash = undefined) => [words, COLOURS.model, curves[part], dash];
+    curvesPlot(sensitivity, x, [ofModel("sensitivity"), ofModel("worst_sensitivity", "worst", [2, 3]), ["no feedback", COLOURS.noise, level(1), [6, 4]], ...asMeasured("sensitivity", true)], "error over disturbance", { height: 420, log: true, mark, name: "sensitivity" });
+    curvesPlot(gain, x, [ofModel("gain"), ["crossover", COLOURS.noise, level(1), [6, 4]], ...asMeasured("gain", true)], "gain", { log: true, mark, name: "loop gain" });
+    curvesPlot(phase, x, [ofModel("phase_deg"), ["critical", COLOURS.noise, level(-180), [6, 4]], ...asMeasured("phase_deg", false)], "phase, °", { mark, name: "loop phase" });
   });
 }
 

@@ -16,7 +16,8 @@ use std::process::{Command, Stdio};
 #[command(after_help = "Example:\n  hysteron lab stage\n\n\
     Listens on 127.0.0.1 only. The session folder holds data, models and diagnoses as the other commands read them;\n\
     opened again, it goes on where it was left, at the same address while its port is free. Records can be added at any\n\
-    time: data/ stays, data-2/ has them as well, and models stay until they are fitted anew. Ctrl-C ends it.")]
+    time: data/ stays, data-2/ has them as well, and models stay until they are fitted anew. Its page Projects begins others, each in projects/ under its name, a\n\
+    session folder of its own. Ctrl-C ends it.")]
 pub(crate) struct LabArgs {
     /// Dataset folder, or one CSV, to begin with; copied into the session
     pub data: Option<PathBuf>,

@@ -246,6 +246,11 @@ async fn shows_the_margins(browser: &Browser, session: &Path) {
         (crossed / told - 1.0).abs() < 0.06,
         "{crossed} Hz on the page, {told} Hz told"
     );
+    let margins = browser.see("#margins").await;
+    assert!(
+        margins.contains("dB at") && !margins.contains("As measured") && margins.contains("No record of small signals"),
+        "{margins}"
+    );
     let largest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
     let peak = said["feedback"]["peak_sensitivity"].as_f64().unwrap();
     assert!(

@@ -4,6 +4,8 @@
 use crate::browser::{Browser, there};
 use crate::server::Server;
 use crate::way::{hysteron, in_browser};
+use hysteron_control::design::Controller;
+use hysteron_control::design::curves::MeasuredLoop;
 use hysteron_data::{Dataset, Overwrite, Record, Role, write_dataset};
 use hysteron_identify::{Model, small_signal_response};
 use serde_json::{Value, json};
@@ -227,6 +229,29 @@ fn val_the_stage_s_answer_to_small_signals_stands_beside_the_model_s() {
             "#loop-phase",
         ];
         each_can_be_taken(&browser, &pictures).await;
+        // The loop through what the stage answered, and its margins beside the model's, as the library has them.
+        let controller = Controller::read(&session.join("controllers/2.toml")).unwrap();
+        let measured = MeasuredLoop::of(&controller, &found).unwrap();
+        let margins = browser.see("#margins").await;
+        let (phase, at) = measured.margins.phase_deg.unwrap();
+        let [phase, at] = [phase, at].map(hysteron_report::significant);
+        assert!(
+            margins.contains("As measured") && margins.contains(&format!("{phase}° at {at} Hz")),
+            "{margins}, not {phase}° at {at} Hz"
+        );
+        // Where nothing was measured there is none of it.
+        let script = "return document.querySelector('#loop-gain').chart.data.map((column) => [...column])";
+        let curve: Vec<Vec<Option<f64>>> = serde_json::from_value(browser.run(script, vec![]).await).unwrap();
+        let last = curve.last().unwrap();
+        assert!(last[0].is_none());
+        let (k, hz) = (
+            measured.frequency_hz.len() / 2,
+            measured.frequency_hz[measured.frequency_hz.len() / 2],
+        );
+        let off = |at: &usize| (curve[0][*at].unwrap() - hz).abs();
+        let near = (0..last.len()).min_by(|a, b| off(a).total_cmp(&off(b)));
+        let ratio = last[near.unwrap()].unwrap() / measured.gain[k];
+        assert!((0.8..1.25).contains(&ratio), "{ratio} at {hz} Hz");
         browser.picture("controller-response").await;
         browser.accessible("the stage's response").await;
         browser.close().await;
