@@ -17,7 +17,7 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: [Asset; 25] = [
+const ASSETS: [Asset; 26] = [
     asset!("app.js", JS),
     asset!("api.js", JS),
     asset!("dom.js", JS),
@@ -40,6 +40,7 @@ const ASSETS: [Asset; 25] = [
     asset!("campaign.js", JS),
     asset!("projects.js", JS),
     asset!("stale.js", JS),
+    asset!("tour.js", JS),
     asset!("style.css", CSS),
     asset!("vendor/uPlot.esm.js", JS),
     asset!("vendor/uPlot.min.css", CSS),

@@ -12,6 +12,7 @@ import { boardPage } from "./board.js";
 import { exportPage } from "./take.js";
 import { projectsPage } from "./projects.js";
 import { staleNotice } from "./stale.js";
+import { drawTour } from "./tour.js";
 
 const STATIONS = [["data", "Data"], ["fit", "Fit"], ["compare", "Compare"], ["diagnose", "Diagnose"], ["ladder", "Ladder"], ["controller", "Controller"], ["board", "Board"], ["export", "Export"]];
 const by = (id) => document.getElementById(id);
@@ -109,6 +110,7 @@ function key() {
 async function draw() {
   drawWay();
   drawJob();
+  drawTour(lab, by("tour"));
   if (key() === shown) return;
   shown = key();
   const turn = ++pages;

@@ -5,6 +5,7 @@ import { count, quantity } from "./numbers.js";
 import { timePlot, loopPlot, COLOURS } from "./plots.js";
 import { challengeNotice } from "./riddle.js";
 import { staleNotice } from "./stale.js";
+import { tourButton } from "./tour.js";
 
 const FAMILIES = [
   ["mrpi", "MRPI: rate-dependent (the paper's)"], ["mpi", "MPI: with a cubic input function"], ["pi", "PI: plays alone"],
@@ -180,8 +181,8 @@ function fileCard(lab, file, others) {
 export function rawView(lab, of, records) {
   const id = `raw-record-${of}`;
   const select = el("select", { id, change: () => show() }, records.map((record, index) => el("option", { value: record.index ?? index }, record.file)));
-  const time = el("div", { class: "plot" });
-  const loop = el("div", { class: "plot" });
+  const time = el("div", { class: "plot", id: `${id}-time` });
+  const loop = el("div", { class: "plot", id: `${id}-loop` });
   const view = el("div", {}, el("p", {}, el("label", { for: id }, "Look at "), select,
     el("span", { class: "hint" }, " Wheel zooms, Shift and wheel pans, double click shows all; by keyboard: arrows, plus, minus, 0.")),
   el("div", { class: "wide-narrow" }, panel("Over time", time), panel("Loop", loop)));
@@ -193,8 +194,8 @@ export function rawView(lab, of, records) {
     loop.replaceChildren();
     chart = timePlot(time, points, [
       { label: "voltage, V", colour: COLOURS.input, scale: "v" }, { label: "position, µm", colour: COLOURS.measured, scale: "y" },
-    ], async (from, to) => { const more = await fetchPoints({ from, to }); chart.renew(more.points); });
-    loopPlot(loop, [{ label: "position over voltage", colour: COLOURS.measured, path }], "voltage, V", "position, µm", 275);
+    ], async (from, to) => { const more = await fetchPoints({ from, to }); chart.renew(more.points); }, { name: `record ${select.selectedOptions[0].text}` });
+    loopPlot(loop, [{ label: "position over voltage", colour: COLOURS.measured, path }], "voltage, V", "position, µm", 275, `loop ${select.selectedOptions[0].text}`);
     document.body.dataset.firstPicture = performance.now();
   }
   view.addEventListener("shown", show);
@@ -304,7 +305,7 @@ export async function dataPage(lab) {
   const files = state.files.filter((file) => file.stands === "waits");
   if (!state.data) {
     page.append(el("h2", {}, "Bring recordings"));
-    if (!files.length) page.append(el("p", {}, "From recordings of a piezo stage to a model that explains them: go the way above from left to right."));
+    if (!files.length) page.append(el("p", {}, "From recordings of a piezo stage to a model that explains them: go the way above from left to right. ", tourButton(lab)));
     page.append(dropZone(lab));
     if (files.length) page.append(...waiting(lab, files, views).filter(Boolean));
     else page.append(el("h2", {}, "Or begin with"), starts(lab));

@@ -25,7 +25,7 @@ function scale(p) {
 
 async function livePicture(lab, effect) {
   const step = lab.state.current;
-  const host = el("div", { class: "plot" });
+  const host = el("div", { class: "plot", id: "effect-shown" });
   const sliders = el("div", { class: "sliders" });
   const played = el("p", { class: "hint" });
   const frequency = el("input", { id: "frequency", type: "number", min: "0.001", max: "100000", step: "any", change: () => draw([]) });
@@ -54,9 +54,9 @@ async function livePicture(lab, effect) {
     const curves = [{ label: "without it", colour: COLOURS.measured }, { label: "with it", colour: COLOURS.model }];
     if (found.loops) {
       if (chart) chart.renew(found.loops);
-      else chart = loopPlot(host, curves.map((curve, index) => ({ ...curve, path: found.loops[index] })), "voltage, V", "position, µm", 360);
+      else chart = loopPlot(host, curves.map((curve, index) => ({ ...curve, path: found.loops[index] })), "voltage, V", "position, µm", 360, `${effect.name} loop`);
     } else if (chart) chart.renew(found.points);
-    else chart = timePlot(host, found.points, curves.map((curve) => ({ ...curve, label: `${curve.label}, µm`, scale: "y" })), () => null, { title: "position, µm", height: 340 });
+    else chart = timePlot(host, found.points, curves.map((curve) => ({ ...curve, label: `${curve.label}, µm`, scale: "y" })), () => null, { title: "position, µm", height: 340, name: `${effect.name} over time` });
     if (!values.length) sliders.replaceChildren(...found.parameters.map((p, index) => slider(p, index, found.parameters, draw)));
   }
   box.addEventListener("shown", () => draw([]));

@@ -6,7 +6,7 @@ use crate::exit::Done;
 use crate::output;
 use clap::Args;
 use hysteron_challenge::Setting;
-use hysteron_challenge::examples::paper_stage;
+use hysteron_challenge::examples::{Example, Made, paper_stage};
 use hysteron_data::{Overwrite, write_dataset};
 use hysteron_lab::{Lab, Options, StartingPoint};
 use std::path::{Path, PathBuf};
@@ -81,7 +81,41 @@ fn starts() -> Vec<StartingPoint> {
             riddle.write(folder, Path::new(&key)).map_err(|error| error.to_string())
         }),
     };
-    vec![demo, challenge]
+    let of_stages = Example::ALL
+        .into_iter()
+        .filter(|example| *example != Example::PaperStage);
+    let of_stages = of_stages.filter(|example| *example != Example::Scope);
+    [demo, challenge].into_iter().chain(of_stages.map(of_example)).collect()
+}
+
+/// An example that is a dataset.
+fn of_example(example: Example) -> StartingPoint {
+    let sentence = |text: &str| {
+        let mut text = text.replace(" um", " µm").replace('`', "");
+        if let Some(first) = text.get_mut(..1) {
+            first.make_ascii_uppercase();
+        }
+        text
+    };
+    let title = match example {
+        Example::Stage739hz => "A slow stage".to_owned(),
+        other => sentence(&other.name().replace('-', " ")),
+    };
+    StartingPoint {
+        name: example.name(),
+        title,
+        about: format!("{}.", sentence(example.about())),
+        command: format!("hysteron example {} -o data", example.name()),
+        make: Box::new(move |folder, progress| {
+            let made = example
+                .make(&|share| progress(share))
+                .map_err(|error| error.to_string())?;
+            let Made::Dataset { dataset, .. } = made else {
+                return Err("the files of an instrument are no dataset".to_owned());
+            };
+            write_dataset(&dataset, folder, Overwrite::Refuse).map_err(|error| error.to_string())
+        }),
+    }
 }
 
 /// Opens the address in the browser; where there is none, the address stands in the terminal.

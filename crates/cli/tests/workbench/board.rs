@@ -176,8 +176,30 @@ struct Serving(Child);
 impl Serving {
     fn start() -> (Self, String) {
         let table = concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware/tables/tracking-8k.toml");
+        Self::of(&[table])
+    }
+
+    /// An image in the emulator; none, and said so, where either is missing and need not be there.
+    #[expect(clippy::print_stdout, reason = "a skipped test says why")]
+    fn emulated() -> Option<(Self, String)> {
+        let image = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../firmware/target/images/tables/tracking-8k"
+        );
+        if Path::new(image).is_file() && Command::new("qemu-system-arm").arg("--version").output().is_ok() {
+            return Some(Self::of(&["--emulator", "mps2-an386", "--image", image]));
+        }
+        assert!(
+            std::env::var_os("HYSTERON_EMULATOR").is_none(),
+            "no image {image} or no qemu-system-arm"
+        );
+        println!("skipped: no image {image} or no qemu-system-arm; run `cargo xtask test`");
+        None
+    }
+
+    fn of(law: &[&str]) -> (Self, String) {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hysteron"));
-        command.args(["board", "serve", table, "--stage", "8k"]);
+        command.args(["board", "serve"]).args(law).args(["--stage", "8k"]);
         let (child, address) = started(&mut command, "board: ");
         (Self(child), address)
     }
@@ -231,6 +253,48 @@ fn val_a_closed_page_leaves_the_stage_at_rest() {
         start.text().contains("the connection to the board is over"),
         "{}",
         start.text()
+    );
+}
+
+/// The image as it is built for the chip, in the emulator: seen, played, and its record taken into the data.
+#[test]
+fn val_the_emulator_s_board_is_one_for_the_page() {
+    if !there() {
+        return;
+    }
+    let Some((_serving, address)) = Serving::emulated() else {
+        return;
+    };
+    let place = tempfile::tempdir().unwrap();
+    let session = place.path().join("session");
+    let server = fitted(&session);
+    in_browser(async {
+        let browser = Browser::open(&format!("{}#board", server.address()), false).await;
+        browser.type_into("#connect-from", &address).await;
+        browser.click("#connect").await;
+        browser.see("#scope-position canvas").await;
+        browser.see_text("mps2-an386").await;
+        browser.type_into("#record-hz", "200").await;
+        browser.type_into("#record-seconds", "0.05").await;
+        browser.click("#record").await;
+        let runs = recorded(&browser, 1).await;
+        assert_eq!(
+            (runs[0][0].as_str(), runs[0][5].as_str()),
+            ("sine 200 Hz", "0"),
+            "{runs:?}"
+        );
+        browser.picture("board-emulated").await;
+        browser.click("#keep-validate").await;
+        browser.see("#came[hidden]").await;
+        browser.click("#leave").await;
+        browser.see("#connect").await;
+        browser.close().await;
+    });
+    let records = server.state()["data"]["records"].clone();
+    let last = records.as_array().unwrap().last().unwrap();
+    assert_eq!(
+        (last["file"].as_str(), last["rate_hz"].as_f64()),
+        (Some("board-001.csv"), Some(50e3))
     );
 }
 

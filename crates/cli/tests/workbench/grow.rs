@@ -429,6 +429,52 @@ fn regress_nothing_acknowledged_is_lost_when_the_server_is_killed() {
     );
 }
 
+/// Killed in the midst of a job: what was there is there, and a step is there as a whole or not at all.
+#[test]
+fn regress_a_server_that_is_killed_at_work_leaves_what_was_there() {
+    let place = tempfile::tempdir().unwrap();
+    let session = place.path().join("session");
+    let server = Server::start(&session);
+    begun(&server);
+    let mut before = kept(&server);
+    drop(server);
+    let deeds = [
+        r#"{"what":"fit","model":"mrpi","plays":10}"#,
+        r#"{"what":"add","effect":"delay"}"#,
+        r#"{"what":"diagnose"}"#,
+        r#"{"what":"role","record":"second.csv","role":"identify"}"#,
+        r#"{"what":"learn","model":"mpi","plays":4}"#,
+    ];
+    for (k, deed) in deeds.into_iter().cycle().take(10).enumerate() {
+        let server = Server::start(&session);
+        let revision = &server.state()["revision"];
+        let body = format!("{{\"revision\":{revision},\"do\":{deed}}}");
+        assert_eq!(server.ask("POST", "api/do", body.as_bytes()).status, 200, "{deed}");
+        // At another moment of the job each time.
+        for _ in 0..k * k {
+            server.state();
+        }
+        drop(server);
+        let server = Server::start(&session);
+        let now = kept(&server);
+        let steps = |kept: &Value| kept[2].as_array().unwrap().clone();
+        let (was, is) = (steps(&before), steps(&now));
+        assert!(is.len() >= was.len(), "after kill {k}");
+        for (number, step) in was.iter().enumerate() {
+            for part in ["title", "command", "model", "validate_percent", "records"] {
+                assert_eq!(is[number][part], step[part], "step {number} after kill {k}");
+            }
+        }
+        for number in 0..is.len() {
+            let words = server.ask("GET", &format!("api/words?step={number}"), b"");
+            assert_eq!(words.status, 200, "{}", words.text());
+        }
+        let state = server.state();
+        assert_eq!(names(&state), ["first.csv", "second.csv"]);
+        before = now;
+    }
+}
+
 #[test]
 fn regress_a_growth_that_is_cut_off_leaves_the_data_as_they_were_or_as_they_will_be() {
     let place = tempfile::tempdir().unwrap();

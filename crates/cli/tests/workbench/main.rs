@@ -21,4 +21,5 @@ mod pictures;
 mod projects;
 mod same;
 mod server;
+mod tour;
 mod way;

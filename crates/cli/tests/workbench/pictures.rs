@@ -125,6 +125,17 @@ fn val_steps_of_the_ladder_stand_over_one_record_with_the_noise_and_what_the_err
         let next = "const done = arguments[0]; const look = () => (document.querySelector('#overlay').chart && document.querySelector('#overlay').chart.data[3]?.[5] === arguments[1] ? done(1) : setTimeout(look, 20)); look()";
         let next = next.replace("arguments[1]", &series(&server, 0, 0, 1)[5].to_string());
         browser.run_async(&next, vec![]).await;
+        // Of the recordings and of an effect in the model as well.
+        browser.click("#way a[href='#data']").await;
+        each_can_be_taken(&browser, &["#raw-record-data-time", "#raw-record-data-loop"]).await;
+        for effect in ["delay", "creep"] {
+            browser
+                .run(&format!("location.hash = 'effects/{effect}'"), vec![])
+                .await;
+            let named = format!("#effect-shown + .take button[aria-label^='{effect}']");
+            browser.see(&named).await;
+            each_can_be_taken(&browser, &["#effect-shown"]).await;
+        }
         browser.close().await;
     });
 }

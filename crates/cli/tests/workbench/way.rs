@@ -316,6 +316,39 @@ fn val_the_whole_way_on_measured_data() {
     });
 }
 
+/// Captures of an oscilloscope, each channel a monitor output: columns and units said once for all files, then the whole way.
+#[test]
+fn val_the_whole_way_on_captures_of_an_oscilloscope() {
+    if !there() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let (session, captures) = (folder.path().join("session"), folder.path().join("scope"));
+    assert_cmd::Command::new(env!("CARGO_BIN_EXE_hysteron"))
+        .args(["example", "scope", "-o"])
+        .arg(&captures)
+        .assert()
+        .success();
+    let server = Server::start(&session);
+    in_browser(async {
+        let browser = Browser::open(&server.address(), false).await;
+        let files = ["fast.csv", "mixed.csv", "slow.csv"].map(|name| captures.join(name));
+        browser.drop_files("#drop", &files).await;
+        browser.see("#read-all-0").await;
+        browser.picture("scope-files").await;
+        browser.accessible("captures that are not understood yet").await;
+        browser.type_into("#column-voltage-0", "CH1:V*10").await;
+        browser.type_into("#column-position-0", "CH2:um*2").await;
+        browser.click("#read-all-0").await;
+        browser.see("#role-1").await;
+        browser.choose("#role-1", "validate").await;
+        browser.click("#use:not([disabled])").await;
+        browser.see_text("The data: data").await;
+        the_way(&browser, &session, "scope", "mrpi").await;
+        browser.close().await;
+    });
+}
+
 #[test]
 fn val_a_million_samples_are_fluid() {
     if !there() {
