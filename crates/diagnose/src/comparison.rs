@@ -121,6 +121,31 @@ pub struct ErrorMap {
     pub rate_edges_um_per_s: Vec<f64>,
     /// Error rms of each cell, row by row; `None` where no sample fell.
     pub rms_um: Vec<Vec<Option<f64>>>,
+    /// Where the error of each cell is largest: the samples about it that fall in the same cell.
+    pub worst: Vec<Vec<Option<Stretch>>>,
+}
+
+/// A stretch of a record.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Stretch {
+    /// The record.
+    pub file: String,
+    /// Its first sample, seconds.
+    pub from_s: f64,
+    /// Its last one, seconds.
+    pub to_s: f64,
+}
+
+impl Stretch {
+    /// Samples `first` to `last` of a record.
+    pub(crate) fn of(record: &RecordComparison, first: usize, last: usize) -> Self {
+        let time = &record.series.time_s;
+        Self {
+            file: record.file.clone(),
+            from_s: time.get(first).copied().unwrap_or_default(),
+            to_s: time.get(last).copied().unwrap_or_default(),
+        }
+    }
 }
 
 /// Error over the frequency (columns) and amplitude (rows) of the swing that it lies in.
@@ -132,6 +157,8 @@ pub struct SwingMap {
     pub amplitude_edges_um: Vec<f64>,
     /// Error rms of each cell, row by row; `None` where no swing fell.
     pub rms_um: Vec<Vec<Option<f64>>>,
+    /// The swing of each cell that has the largest error rms.
+    pub worst: Vec<Vec<Option<Stretch>>>,
 }
 
 /// Amplitude spectral densities, one-sided, pooled over records.

@@ -24,12 +24,15 @@ mod signature;
 mod spectrum;
 mod straight_line;
 mod swing_map;
+mod told;
 pub mod verdict;
 mod witness;
 
 pub use by_hand::{ByHand, Played, Start};
 pub use compare::compare;
-pub use comparison::{Bin, Breakdown, Comparison, ErrorMap, Pooled, RecordComparison, Series, Spectrum, SwingMap};
+pub use comparison::{
+    Bin, Breakdown, Comparison, ErrorMap, Pooled, RecordComparison, Series, Spectrum, Stretch, SwingMap,
+};
 pub use diagnose::{diagnose, diagnose_with, examine};
 use hysteron_acquisition::noise;
 pub use hysteron_acquisition::{Basis, Finding, Kind, NoiseFloor, NoiseSource};
@@ -37,4 +40,5 @@ pub use ladder::{Ladder, Rung, add, add_own, ladder};
 pub use learn::{Attempt, Learned, Stop, learn, learn_from, learn_with};
 pub use region::{GoesWith, Region, region};
 pub use signature::{Fitted, Signature, signatures};
-pub use spectrum::density;
+pub use spectrum::{density, of_record};
+pub use told::{Told, told};

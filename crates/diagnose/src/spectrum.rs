@@ -1,6 +1,6 @@
 //! Spectra of error and measurement.
 
-use crate::comparison::{RecordComparison, Spectrum};
+use crate::comparison::{Comparison, RecordComparison, Spectrum};
 use realfft::RealFftPlanner;
 use std::f64::consts::TAU;
 
@@ -78,6 +78,12 @@ pub(crate) fn spectrum(records: &[RecordComparison], noise_rms: f64) -> Spectrum
         residual_um_per_rthz,
         measured_um_per_rthz,
     }
+}
+
+/// The same of one record of a comparison; empty where it does not move or has fewer than 64 samples.
+pub fn of_record(comparison: &Comparison, record: usize) -> Spectrum {
+    let records = comparison.records.get(record).map_or(&[][..], std::slice::from_ref);
+    spectrum(records, comparison.noise_rms_um)
 }
 
 /// Amplitude spectral density of one series by the same method: frequencies, hertz, and the series' unit a root hertz; empty of fewer

@@ -1,7 +1,7 @@
 //! The error over frequency and amplitude: at which kind of motion the model fails.
 
 use crate::breakdown::Sample;
-use crate::comparison::SwingMap;
+use crate::comparison::{Stretch, SwingMap};
 use std::ops::Range;
 
 /// A motion back by less than this share of the record's stroke does not end a swing: ripple is not a swing of its own.
@@ -43,6 +43,7 @@ pub(crate) fn swing_map(samples: &[Sample<'_>], noise_rms: f64) -> SwingMap {
             frequency_edges_hz: Vec::new(),
             amplitude_edges_um: Vec::new(),
             rms_um: Vec::new(),
+            worst: Vec::new(),
         };
     }
     let frequency_edges_hz = thirds_of_decades(slowest, fastest);
@@ -50,15 +51,22 @@ pub(crate) fn swing_map(samples: &[Sample<'_>], noise_rms: f64) -> SwingMap {
     amplitude_edges_um.extend((0..ROWS).rev().map(|row| widest / 2f64.powi(row)));
     let columns = frequency_edges_hz.len() - 1;
     let mut sums = vec![vec![(0.0, 0_u32); columns]; ROWS as usize];
+    let mut worst: Vec<Vec<Option<(f64, Stretch)>>> = vec![vec![None; columns]; ROWS as usize];
     for (record, swing) in &all {
         let place =
             |edges: &[f64], value: f64| edges.partition_point(|&edge| edge <= value).clamp(1, edges.len() - 1) - 1;
         let row = place(&amplitude_edges_um, swing.amplitude);
-        let cell = &mut sums[row][place(&frequency_edges_hz, swing.frequency_hz)];
-        let series = &samples[*record].compared.series;
-        for k in swing.samples.clone() {
-            cell.0 += (series.measured[k] - series.modelled[k]).powi(2);
-            cell.1 += 1;
+        let column = place(&frequency_edges_hz, swing.frequency_hz);
+        let compared = samples[*record].compared;
+        let error = |k: usize| compared.series.measured[k] - compared.series.modelled[k];
+        let squares: f64 = swing.samples.clone().map(|k| error(k).powi(2)).sum();
+        let cell = &mut sums[row][column];
+        cell.0 += squares;
+        cell.1 += swing.samples.len() as u32;
+        let mean = squares / swing.samples.len() as f64;
+        let most = &mut worst[row][column];
+        if most.as_ref().is_none_or(|(most, _)| mean > *most) {
+            *most = Some((mean, Stretch::of(compared, swing.samples.start, swing.samples.end)));
         }
     }
     let cell = |&(squares, count): &(f64, u32)| (count > 0).then(|| (squares / f64::from(count)).sqrt());
@@ -66,6 +74,10 @@ pub(crate) fn swing_map(samples: &[Sample<'_>], noise_rms: f64) -> SwingMap {
         frequency_edges_hz,
         amplitude_edges_um,
         rms_um: sums.iter().map(|row| row.iter().map(cell).collect()).collect(),
+        worst: worst
+            .into_iter()
+            .map(|row| row.into_iter().map(|most| most.map(|(_, stretch)| stretch)).collect())
+            .collect(),
     }
 }
 

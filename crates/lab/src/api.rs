@@ -64,6 +64,8 @@ pub(crate) fn router(
         .route("/api/compare", get(views::compare))
         .route("/api/words", get(views::words))
         .route("/api/spectrum", get(views::spectrum))
+        .route("/api/small", get(views::small))
+        .route("/api/told", get(views::told))
         .route("/api/series", get(views::plotted))
         .route("/api/by-hand", get(hand::by_hand))
         .route("/api/controller", get(views::controller))

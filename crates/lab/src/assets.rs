@@ -17,7 +17,7 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: [Asset; 26] = [
+const ASSETS: [Asset; 27] = [
     asset!("app.js", JS),
     asset!("api.js", JS),
     asset!("dom.js", JS),
@@ -39,6 +39,7 @@ const ASSETS: [Asset; 26] = [
     asset!("board.js", JS),
     asset!("campaign.js", JS),
     asset!("projects.js", JS),
+    asset!("small.js", JS),
     asset!("stale.js", JS),
     asset!("tour.js", JS),
     asset!("style.css", CSS),

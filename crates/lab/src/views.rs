@@ -3,12 +3,14 @@
 use crate::api::{Answer, Parameters, Shared, aside, number};
 use crate::error::Refusal;
 use crate::place::Place;
+use crate::session::Session;
 use crate::uploads::Found;
 use crate::{controller, explain, series, work};
 use axum::Json;
 use axum::extract::{Query, State};
 use axum::http::header;
 use axum::response::IntoResponse;
+use hysteron_data::Record;
 use hysteron_diagnose::diagnosis::Diagnosis;
 use hysteron_diagnose::{Comparison, RecordComparison};
 use hysteron_identify::EffectName;
@@ -24,12 +26,7 @@ pub(crate) async fn raw(State(app): Shared, Query(parameters): Parameters) -> An
     aside(move || {
         let session = app.session();
         let absent = || Refusal::absent("there is no such record");
-        let records: Vec<&hysteron_data::Record> = if uploaded {
-            session.uploads.files.iter().filter_map(|file| file.read.as_ref().ok()).flat_map(Found::records).collect()
-        } else {
-            session.dataset.iter().flat_map(|dataset| &dataset.records).collect()
-        };
-        let record = records.get(index).ok_or_else(absent)?;
+        let record = records(&session, uploaded).nth(index).ok_or_else(absent)?;
         let (first, len) = window(&parameters, record.start_s, record.period_s, record.len());
         let time = |k: usize| record.start_s + k as f64 * record.period_s;
         let points = series::columns(first, len, width, time, &[&|k| record.voltage_v[k], &|k| record.position_um[k]]);
@@ -103,9 +100,84 @@ pub(crate) async fn words(State(app): Shared, Query(parameters): Parameters) -> 
     .await
 }
 
+/// Spectra of a step's error, pooled over its records, or of one of them.
 pub(crate) async fn spectrum(State(app): Shared, Query(parameters): Parameters) -> Answer {
     let step = number(&parameters, "step")?;
-    aside(move || Ok(Json(&work::comparison(&app, step)?.spectrum).into_response())).await
+    let record = parameters
+        .get("record")
+        .map(|_| number(&parameters, "record"))
+        .transpose()?;
+    aside(move || {
+        let comparison = work::comparison(&app, step)?;
+        Ok(match record {
+            None => Json(&comparison.spectrum).into_response(),
+            Some(record) => Json(hysteron_diagnose::of_record(&comparison, record)).into_response(),
+        })
+    })
+    .await
+}
+
+/// Columns of a record's small picture.
+const SMALL: usize = 60;
+
+/// All records in small pictures: of a step what was measured and what is left, of the data or of the files the voltage and the position.
+pub(crate) async fn small(State(app): Shared, Query(parameters): Parameters) -> Answer {
+    let drawn = |first: &[f64], second: &[f64]| {
+        let len = first.len().min(second.len());
+        let points = series::columns(0, len, SMALL, |_| 0.0, &[&|k| first[k], &|k| second[k]]);
+        json!(points.y)
+    };
+    let step = parameters
+        .get("step")
+        .map(|_| number(&parameters, "step"))
+        .transpose()?;
+    let uploaded = parameters.get("of").is_some_and(|of| of == "files");
+    aside(move || {
+        let all: Vec<Value> = if let Some(step) = step {
+            let comparison = work::comparison(&app, step)?;
+            let each = comparison.records.iter().map(|record| {
+                let s = &record.series;
+                let error: Vec<f64> = s.measured.iter().zip(&s.modelled).map(|(y, m)| y - m).collect();
+                drawn(&s.measured, &error)
+            });
+            each.collect()
+        } else {
+            let session = app.session();
+            records(&session, uploaded)
+                .map(|record| drawn(&record.voltage_v, &record.position_um))
+                .collect()
+        };
+        Ok(Json(all).into_response())
+    })
+    .await
+}
+
+/// What the records of the data can tell and cannot, before any model.
+pub(crate) async fn told(State(app): Shared) -> Answer {
+    aside(move || {
+        let dataset = app.session().data()?;
+        let told = hysteron_diagnose::told(&dataset);
+        let effects = told
+            .effects
+            .iter()
+            .map(|(id, refused)| json!({"name": id.name(), "refused": refused}));
+        Ok(Json(json!({
+            "reasons": told.reasons.iter().map(|reason| hysteron_report::reason_in_words(*reason)).collect::<Vec<_>>(),
+            "effects": effects.collect::<Vec<_>>(),
+        }))
+        .into_response())
+    })
+    .await
+}
+
+/// The records of the data, or of the files that were brought, in the order that the page numbers them.
+fn records(session: &Session, uploaded: bool) -> impl Iterator<Item = &Record> {
+    let files = session.uploads.files.iter().filter(move |_| uploaded);
+    let brought = files
+        .filter_map(|file| file.read.as_ref().ok())
+        .flat_map(Found::records);
+    let data = session.dataset.iter().filter(move |_| !uploaded);
+    brought.chain(data.flat_map(|dataset| &dataset.records))
 }
 
 /// Measured, modelled and error of one record, as few points, with its loop.

@@ -6,6 +6,7 @@ import { timePlot, loopPlot, spectrumPlot, correlationPlot, COLOURS } from "./pl
 import { errorMap } from "./map.js";
 import { effectName } from "./effects.js";
 import { byHand, openByHand } from "./hand.js";
+import { smallPictures } from "./small.js";
 import { staleNotice } from "./stale.js";
 
 /** The record that was chosen, by its file; before that the one that tells most. */
@@ -53,16 +54,34 @@ function correlationText({ own, with_drive: withDrive, memory_s: memory, longest
 
 export async function comparePage(lab) {
   const step = lab.state.current;
-  const [comparison, words, spectrum] = await Promise.all([ask("compare", { step }), ask("words", { step }), ask("spectrum", { step })]);
+  const [comparison, words] = await Promise.all([ask("compare", { step }), ask("words", { step })]);
   const raw = comparison.output_unit;
   const outputUnit = unit(raw);
   const inverse = raw === "V";
   const before = comparison.records.findIndex((r) => r.file === chosen);
   let shown = before < 0 ? worst(comparison.records) : before;
-  const select = el("select", { id: "record", change: () => { shown = Number(select.value); chosen = comparison.records[shown].file; show(); } },
+  const select = el("select", { id: "record", change: () => look(Number(select.value)) },
     comparison.records.map((r, index) => el("option", { value: index, selected: index === shown }, `${r.file} (${r.role}, ${percent(r.nrmse_percent)})`)));
+  /** Shows a record; the strip and the choice follow. */
+  const look = (index) => {
+    shown = index;
+    chosen = comparison.records[shown].file;
+    select.value = String(shown);
+    strip.mark(shown);
+    return show();
+  };
+  const strip = smallPictures({ step }, "All records, what was measured and the error before it", (index) => { const r = comparison.records[index]; return `${percent(r.nrmse_percent)} ${r.file}`; }, () => shown, look);
+  /** The stretch of a record, as near as can be seen. */
+  async function open({ file, from_s: from, to_s: to }) {
+    await look(comparison.records.findIndex((r) => r.file === file));
+    const room = Math.max(2 * (to - from), 20 * (charts[0].data[0][1] - charts[0].data[0][0]));
+    charts[0].setView(from - room, to + room);
+    region(from, to);
+    hosts.overlay.scrollIntoView({ block: "center" });
+  }
   const host = (id) => el("div", { class: "plot", id });
   const hosts = { overlay: host("overlay"), residual: host("residual"), loop: host("loop"), spectrum: host("spectrum"), own: host("own"), drive: host("with-drive") };
+  const pooledSpectrum = el("select", { id: "spectrum-of", change: () => drawSpectrum() }, el("option", { value: "one" }, "the record that is looked at"), el("option", { value: "all" }, "all records that move, pooled"));
   const correlated = el("div", { id: "correlated" });
   const { steps } = lab.state;
   const others = steps.map((_, k) => k).filter((k) => k !== step && !steps[k].removed);
@@ -91,19 +110,20 @@ export async function comparePage(lab) {
     ...comparison.notices.map((line) => el("p", { class: "notice" }, sentence(line))),
     el("p", {}, el("label", { for: "record" }, "Look at "), select,
       el("span", { class: "hint" }, " Wheel zooms, Shift and wheel pans, double click shows all; by keyboard: arrows, plus, minus, 0.")),
+    strip,
     el("div", { class: "wide-narrow" },
       el("section", { class: "panel" }, el("h3", {}, "Measured and modelled"), choice, hosts.overlay, el("h3", {}, "Error: measured minus modelled"), hosts.residual, selection),
       panel("Loop", hosts.loop)),
     hand.part,
     el("div", { class: "pair" },
-      panel("Error by frequency and amplitude of the swing", errorMap("Error by frequency and amplitude", { name: "frequency", unit: "Hz", edges: bySwing.frequency_edges_hz }, { name: "amplitude", unit: raw, edges: bySwing.amplitude_edges_um }, bySwing.rms_um, raw)),
-      panel(`Error by ${output} and rate`, errorMap(`Error by ${output} and rate`, { name: output, unit: raw, edges: byRate.position_edges_um }, { name: "rate", unit: `${raw}/s`, edges: byRate.rate_edges_um_per_s }, byRate.rms_um, raw))),
+      panel("Error by frequency and amplitude of the swing", errorMap("Error by frequency and amplitude", { name: "frequency", unit: "Hz", edges: bySwing.frequency_edges_hz }, { name: "amplitude", unit: raw, edges: bySwing.amplitude_edges_um }, bySwing.rms_um, raw, bySwing.worst, open)),
+      panel(`Error by ${output} and rate`, errorMap(`Error by ${output} and rate`, { name: output, unit: raw, edges: byRate.position_edges_um }, { name: "rate", unit: `${raw}/s`, edges: byRate.rate_edges_um_per_s }, byRate.rms_um, raw, byRate.worst, open))),
     el("div", { class: "pair" },
       el("section", { class: "panel" }, el("h3", {}, "The error and itself"), hosts.own),
       el("section", { class: "panel" }, el("h3", {}, "The error and the drive"), hosts.drive)),
     correlated,
     el("div", { class: "pair" },
-      panel("Spectrum of the error over the noise floor", hosts.spectrum),
+      panel("Spectrum of the error over the noise floor", el("p", {}, el("label", { for: "spectrum-of" }, "Of "), pooledSpectrum), hosts.spectrum),
       panel("Where the error is", el("ul", { class: "findings" }, comparison.where.map((b) => el("li", {}, sentence(b.finding)))))),
     table("All records", ["Record", "Role", "Error (of p-p)", "Fit", "rms", "Largest", "Times noise", "Samples", "Start"], rows),
     el("p", {}, el("a", { class: "button", href: "#diagnose" }, "Which effect is missing?")),
@@ -142,8 +162,19 @@ export async function comparePage(lab) {
       selection.replaceChildren(el("p", {}, el("strong", {}, `${num(from)} to ${num(to)} s`)), ...regionText(found, raw));
     } catch (error) { selection.replaceChildren(el("p", { class: "refused" }, error.message)); }
   }
+  /** Of the record that is looked at, or of all. */
+  async function drawSpectrum() {
+    const one = pooledSpectrum.value === "one";
+    const mine = turn;
+    const spectrum = await ask("spectrum", { step, ...(one ? { record: shown } : {}) });
+    if (mine !== turn) return;
+    hosts.spectrum.replaceChildren();
+    if (spectrum.frequency_hz.length) spectrumPlot(hosts.spectrum, spectrum, outputUnit, 300, one ? `spectrum ${comparison.records[shown].file}` : "spectrum");
+    else hosts.spectrum.append(el("p", { class: "hint" }, "This record has none: it stands still, or has fewer than 64 samples."));
+  }
   async function show() {
     const mine = ++turn;
+    drawSpectrum();
     const [all, correlation] = await Promise.all([points({}), ask("correlation", { step, record: shown })]);
     if (mine !== turn) return;
     at = all.at;
@@ -168,6 +199,6 @@ export async function comparePage(lab) {
     correlationPlot(hosts.own, correlation.own, "error with itself", { name: `error with itself ${file}` });
     correlationPlot(hosts.drive, correlation.with_drive, "error with the drive", { name: `error with drive ${file}` });
   }
-  page.addEventListener("shown", () => { if (location.hash.endsWith("/by-hand")) hand.part.scrollIntoView(); show(); spectrumPlot(hosts.spectrum, spectrum, outputUnit, 300, "spectrum"); });
+  page.addEventListener("shown", () => { if (location.hash.endsWith("/by-hand")) hand.part.scrollIntoView(); strip.dispatchEvent(new CustomEvent("fill")); show(); });
   return page;
 }

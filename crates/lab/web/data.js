@@ -3,7 +3,9 @@ import { ask, tell, send } from "./api.js";
 import { el, table, command, panel, right, typed } from "./dom.js";
 import { count, quantity } from "./numbers.js";
 import { timePlot, loopPlot, COLOURS } from "./plots.js";
+import { effectName } from "./effects.js";
 import { challengeNotice } from "./riddle.js";
+import { smallPictures } from "./small.js";
 import { staleNotice } from "./stale.js";
 import { tourButton } from "./tour.js";
 
@@ -180,10 +182,12 @@ function fileCard(lab, file, others) {
 /** A record as it came: over time, and as a loop. */
 export function rawView(lab, of, records) {
   const id = `raw-record-${of}`;
-  const select = el("select", { id, change: () => show() }, records.map((record, index) => el("option", { value: record.index ?? index }, record.file)));
+  const select = el("select", { id, change: () => { strip.mark(select.selectedIndex); show(); } }, records.map((record, index) => el("option", { value: record.index ?? index }, record.file)));
   const time = el("div", { class: "plot", id: `${id}-time` });
   const loop = el("div", { class: "plot", id: `${id}-loop` });
-  const view = el("div", {}, el("p", {}, el("label", { for: id }, "Look at "), select,
+  const numbers = records.map((record, index) => record.index ?? index);
+  const strip = smallPictures({ of }, "All records, their voltage and position over time", (index) => records[index].file, () => select.selectedIndex, (index) => { select.selectedIndex = index; show(); }, numbers);
+  const view = el("div", {}, records.length > 1 ? strip : null, el("p", {}, el("label", { for: id }, "Look at "), select,
     el("span", { class: "hint" }, " Wheel zooms, Shift and wheel pans, double click shows all; by keyboard: arrows, plus, minus, 0.")),
   el("div", { class: "wide-narrow" }, panel("Over time", time), panel("Loop", loop)));
   let chart = null;
@@ -198,7 +202,7 @@ export function rawView(lab, of, records) {
     loopPlot(loop, [{ label: "position over voltage", colour: COLOURS.measured, path }], "voltage, V", "position, µm", 275, `loop ${select.selectedOptions[0].text}`);
     document.body.dataset.firstPicture = performance.now();
   }
-  view.addEventListener("shown", show);
+  view.addEventListener("shown", () => { show(); if (records.length > 1) strip.dispatchEvent(new CustomEvent("fill")); });
   return view;
 }
 
@@ -261,16 +265,34 @@ function records(lab) {
     data.records.map((r, index) => [r.file, role(r, index), { element: el("span", { class: "words" }, r.excitation || "–") }, ...(files ? [came(r)] : []), ...measures(r)]));
 }
 
+/** What these records can tell of the effects, and what they cannot, whatever model is fitted. */
+function toldPart() {
+  const part = panel("What these records can tell", el("p", { class: "hint" }, "Looking through the records."));
+  part.id = "told";
+  part.addEventListener("shown", async () => {
+    const { reasons, effects } = await ask("told");
+    const [can, cannot] = [effects.filter((e) => e.refused === null), effects.filter((e) => e.refused !== null)];
+    const sentence = (words) => `${words.charAt(0).toUpperCase()}${words.slice(1)}.`;
+    part.replaceChildren(part.firstChild,
+      reasons.length ? el("ul", {}, reasons.map((words) => el("li", {}, el("strong", {}, "Look here: "), sentence(words)))) : "",
+      el("p", {}, can.length ? `They can show ${can.map((e) => effectName(e.name)).join(", ")}. From which strength on, a diagnosis says.` : "They can show no effect."),
+      cannot.length ? el("ul", {}, cannot.map((e) => el("li", {}, `Nothing of ${effectName(e.name)}: ${e.refused}.`))) : "");
+  });
+  return part;
+}
+
 /** The data of the session. */
 function taken(lab, views) {
   const { data, steps } = lab.state;
   const view = rawView(lab, "data", data.records);
-  views.push(view);
+  const told = toldPart();
+  views.push(view, told);
   return [
     el("h2", {}, `The data: ${data.name}`),
     challengeNotice(lab),
     records(lab),
     ...data.notices.map((notice) => el("p", { class: "notice" }, notice)),
+    told,
     view,
     el("p", {}, el("a", { class: steps.length ? "button quiet" : "button", href: "#fit", id: "to-fit" }, steps.length ? "Fit another model" : "Choose a model")),
     data.command ? command(data.command) : null,

@@ -31,9 +31,9 @@ const edge = (value) => { const text = num(value); return text.includes(".") && 
 
 /**
  * A map of the error: cells of equal size on the sheet, whatever their width in the quantity; edges are written.
- * An axis is { name, unit, edges }; `values` go row by row from the lowest.
+ * An axis is { name, unit, edges }; `values` go row by row from the lowest, and so do the stretches `worst`, which `open` shows.
  */
-export function errorMap(title, across, up, values, outputUnit) {
+export function errorMap(title, across, up, values, outputUnit, worst, open) {
   const columns = across.edges.length - 1;
   const rows = up.edges.length - 1;
   const all = values.flat().filter((v) => v !== null && v > 0);
@@ -52,9 +52,10 @@ export function errorMap(title, across, up, values, outputUnit) {
   const sheet = svg("svg", { viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": `${title}, from ${num(low * scale)} to ${num(high * scale)} ${name} rms; the figures are in the table below` });
   values.forEach((line, r) => line.forEach((value, c) => {
     if (value === null) return;
-    const cell = svg("rect", { x: left + c * cw, y: top(r + 1), width: cw + 0.3, height: ch + 0.3, fill: colour(share(value)) });
+    const cell = svg("rect", { x: left + c * cw, y: top(r + 1), width: cw + 0.3, height: ch + 0.3, fill: colour(share(value)), class: "cell" });
+    cell.addEventListener("click", () => open(worst[r][c]));
     const span = (axis, k) => `${edge(axis.edges[k])} to ${edge(axis.edges[k + 1])} ${axis.unit}`;
-    cell.append(svg("title", {}, `${num(value * scale)} ${name} rms at ${span(x, c)}, ${span(y, r)}`));
+    cell.append(svg("title", {}, `${num(value * scale)} ${name} rms at ${span(x, c)}, ${span(y, r)}; a click shows where it is largest`));
     sheet.append(cell);
   }));
   sheet.append(svg("rect", { x: left, y: top(rows), width: columns * cw, height: rows * ch, class: "frame" }));
@@ -62,8 +63,8 @@ export function errorMap(title, across, up, values, outputUnit) {
   for (const k of labelled(rows, 8)) sheet.append(svg("text", { x: left - 6, y: top(k) + 4, "text-anchor": "end" }, edge(y.edges[k])));
   sheet.append(svg("text", { x: left + columns * cw / 2, y: h - 8, "text-anchor": "middle" }, x.title));
   sheet.append(svg("text", { x: 14, y: top(rows / 2), transform: `rotate(-90 14 ${top(rows / 2)})`, "text-anchor": "middle" }, y.title));
-  const bar = el("p", { class: "key" }, `${num(low * scale)} ${name}`, ...Array.from({ length: 11 }, (_, k) => { const dot = el("span", { class: "block" }); dot.style.background = colour(k / 10); return dot; }), `${num(high * scale)} ${name} rms; blank: no sample`);
-  const cells = table(`${title}, rms in ${name}: ${y.title} in rows, ${x.title} in columns, each from`, ["", ...x.edges.slice(0, -1).map(edge)], values.map((line, r) => [edge(y.edges[r]), ...line.map((v) => (v === null ? null : v * scale))]));
+  const bar = el("p", { class: "key" }, `${num(low * scale)} ${name}`, ...Array.from({ length: 11 }, (_, k) => { const dot = el("span", { class: "block" }); dot.style.background = colour(k / 10); return dot; }), `${num(high * scale)} ${name} rms; blank: no sample; a cell opens where its error is largest`);
+  const cells = table(`${title}, rms in ${name}: ${y.title} in rows, ${x.title} in columns, each from`, ["", ...x.edges.slice(0, -1).map(edge)], values.map((line, r) => [edge(y.edges[r]), ...line.map((v, c) => (v === null ? null : { element: el("button", { type: "button", class: "figure", click: () => open(worst[r][c]) }, num(v * scale)) }))]));
   const host = el("div", { class: "map" }, sheet, bar, el("details", {}, el("summary", {}, "Figures"), cells));
   // In the units of the numbers themselves: a row a cell that has samples.
   host.cells = [[`${across.name} from, ${unit(across.unit)}`, "to", `${up.name} from, ${unit(up.unit)}`, "to", `error rms, ${unit(outputUnit)}`], ...values.flatMap((line, r) => line.map((v, c) => [across.edges[c], across.edges[c + 1], up.edges[r], up.edges[r + 1], v]).filter(([, , , , v]) => v !== null))];

@@ -74,11 +74,13 @@ fn comparison(records: Vec<RecordComparison>) -> Comparison {
             position_edges_um: vec![-10.0, 0.0, 10.0],
             rate_edges_um_per_s: vec![-100.0, 0.0, 100.0],
             rms_um: vec![vec![Some(0.1), None], vec![Some(0.3), Some(0.2)]],
+            worst: Vec::new(),
         },
         swing_map: SwingMap {
             frequency_edges_hz: vec![10.0, 20.0, 50.0],
             amplitude_edges_um: vec![0.0, 5.0, 10.0],
             rms_um: vec![vec![Some(0.05), None], vec![None, Some(0.4)]],
+            worst: Vec::new(),
         },
         spectrum: Spectrum {
             residual_um_per_rthz: falling(0.01),
@@ -239,11 +241,13 @@ fn prop_poor_comparisons_still_make_a_page_without_empty_parts() {
         position_edges_um: vec![],
         rate_edges_um_per_s: vec![],
         rms_um: vec![],
+        worst: Vec::new(),
     };
     nothing.swing_map = SwingMap {
         frequency_edges_hz: vec![],
         amplitude_edges_um: vec![],
         rms_um: vec![],
+        worst: Vec::new(),
     };
     nothing.spectrum = Spectrum::default();
     nothing.noise_rms_um = 0.0;

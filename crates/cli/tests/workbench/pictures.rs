@@ -102,6 +102,7 @@ fn val_steps_of_the_ladder_stand_over_one_record_with_the_noise_and_what_the_err
         let noise = said["noise_rms_um"].as_f64().unwrap();
         assert_eq!((errors[4][0], errors[5][0]), (2.0 * noise, -2.0 * noise));
         remembered(&browser, &server, record).await;
+        opens_where_the_error_is(&browser, &said).await;
         let pictures = [
             "#overlay",
             "#residual",
@@ -128,6 +129,19 @@ fn val_steps_of_the_ladder_stand_over_one_record_with_the_noise_and_what_the_err
         // Of the recordings and of an effect in the model as well.
         browser.click("#way a[href='#data']").await;
         each_can_be_taken(&browser, &["#raw-record-data-time", "#raw-record-data-loop"]).await;
+        // Before any model: what these records can tell. No record has the other axis' voltage.
+        let told = browser.see("#told li").await;
+        let told = told + &browser.see("#told").await;
+        assert!(
+            told.contains("They can show delay")
+                && told.contains("Nothing of cross coupling: no record has a moving column"),
+            "{told}"
+        );
+        browser.click("#small-data-2").await;
+        let chosen = "return document.querySelector('#raw-record-data').selectedIndex";
+        assert_eq!(browser.run(chosen, vec![]).await, json!(2));
+        browser.picture("data-told").await;
+        browser.accessible("what the records tell").await;
         for effect in ["delay", "creep"] {
             browser
                 .run(&format!("location.hash = 'effects/{effect}'"), vec![])
@@ -141,6 +155,62 @@ fn val_steps_of_the_ladder_stand_over_one_record_with_the_noise_and_what_the_err
 }
 
 /// The page says of the drive what the correlations are.
+/// Small pictures of all records, the spectrum of one or of all, and cells of the maps lead to what they show.
+async fn opens_where_the_error_is(browser: &Browser, said: &Value) {
+    let records = said["records"].as_array().unwrap();
+    let pressed = "return [...document.querySelectorAll('#small-step button')].map((one) => one.getAttribute('aria-pressed') === 'true')";
+    let chosen = "return Number(document.querySelector('#record').value)";
+    let strip = async || -> Vec<bool> { serde_json::from_value(browser.run(pressed, vec![]).await).unwrap() };
+    let begun = browser.run(chosen, vec![]).await.as_u64().unwrap() as usize;
+    let shown = strip().await;
+    assert_eq!(shown.len(), records.len());
+    assert!(shown[begun] && shown.iter().filter(|one| **one).count() == 1);
+    browser.click("#small-step-3").await;
+    assert_eq!((browser.run(chosen, vec![]).await, strip().await[3]), (json!(3), true));
+    // The spectrum is that of the record, or of all, as the command line has it.
+    let spectrum = async |wanted: &str| {
+        let script = "const [name, done] = arguments; const look = () => { const chart = document.querySelector('#spectrum').chart; \
+            const taken = document.querySelector('#spectrum + .take button'); \
+            return chart && taken && taken.getAttribute('aria-label') === `${name} as SVG` ? done([...chart.data[2]]) : setTimeout(look, 20); }; look()";
+        let found = browser.run_async(script, vec![json!(wanted)]).await;
+        serde_json::from_value::<Vec<f64>>(found).unwrap()
+    };
+    let one = spectrum(&format!("spectrum {}", records[3]["file"].as_str().unwrap())).await;
+    browser.choose("#spectrum-of", "all").await;
+    let all = spectrum("spectrum").await;
+    let pooled: Vec<f64> = serde_json::from_value(said["spectrum"]["residual_um_per_rthz"].clone()).unwrap();
+    assert!(all == pooled && one != pooled);
+    browser.choose("#spectrum-of", "one").await;
+    // The brightest cell of the map over frequency and amplitude.
+    let map = &said["swing_map"];
+    let most = map["rms_um"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .zip(map["worst"].as_array().unwrap());
+    let cells = most.flat_map(|(rms, worst)| rms.as_array().unwrap().iter().zip(worst.as_array().unwrap()));
+    let cells: Vec<(f64, &Value)> = cells.filter_map(|(rms, worst)| Some((rms.as_f64()?, worst))).collect();
+    let (brightest, (_, worst)) = cells.iter().enumerate().max_by(|a, b| a.1.0.total_cmp(&b.1.0)).unwrap();
+    let click = "document.querySelectorAll('.map')[0].querySelectorAll('.cell')[arguments[0]].dispatchEvent(new MouseEvent('click'))";
+    browser.run(click, vec![json!(brightest)]).await;
+    let [from, to] = ["from_s", "to_s"].map(|end| hysteron_report::significant(worst[end].as_f64().unwrap()));
+    browser.see_text(&format!("{from} to {to} s")).await;
+    let index = records
+        .iter()
+        .position(|record| record["file"] == worst["file"])
+        .unwrap();
+    assert_eq!(
+        (browser.run(chosen, vec![]).await, strip().await[index]),
+        (json!(index), true)
+    );
+    let view = "const { min, max } = document.querySelector('#overlay').chart.scales.x; return [min, max]";
+    let view: [f64; 2] = serde_json::from_value(browser.run(view, vec![]).await).unwrap();
+    assert!(view[0] <= worst["from_s"].as_f64().unwrap() && view[1] >= worst["to_s"].as_f64().unwrap());
+    browser.picture("compare-opened").await;
+    // Back to where it began.
+    browser.click(&format!("#small-step-{begun}")).await;
+}
+
 async fn remembered(browser: &Browser, server: &Server, record: u64) {
     let found = server
         .ask("GET", &format!("api/correlation?step=1&record={record}"), b"")
