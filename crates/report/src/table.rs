@@ -7,6 +7,10 @@ use crate::number::{signed, significant, unit_text};
 /// Characters up to which a text stays on one line.
 const SHORT: usize = 28;
 
+/// A table of more rows and at most so many columns stands in two columns on paper.
+const LONG: usize = 12;
+const NARROW: usize = 4;
+
 /// One cell.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Cell {
@@ -59,6 +63,11 @@ impl Table {
         self.rows.is_empty()
     }
 
+    /// Whether it is many short rows: on paper it stands in two columns.
+    fn is_long(&self) -> bool {
+        self.rows.len() > LONG && self.columns.len() <= NARROW
+    }
+
     pub(crate) fn render(&self) -> Markup {
         // A column is one of figures when a row has one there.
         let numeric = |column: usize| {
@@ -68,7 +77,7 @@ impl Table {
         };
         html! {
             // Wide tables scroll by themselves; a keyboard reaches them.
-            div.scroll tabindex="0" role="region" aria-label=(self.caption) {
+            div.scroll.long[self.is_long()] tabindex="0" role="region" aria-label=(self.caption) {
                 table {
                     caption { (self.caption) }
                     thead { tr {

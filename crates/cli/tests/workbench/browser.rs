@@ -2,7 +2,7 @@
 
 use crate::server::request;
 use fantoccini::actions::{InputSource, MOUSE_BUTTON_LEFT, MouseActions, PointerAction};
-use fantoccini::wd::Capabilities;
+use fantoccini::wd::{Capabilities, PrintConfiguration};
 use fantoccini::{Client, ClientBuilder, Locator};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
@@ -128,6 +128,15 @@ impl Browser {
             driver,
             _profile: profile,
         }
+    }
+
+    /// Sheets that a page prints on, letter's size, and the pictures in it that are none of lines.
+    pub(crate) async fn printed(page: &std::path::Path) -> (usize, usize) {
+        let browser = Self::open(&format!("file://{}", page.display()), false).await;
+        let pdf = browser.client.print(PrintConfiguration::default()).await.unwrap();
+        browser.close().await;
+        let count = |word: &[u8]| pdf.windows(word.len()).filter(|at| *at == word).count();
+        (count(b"/Type /Page\n"), count(b"/Subtype /Image"))
     }
 
     /// Waits until something is there, and for its text.
