@@ -8,6 +8,59 @@ use std::process::Command;
 /// What the images are compiled for.
 const CHIP: &str = "thumbv7em-none-eabihf";
 
+/// What an image can be built for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Board {
+    /// A board of the emulator.
+    Emulated(Machine),
+    /// STM32H743ZI, Cortex-M7.
+    NucleoH743zi,
+    /// STM32G474RE, Cortex-M4F.
+    NucleoG474re,
+}
+
+impl Board {
+    /// All of them.
+    pub const ALL: [Self; 4] = [
+        Self::NucleoH743zi,
+        Self::NucleoG474re,
+        Self::Emulated(Machine::Mps2An386),
+        Self::Emulated(Machine::Mps2An500),
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Emulated(machine) => machine.name(),
+            Self::NucleoH743zi => "nucleo-h743zi",
+            Self::NucleoG474re => "nucleo-g474re",
+        }
+    }
+
+    /// The board of a name.
+    pub fn find(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|board| board.name() == name)
+    }
+
+    /// Its core, and the features that its image is built with.
+    fn built_with(self) -> (&'static str, Option<&'static str>) {
+        match self {
+            Self::Emulated(Machine::Mps2An386) => ("cortex-m4", None),
+            Self::Emulated(Machine::Mps2An500) => ("cortex-m7", Some("max-instruction")),
+            Self::NucleoH743zi => ("cortex-m7", Some("h743zi")),
+            Self::NucleoG474re => ("cortex-m4", Some("g474re")),
+        }
+    }
+
+    /// Folder of its package in the firmware's, name of its program, and the folder of what is built.
+    fn place(self) -> (&'static str, &'static str, &'static str) {
+        match self {
+            Self::Emulated(_) => (".", "mps2", "target"),
+            Self::NucleoH743zi | Self::NucleoG474re => ("nucleo", "nucleo", "target/nucleo"),
+        }
+    }
+}
+
 /// Builds the application with a table in it, one for each axis, and puts the image where `image` says.
 ///
 /// Builds in one folder of sources wait for each other. What the image says of its table ([`crate::Session::hello`]) tells whether it
@@ -17,31 +70,27 @@ const CHIP: &str = "thumbv7em-none-eabihf";
 /// A folder without the firmware's sources, a table that its build refuses, no toolchain for the chip.
 ///
 /// # Cost
-/// 5 s where the core is compiled already, 30 s where it is not.
-pub fn build(
-    firmware: &Path,
-    machine: Machine,
-    tables: (&Path, Option<&Path>),
-    image: &Path,
-) -> Result<(), BoardError> {
-    if !firmware.join("mps2").is_dir() {
+/// 5 s where the core is compiled already, 30 s where it is not; a real board's drivers take a minute more.
+pub fn build(firmware: &Path, board: Board, tables: (&Path, Option<&Path>), image: &Path) -> Result<(), BoardError> {
+    let (folder, program, built_in) = board.place();
+    if !firmware.join(folder).is_dir() || !firmware.join("mps2").is_dir() {
         return Err(BoardError::NoFirmware(firmware.to_owned()));
     }
+    let firmware = firmware.canonicalize()?;
     let table = tables.0.canonicalize()?;
     let beside = tables.1.map(Path::canonicalize).transpose()?;
-    let target = firmware.join("target");
+    let target = firmware.join(built_in);
     fs::create_dir_all(&target)?;
     let lock = File::create(target.join("image-of-a-table.lock"))?;
     lock.lock()?;
-    let (core, of_core) = match machine {
-        Machine::Mps2An386 => ("cortex-m4", None),
-        Machine::Mps2An500 => ("cortex-m7", Some("max-instruction")),
-    };
+    let (core, of_core) = board.built_with();
     let features: Vec<&str> = of_core.into_iter().chain(beside.as_ref().map(|_| "two-axes")).collect();
     let built = Command::new("cargo")
-        .args(["build", "--release", "--locked", "--package", "mps2", "--bin", "mps2"])
+        .args(["build", "--release", "--locked", "--package", program, "--bin", program])
         .args(["--target", CHIP, "--config"])
         .arg(format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]"))
+        .arg("--target-dir")
+        .arg(&target)
         .args(["--features", &features.join(",")])
         .env("HYSTERON_TABLE", &table)
         .env("HYSTERON_CORE", core)
@@ -51,7 +100,7 @@ pub fn build(
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
         .env_remove("CARGO_TARGET_DIR")
         .envs(beside.map(|beside| ("HYSTERON_TABLE_Y", beside)))
-        .current_dir(firmware)
+        .current_dir(firmware.join(folder))
         .output()
         .map_err(|source| BoardError::Start {
             program: "cargo",
@@ -66,6 +115,6 @@ pub fn build(
             .collect();
         return Err(BoardError::Build(lines.join("\n")));
     }
-    fs::copy(target.join(CHIP).join("release/mps2"), image)?;
+    fs::copy(target.join(CHIP).join("release").join(program), image)?;
     Ok(())
 }

@@ -13,6 +13,7 @@ mod player;
 pub mod rig;
 pub mod scope;
 pub mod served;
+pub mod shapes;
 pub mod slots;
 pub mod telemetry;
 pub mod two_axes;

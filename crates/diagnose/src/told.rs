@@ -24,8 +24,8 @@ pub fn told(dataset: &Dataset) -> Told {
     let rig = inspect(dataset);
     let leads = rig.finds(Kind::PositionLeads);
     let reasons = reasons::of(dataset, rig.noise.rms_um, leads, &Thresholds::DEFAULT);
-    // Of a family that has none of the effects itself.
-    let facts = facts(dataset, Family::PlayPolynomial);
+    // Of the plainest family, which has none of the effects itself.
+    let facts = facts(dataset, Family::Pi);
     let refused = |id: EffectId| id.effect().bounds(&facts).err();
     Told {
         reasons,
@@ -38,9 +38,9 @@ mod tests {
     use super::*;
     use hysteron_data::{Record, Role};
 
-    /// A sine at 1 kHz that stands at its end; `voltage2_v` where the other axis moves.
+    /// Four periods of a sine; `voltage2_v` where the other axis moves.
     fn recorded(other_axis: bool) -> Dataset {
-        let wave = |k: i32| 50.0 - 50.0 * (f64::from(k.min(1500)) * std::f64::consts::TAU / 500.0).cos();
+        let wave = |k: i32| 50.0 - 50.0 * (f64::from(k) * std::f64::consts::TAU / 500.0).cos();
         let voltage_v: Vec<f64> = (0..2000).map(wave).collect();
         let position_um = voltage_v.iter().map(|v| 0.1 * v).collect();
         let mut record = Record::new("a.csv", Role::Identify, 1e-3, voltage_v, position_um);

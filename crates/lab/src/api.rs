@@ -9,8 +9,8 @@ use crate::place::{Of, Place};
 use crate::reading::Reading;
 use crate::undo::{self, Way};
 use crate::{
-    App, assets, board, bring, came_back, campaign, draft, grow, hand, jobs, learn, projects, riddle, rungs, state,
-    views, work,
+    App, assets, board, bring, came_back, campaign, draft, grow, hand, image, jobs, learn, projects, riddle, rungs,
+    state, views, work,
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
@@ -196,6 +196,11 @@ enum Deed {
         #[serde(default)]
         of: Of,
     },
+    Image {
+        board: String,
+        #[serde(default)]
+        of: Of,
+    },
     CampaignPlan {
         asked: campaign::Asked,
     },
@@ -266,6 +271,7 @@ async fn perform(State(app): Shared, content: Bytes) -> Answer {
         Deed::Design { wishes, of } => controller::make(&app, of, &wishes)?,
         Deed::Track { along, of } => controller::track(&app, of, &along)?,
         Deed::Table { bench, of } => controller::table(&app, of, &bench)?,
+        Deed::Image { board, of } => image::make(&app, of, &board)?,
         Deed::CampaignPlan { asked } => campaign::plan(&app, &asked)?,
         Deed::CampaignReading { reading } => {
             let own = Arc::clone(&app);
@@ -317,11 +323,15 @@ async fn download(State(app): Shared, Path(what): Path<String>, Query(parameters
         "report" => export::report(&app, step?),
         "controller" => export::controller(&app, Place::asked(&parameters)?),
         "table" => export::table(&app, Place::asked(&parameters)?),
+        "image" => {
+            let board = parameters.get("board").map_or("", String::as_str);
+            image::download(&app, Place::asked(&parameters)?, board)
+        }
         "plan" => came_back::pass(&app, number(&parameters, "pass")?),
         "next" => export::next_record(&app, step?),
         "session" => export::session(&app),
         _ => Err(Refusal::absent(
-            "known are model, report, controller, table, next, plan, session",
+            "known are model, report, controller, table, image, next, plan, session",
         )),
     })
     .await?;

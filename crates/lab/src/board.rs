@@ -13,10 +13,11 @@ use axum::response::IntoResponse;
 use hysteron_board::capture::Wish;
 use hysteron_board::live::{Answered, Ask, Live, Status};
 use hysteron_board::scope::{Channel, Scope, Window};
+use hysteron_board::shapes::{Named, SHAPES};
 use hysteron_board::slots::{packed, upload};
 use hysteron_board::telemetry::hex;
 use hysteron_board::upload::Upload;
-use hysteron_board::{BoardError, Mode, Request, Shape};
+use hysteron_board::{BoardError, Mode, Request};
 use hysteron_data::{Role, write_record_to};
 use hysteron_diagnose::density;
 use hysteron_table::Table;
@@ -121,7 +122,7 @@ pub(crate) enum Deed {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Wanted {
     bank: Option<u8>,
-    shape: ShapeName,
+    shape: String,
     /// One period of a reference of one's own, a position a line, instead of a shape.
     trajectory: Option<String>,
     hz: Option<f64>,
@@ -136,30 +137,6 @@ pub(crate) struct Wanted {
     axis: usize,
 }
 
-#[derive(Debug, Clone, Copy, Deserialize, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum ShapeName {
-    Sine,
-    ComplexHarmonic,
-    Triangle,
-    Steps,
-    Spiral,
-    SpiralSine,
-}
-
-impl ShapeName {
-    fn shape(self) -> Shape {
-        match self {
-            Self::Sine => Shape::Sine,
-            Self::ComplexHarmonic => Shape::ComplexHarmonic,
-            Self::Triangle => Shape::Triangle,
-            Self::Steps => Shape::Steps,
-            Self::Spiral => Shape::Spiral,
-            Self::SpiralSine => Shape::SpiralSine,
-        }
-    }
-}
-
 /// Usual frequency and length of a recording, as the command's.
 const USUAL_HZ: f64 = 100.0;
 const USUAL_S: f64 = 1.0;
@@ -172,18 +149,22 @@ impl Wanted {
         }
         let points = self.trajectory.as_deref().filter(|text| !text.trim().is_empty());
         let points = points.map(Upload::parse).transpose().map_err(Refusal::unusable)?;
+        let named = Named::find(&self.shape).ok_or_else(|| {
+            let known = SHAPES.map(|known| known.name).join(", ");
+            let given: String = self.shape.chars().take(40).collect();
+            Refusal::bad(format!("there is no reference `{given}`; there are {known}"))
+        })?;
         let given_um = pair("reference", self.low_um, self.high_um)?;
         let (hz, seconds) = (self.hz.unwrap_or(USUAL_HZ), self.seconds.unwrap_or(USUAL_S));
         let request = Request {
-            shape: self.shape.shape(),
+            shape: named.shape,
             frequency_hz: hz,
             range_um: given_um,
             seconds,
             feedforward: !self.no_feedforward,
             feedback: !self.no_feedback,
         };
-        let shape = json!(self.shape);
-        let shape = shape.as_str().unwrap_or_default();
+        let shape = named.name;
         let mut given = Given::default();
         given.number("bank", self.bank.map(f64::from));
         given.number("hz", Some(hz));

@@ -7,7 +7,7 @@ use crate::jobs;
 use crate::place::{Of, On, Origin, Place};
 use crate::session::Session;
 use crate::wish::{Given, pair};
-use crate::{folder, uploads};
+use crate::{folder, image, uploads};
 use hysteron_control::design::beyond;
 use hysteron_control::design::curves::{LoopCurves, MeasuredLoop};
 use hysteron_control::design::source::{Source, Wishes, design, usual_rate_hz, usual_volts};
@@ -270,6 +270,7 @@ pub(crate) fn table(app: &Arc<App>, of: Of, bench: &Bench) -> Result<(), Refusal
         let said = law_table_text(&controller, &exported);
         let mut session = own.session();
         let table = place.table();
+        image::forget(&session, place);
         folder::write_whole(&session.folder.join(&table), text.as_bytes())?;
         let command = format!("hysteron export {name}{} -o {table}", given.words());
         place.put_table(&mut session.book, Made::new(command, said));

@@ -24,6 +24,7 @@ mod folder;
 mod grow;
 mod guard;
 mod hand;
+mod image;
 mod jobs;
 mod learn;
 mod own;
@@ -104,6 +105,8 @@ pub struct Options {
     pub starts: Vec<StartingPoint>,
     /// Simulated stages that controllers can be tried on.
     pub stages: Vec<SimulatedStage>,
+    /// The firmware's sources; where there are none, no image is built.
+    pub firmware: PathBuf,
     /// Version of the program.
     pub version: &'static str,
 }
@@ -124,6 +127,7 @@ pub(crate) struct App {
     tick: watch::Sender<u64>,
     pub(crate) starts: Vec<StartingPoint>,
     pub(crate) stages: Vec<SimulatedStage>,
+    pub(crate) firmware: PathBuf,
     pub(crate) version: &'static str,
     /// Tells one run of the server from the next, for a page that was open all the while.
     pub(crate) run: String,
@@ -170,6 +174,7 @@ impl Lab {
             tick: watch::Sender::new(1),
             starts: options.starts,
             stages: options.stages,
+            firmware: options.firmware,
             version: options.version,
             run: address::random()?,
         };

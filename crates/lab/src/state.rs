@@ -2,6 +2,7 @@
 
 use crate::App;
 use crate::book::Step;
+use crate::image;
 use crate::reading::quoted;
 use crate::riddle;
 use crate::session::Session;
@@ -44,6 +45,7 @@ pub(crate) fn state(app: &App, tick: u64) -> Value {
         "tracked": book.tracked,
         "on_stage": book.on_stage,
         "tables": book.tables,
+        "images": image::state(app, &session),
         "campaign": book.campaign,
         "challenge": riddle::state(&session),
         "current": book.current,

@@ -104,7 +104,7 @@ function drawJob() {
 /** What a page depends on; while it is the same, the page is left alone. */
 function key() {
   const s = lab.state;
-  return JSON.stringify([location.hash, s.run, s.revision, s.files, s.data === null, s.current, s.diagnosed, s.reported, s.controllers, s.tracked, s.on_stage, s.tables, s.campaign, s.challenge, s.job.running]);
+  return JSON.stringify([location.hash, s.run, s.revision, s.files, s.data === null, s.current, s.diagnosed, s.reported, s.controllers, s.tracked, s.on_stage, s.tables, s.images, s.campaign, s.challenge, s.job.running]);
 }
 
 async function draw() {

@@ -123,7 +123,7 @@ export async function comparePage(lab) {
       el("section", { class: "panel" }, el("h3", {}, "The error and the drive"), hosts.drive)),
     correlated,
     el("div", { class: "pair" },
-      panel("Spectrum of the error over the noise floor", el("p", {}, el("label", { for: "spectrum-of" }, "Of "), pooledSpectrum), hosts.spectrum),
+      panel("Spectrum of the error over the noise floor", el("p", {}, el("label", { for: "spectrum-of" }, "Of\u00a0"), pooledSpectrum), hosts.spectrum),
       panel("Where the error is", el("ul", { class: "findings" }, comparison.where.map((b) => el("li", {}, sentence(b.finding)))))),
     table("All records", ["Record", "Role", "Error (of p-p)", "Fit", "rms", "Largest", "Times noise", "Samples", "Start"], rows),
     el("p", {}, el("a", { class: "button", href: "#diagnose" }, "Which effect is missing?")),

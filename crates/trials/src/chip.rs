@@ -147,7 +147,12 @@ impl Chip {
         let Some(other) = other_axis(stage) else {
             let (path, said) = self.write(name, &table)?;
             let image = self.folder.path().join(name);
-            image::build(&self.firmware, self.machine, (&path, None), &image)?;
+            image::build(
+                &self.firmware,
+                image::Board::Emulated(self.machine),
+                (&path, None),
+                &image,
+            )?;
             let session = Session::start(self.machine, &image, PATIENCE)?;
             if *session.hello() != said {
                 return Err(BoardError::OtherVersion.into());
@@ -192,7 +197,12 @@ impl Chip {
         let (path_x, said_x) = self.write(x.0, x.1)?;
         let (path_y, said_y) = self.write(y.0, y.1)?;
         let image = self.folder.path().join(name);
-        image::build(&self.firmware, self.machine, (&path_x, Some(&path_y)), &image)?;
+        image::build(
+            &self.firmware,
+            image::Board::Emulated(self.machine),
+            (&path_x, Some(&path_y)),
+            &image,
+        )?;
         let session = TwoAxisSession::start(self.machine, &image, PATIENCE)?;
         let complete = said_x.complete || said_y.complete;
         if *session.banks() != [said_x, said_y].map(|said| vec![said.of_both(complete)]) {

@@ -27,6 +27,9 @@ pub(crate) struct LabArgs {
     /// Port; 0 for the session's last one, or a free one
     #[arg(long, default_value_t = 0)]
     pub port: u16,
+    /// The firmware's sources, for images with a controller's table
+    #[arg(long, value_name = "FOLDER", default_value = "firmware")]
+    pub firmware: PathBuf,
     /// Folder of the session, new or used
     #[arg(long, value_name = "DIR", default_value = "hysteron-lab")]
     pub session: PathBuf,
@@ -39,6 +42,7 @@ pub(crate) fn run(args: &LabArgs) -> Result<Done, CliError> {
         port: args.port,
         starts: starts(),
         stages: stages(),
+        firmware: args.firmware.clone(),
         version: env!("CARGO_PKG_VERSION"),
     })?;
     output::print(&format!(

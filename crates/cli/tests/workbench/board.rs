@@ -170,36 +170,32 @@ fn val_a_board_is_watched_changed_recorded_and_given_another_table() {
     });
 }
 
+/// Whether QEMU is there; said where it is not and need not be.
+#[expect(clippy::print_stdout, reason = "a skipped test says why")]
+fn emulator() -> bool {
+    let there = Command::new("qemu-system-arm").arg("--version").output().is_ok();
+    assert!(
+        there || std::env::var_os("HYSTERON_EMULATOR").is_none(),
+        "no qemu-system-arm"
+    );
+    if !there {
+        println!("skipped: no qemu-system-arm; `cargo xtask test` installs it");
+    }
+    there
+}
+
 /// `hysteron board serve`, ended with the test.
 struct Serving(Child);
 
 impl Serving {
     fn start() -> (Self, String) {
         let table = concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware/tables/tracking-8k.toml");
-        Self::of(&[table])
+        Self::of(&[table], "8k")
     }
 
-    /// An image in the emulator; none, and said so, where either is missing and need not be there.
-    #[expect(clippy::print_stdout, reason = "a skipped test says why")]
-    fn emulated() -> Option<(Self, String)> {
-        let image = concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../../firmware/target/images/tables/tracking-8k"
-        );
-        if Path::new(image).is_file() && Command::new("qemu-system-arm").arg("--version").output().is_ok() {
-            return Some(Self::of(&["--emulator", "mps2-an386", "--image", image]));
-        }
-        assert!(
-            std::env::var_os("HYSTERON_EMULATOR").is_none(),
-            "no image {image} or no qemu-system-arm"
-        );
-        println!("skipped: no image {image} or no qemu-system-arm; run `cargo xtask test`");
-        None
-    }
-
-    fn of(law: &[&str]) -> (Self, String) {
+    fn of(law: &[&str], stage: &str) -> (Self, String) {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hysteron"));
-        command.args(["board", "serve"]).args(law).args(["--stage", "8k"]);
+        command.args(["board", "serve"]).args(law).args(["--stage", stage]);
         let (child, address) = started(&mut command, "board: ");
         (Self(child), address)
     }
@@ -256,20 +252,29 @@ fn val_a_closed_page_leaves_the_stage_at_rest() {
     );
 }
 
-/// The image as it is built for the chip, in the emulator: seen, played, and its record taken into the data.
+/// The whole way to the chip: the controller's own image is built, runs in the emulator, is seen and played, and its record comes into the data.
 #[test]
-fn val_the_emulator_s_board_is_one_for_the_page() {
-    if !there() {
+fn val_the_controller_s_own_image_is_a_board_for_the_page() {
+    if !there() || !emulator() {
         return;
     }
-    let Some((_serving, address)) = Serving::emulated() else {
-        return;
-    };
     let place = tempfile::tempdir().unwrap();
     let session = place.path().join("session");
     let server = fitted(&session);
+    designed(&server, json!({}));
     in_browser(async {
-        let browser = Browser::open(&format!("{}#board", server.address()), false).await;
+        let browser = Browser::open(&format!("{}#controller", server.address()), false).await;
+        browser.choose("#image-board", "mps2-an386").await;
+        browser.click("#build-image").await;
+        browser.see("#export-image-mps2-an386").await;
+        browser.picture("controller-image").await;
+        browser.accessible("an image").await;
+        let image = session.join("tables/1-mps2-an386.elf");
+        let taken = server.ask("GET", "api/export/image?step=0&board=mps2-an386", b"");
+        assert!(taken.status == 200 && taken.body == std::fs::read(&image).unwrap());
+        let law = ["--emulator", "mps2-an386", "--image", image.to_str().unwrap()];
+        let (_serving, address) = Serving::of(&law, "paper-rate");
+        browser.run("location.hash = 'board'", vec![]).await;
         browser.type_into("#connect-from", &address).await;
         browser.click("#connect").await;
         browser.see("#scope-position canvas").await;
@@ -296,6 +301,20 @@ fn val_the_emulator_s_board_is_one_for_the_page() {
         (last["file"].as_str(), last["rate_hz"].as_f64()),
         (Some("board-001.csv"), Some(50e3))
     );
+    // Another table takes the images of this one away.
+    designed(&server, json!({"reference": "live"}));
+    assert_eq!(server.state()["images"]["there"], json!({"1": []}));
+    for (query, status) in [
+        ("step=0&board=mps2-an386", 404),
+        ("step=0&board=moon", 400),
+        ("step=7&board=mps2-an386", 404),
+    ] {
+        assert_eq!(
+            server.ask("GET", &format!("api/export/image?{query}"), b"").status,
+            status,
+            "{query}"
+        );
+    }
 }
 
 #[test]
@@ -340,6 +359,10 @@ fn refuse_what_no_board_can_do() {
         ),
         (json!({"seconds": 1e6}), "seconds = 1000000 must lie in"),
         (json!({"trajectory": "1\n2\n"}), "256"),
+        (
+            json!({"shape": "moon"}),
+            "there is no reference `moon`; there are sine, complex-harmonic",
+        ),
         (json!({"axis": 1}), "the board has one axis"),
         (json!({"axis": 7}), "allowed are 0 and 1"),
         (json!({"bank": 3}), "bank 3"),

@@ -44,6 +44,7 @@ impl Server {
     fn with(session: &Path, data: Option<&Path>) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hysteron"));
         command.args(["lab", "--no-open", "--session"]).arg(session).args(data);
+        command.args(["--firmware", concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware")]);
         let (child, address) = started(&mut command, "workbench: http://127.0.0.1:");
         let (port, token) = address.split_once('/').unwrap();
         Self {

@@ -1,10 +1,12 @@
 //! What a board is asked to play, by either command.
 
 use crate::error::CliError;
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use hysteron_board::Request;
 use hysteron_board::capture::Wish;
+use hysteron_board::shapes::{Named, SHAPES};
 use hysteron_board::upload::Upload;
-use hysteron_board::{Request, Shape};
 use std::path::{Path, PathBuf};
 
 /// Frequency of a reference where none is given, hertz.
@@ -16,8 +18,8 @@ pub(crate) struct Wanted {
     #[arg(long)]
     pub bank: Option<u8>,
     /// What a period of the reference looks like; a sine where it is not given
-    #[arg(long, value_enum)]
-    pub shape: Option<ShapeName>,
+    #[arg(long, value_parser = shapes())]
+    pub shape: Option<Named>,
     /// A reference of one's own instead: one period in a file of 256 positions, micrometres, one a line
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["shape", "low", "high"])]
     pub trajectory: Option<PathBuf>,
@@ -48,9 +50,8 @@ impl Wanted {
     pub(crate) fn wish(&self, seconds: f64) -> Result<Wish, CliError> {
         let upload = self.trajectory.as_deref().map(upload).transpose()?;
         let given_um = self.low.zip(self.high).map(|(low, high)| [low, high]);
-        let shape = self.shape.unwrap_or(ShapeName::Sine);
         let request = Request {
-            shape: shape.shape(),
+            shape: self.shape.map(|named| named.shape).unwrap_or_default(),
             frequency_hz: self.hz.unwrap_or(USUAL_HZ),
             range_um: given_um,
             seconds,
@@ -65,7 +66,10 @@ impl Wanted {
         let hz = self.hz.unwrap_or(USUAL_HZ);
         match &self.trajectory {
             Some(path) => format!("{} {hz} Hz", path.display()),
-            None => format!("{} {hz} Hz", self.shape.unwrap_or(ShapeName::Sine).words()),
+            None => {
+                let name = self.shape.map_or("sine", |named| named.name);
+                format!("{} {hz} Hz", name.replace('-', " "))
+            }
         }
     }
 }
@@ -78,42 +82,9 @@ fn upload(path: &Path) -> Result<Upload, CliError> {
     Upload::parse(&text).map_err(|source| CliError::Option(format!("{}: {source}", path.display())))
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ShapeName {
-    /// From the lowest point on
-    Sine,
-    /// The paper's sum of a sine and its third harmonic
-    ComplexHarmonic,
-    /// Straight lines
-    Triangle,
-    /// A staircase of quarters
-    Steps,
-    /// Twenty turns outwards and as many back, the cosine
-    Spiral,
-    /// The same with the sine, for the other axis
-    SpiralSine,
-}
-
-impl ShapeName {
-    fn shape(self) -> Shape {
-        match self {
-            Self::Sine => Shape::Sine,
-            Self::ComplexHarmonic => Shape::ComplexHarmonic,
-            Self::Triangle => Shape::Triangle,
-            Self::Steps => Shape::Steps,
-            Self::Spiral => Shape::Spiral,
-            Self::SpiralSine => Shape::SpiralSine,
-        }
-    }
-
-    fn words(self) -> &'static str {
-        match self {
-            Self::Sine => "sine",
-            Self::ComplexHarmonic => "complex harmonic",
-            Self::Triangle => "triangle",
-            Self::Steps => "steps",
-            Self::Spiral => "spiral",
-            Self::SpiralSine => "spiral's sine",
-        }
-    }
+/// The names of the references on the command line.
+fn shapes() -> impl TypedValueParser<Value = Named> {
+    let named = SHAPES.map(|shape| PossibleValue::new(shape.name).help(shape.about));
+    let unknown = |name: String| format!("there is no reference `{name}`");
+    PossibleValuesParser::new(named).try_map(move |name| Named::find(&name).ok_or_else(|| unknown(name)))
 }
