@@ -163,13 +163,13 @@ function imagePart(lab, of, place) {
   const select = el("select", { id: "image-board" }, images.boards.map((name) => el("option", { value: name, selected: name === lab.imageBoard }, name)));
   const link = (name) => el("a", { class: "button", href: `${download("image", place)}&board=${name}`, download: true, id: `export-image-${name}` }, `Download the image for ${name}`);
   const table = place === "campaign" ? "campaign/table.toml" : `tables/${place + 1}.toml`;
-  const onto = (name) => (ONTO[name] ? `${ONTO[name]} ` : `hysteron board serve --emulator ${name} --stage 8k --image `) + table.replace(".toml", `-${name}.elf`);
+  const onto = (name) => (ONTO[name] ? `${ONTO[name]} ` : `hysteron board serve --emulator ${name} --stage paper-rate --image `) + table.replace(".toml", `-${name}.elf`);
   return el("section", { class: "panel", id: "image" }, el("h3", {}, "Image for a board"),
     el("p", {}, "A running board takes the table from the page Board, without a toolchain. An image with this table compiled in is built from the firmware's sources, by Rust."),
     images.sources
       ? el("p", { class: "row" }, el("label", { for: "image-board" }, "Board "), select, el("button", { type: "button", id: "build-image", disabled: job.running, click: () => { lab.imageBoard = select.value; lab.act({ what: "image", board: select.value, of }); } }, "Build the image"))
       : el("p", { class: "hint", id: "no-sources" }, "The sources are not at hand: start `hysteron lab` with --firmware and the folder `firmware` of a checkout. There the same is built by ", el("code", {}, `cargo xtask firmware build ${folder}/${table}`), "."),
-    there.map((name) => el("div", { class: "built" }, el("p", {}, link(name)), command(onto(name)))));
+    there.map((name) => el("div", { class: "built" }, el("p", {}, link(name)), command(onto(name), ONTO[name] ? "Onto the board" : "In the emulator"))));
 }
 
 /** A controller: its design, what is known of the stage, its loop, its runs, its table. `of` is whose it is, `place` where it is asked for. */

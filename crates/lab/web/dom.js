@@ -33,14 +33,14 @@ export function table(caption, columns, rows) {
       el("tbody", {}, rows.map((row) => el("tr", {}, row.map(cell))))));
 }
 
-/** The command that does the same. A line that is pasted must stay one line: no name in it may end it. */
-export function command(words) {
+/** The command that does the same, or what else it is about. A line that is pasted must stay one line: no name in it may end it. */
+export function command(words, about = "The same on the command line") {
   const text = words.replace(/[\p{Cc}\u2028\u2029]/gu, " ");
   const copy = el("button", { type: "button", class: "small", "aria-label": `Copy the command ${text}`, click: async () => {
     await navigator.clipboard.writeText(text);
     copy.textContent = "Copied";
   } }, "Copy");
-  return el("div", { class: "command" }, el("span", {}, "The same on the command line"), el("code", {}, text), copy);
+  return el("div", { class: "command" }, el("span", {}, about), el("code", {}, text), copy);
 }
 
 /** What a command prints: sentences wrap, the lines of a table stay whole. */
