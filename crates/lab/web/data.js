@@ -202,7 +202,9 @@ export function rawView(lab, of, records) {
     loopPlot(loop, [{ label: "position over voltage", colour: COLOURS.measured, path }], "voltage, V", "position, µm", 275, `loop ${select.selectedOptions[0].text}`);
     document.body.dataset.firstPicture = performance.now();
   }
-  view.addEventListener("shown", () => { show(); if (records.length > 1) strip.dispatchEvent(new CustomEvent("fill")); });
+  // What takes longer on long records comes after the first picture.
+  view.first = new Promise((done) => view.addEventListener("shown", () => show().finally(done)));
+  if (records.length > 1) view.first.then(() => strip.dispatchEvent(new CustomEvent("fill")));
   return view;
 }
 
@@ -266,10 +268,11 @@ function records(lab) {
 }
 
 /** What these records can tell of the effects, and what they cannot, whatever model is fitted. */
-function toldPart() {
+function toldPart(first) {
   const part = panel("What these records can tell", el("p", { class: "hint" }, "Looking through the records."));
   part.id = "told";
   part.addEventListener("shown", async () => {
+    await first;
     const { reasons, effects } = await ask("told");
     const [can, cannot] = [effects.filter((e) => e.refused === null), effects.filter((e) => e.refused !== null)];
     const sentence = (words) => `${words.charAt(0).toUpperCase()}${words.slice(1)}.`;
@@ -285,7 +288,7 @@ function toldPart() {
 function taken(lab, views) {
   const { data, steps } = lab.state;
   const view = rawView(lab, "data", data.records);
-  const told = toldPart();
+  const told = toldPart(view.first);
   views.push(view, told);
   return [
     el("h2", {}, `The data: ${data.name}`),
