@@ -118,6 +118,14 @@ pub(crate) fn number<T: std::str::FromStr>(parameters: &HashMap<String, String>,
     })
 }
 
+/// The number of a parameter that may be left out.
+pub(crate) fn optional<T: std::str::FromStr>(
+    parameters: &HashMap<String, String>,
+    name: &str,
+) -> Result<Option<T>, Refusal> {
+    parameters.get(name).map(|_| number(parameters, name)).transpose()
+}
+
 pub(crate) fn body<T: for<'a> Deserialize<'a>>(bytes: &Bytes) -> Result<T, Refusal> {
     serde_json::from_slice(bytes).map_err(|error| Refusal::bad(format!("the request cannot be read: {error}")))
 }

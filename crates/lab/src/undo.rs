@@ -7,9 +7,11 @@ use crate::App;
 use crate::book::{Book, Generation, Stands, Step};
 use crate::error::Refusal;
 use crate::jobs;
+use crate::reading::MANIFEST;
 use crate::session::Session;
 use crate::uploads;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// A generation that no step was fitted on; nothing where the data are as the last step knows them.
@@ -115,11 +117,8 @@ impl Book {
     fn stand_as_they_are(&mut self) {
         let came = self.generations.iter().flat_map(|generation| &generation.came);
         let came: Vec<&String> = came.map(|came| &came.file).collect();
-        // Of which file the records of a `dataset.toml` came is not told by its own name.
-        let recordings = self
-            .files
-            .iter_mut()
-            .filter(|(name, _)| name.as_str() != crate::reading::MANIFEST);
+        // No record came in a `dataset.toml`: what became of it, no record tells.
+        let recordings = self.files.iter_mut().filter(|(name, _)| name.as_str() != MANIFEST);
         for (name, file) in recordings {
             file.stands = match file.stands {
                 _ if came.contains(&name) => Stands::Taken,
@@ -160,20 +159,11 @@ fn difference(earlier: &Book, later: &Book) -> String {
     if !new.is_empty() {
         return format!("{} came in", new.join(", "));
     }
-    let roles = |book: &Book| {
-        book.generations
-            .iter()
-            .map(|generation| generation.roles.clone())
-            .collect::<Vec<_>>()
+    let roles = |book: &Book| -> BTreeSet<String> {
+        let all = book.generations.iter().flat_map(|generation| generation.roles.keys());
+        all.cloned().collect()
     };
-    let (before, after) = (roles(earlier), roles(later));
-    let names = |roles: &[std::collections::BTreeMap<String, hysteron_data::Role>]| -> Vec<String> {
-        roles.iter().flat_map(|roles| roles.keys().cloned()).collect()
-    };
-    let (before, after) = (names(&before), names(&after));
-    let mut changed: Vec<String> = after.iter().filter(|name| !before.contains(name)).cloned().collect();
-    changed.extend(before.iter().filter(|name| !after.contains(name)).cloned());
-    changed.dedup();
+    let changed: Vec<String> = roles(earlier).symmetric_difference(&roles(later)).cloned().collect();
     format!("{} got another role", changed.join(", "))
 }
 

@@ -1,6 +1,6 @@
 //! What is looked at: records, a step's comparison and diagnosis, effects.
 
-use crate::api::{Answer, Parameters, Shared, aside, number};
+use crate::api::{Answer, Parameters, Shared, aside, number, optional};
 use crate::error::Refusal;
 use crate::place::Place;
 use crate::session::Session;
@@ -103,10 +103,7 @@ pub(crate) async fn words(State(app): Shared, Query(parameters): Parameters) -> 
 /// Spectra of a step's error, pooled over its records, or of one of them.
 pub(crate) async fn spectrum(State(app): Shared, Query(parameters): Parameters) -> Answer {
     let step = number(&parameters, "step")?;
-    let record = parameters
-        .get("record")
-        .map(|_| number(&parameters, "record"))
-        .transpose()?;
+    let record = optional(&parameters, "record")?;
     aside(move || {
         let comparison = work::comparison(&app, step)?;
         Ok(match record {
@@ -122,29 +119,23 @@ const SMALL: usize = 60;
 
 /// All records in small pictures: of a step what was measured and what is left, of the data or of the files the voltage and the position.
 pub(crate) async fn small(State(app): Shared, Query(parameters): Parameters) -> Answer {
-    let drawn = |first: &[f64], second: &[f64]| {
-        let len = first.len().min(second.len());
-        let points = series::columns(0, len, SMALL, |_| 0.0, &[&|k| first[k], &|k| second[k]]);
-        json!(points.y)
+    let drawn = |len: usize, first: &dyn Fn(usize) -> f64, second: &dyn Fn(usize) -> f64| {
+        json!(series::columns(0, len, SMALL, |_| 0.0, &[first, second]).y)
     };
-    let step = parameters
-        .get("step")
-        .map(|_| number(&parameters, "step"))
-        .transpose()?;
+    let step = optional(&parameters, "step")?;
     let uploaded = parameters.get("of").is_some_and(|of| of == "files");
     aside(move || {
         let all: Vec<Value> = if let Some(step) = step {
             let comparison = work::comparison(&app, step)?;
             let each = comparison.records.iter().map(|record| {
                 let s = &record.series;
-                let error: Vec<f64> = s.measured.iter().zip(&s.modelled).map(|(y, m)| y - m).collect();
-                drawn(&s.measured, &error)
+                drawn(s.measured.len(), &|k| s.measured[k], &|k| s.measured[k] - s.modelled[k])
             });
             each.collect()
         } else {
             let session = app.session();
             records(&session, uploaded)
-                .map(|record| drawn(&record.voltage_v, &record.position_um))
+                .map(|record| drawn(record.len(), &|k| record.voltage_v[k], &|k| record.position_um[k]))
                 .collect()
         };
         Ok(Json(all).into_response())
