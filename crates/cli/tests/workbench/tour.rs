@@ -58,6 +58,14 @@ fn val_the_tour_goes_the_whole_way_on_an_example() {
         );
         browser.close().await;
         dark.close().await;
+        // Fifteen records, two steps, forty parameters: a report still goes on six sheets.
+        assert_eq!(server.act(r#"{"what":"report"}"#).status, 200);
+        let report = place.path().join("session/reports/2.html");
+        let (sheets, pixels) = Browser::printed(&report).await;
+        assert!(
+            (1..=6).contains(&sheets) && pixels == 0,
+            "{sheets} sheets, {pixels} pictures of pixels"
+        );
     });
     let state = server.state();
     let errors: Vec<f64> = [0, 1]
