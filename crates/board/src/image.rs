@@ -1,12 +1,18 @@
 //! An image of a table, built from the firmware's sources.
 
 use crate::{BoardError, Machine};
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::Command;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
 
 /// What the images are compiled for.
 const CHIP: &str = "thumbv7em-none-eabihf";
+
+/// How often whoever waits for a build is told of it where the compiler says nothing.
+const LOOK: Duration = Duration::from_millis(100);
 
 /// What an image can be built for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,12 +72,20 @@ impl Board {
 /// Builds in one folder of sources wait for each other. What the image says of its table ([`crate::Session::hello`]) tells whether it
 /// is this one.
 ///
+/// `told` gets each line of the compiler's as it comes, and an empty one ten times a second: what unwinds out of it ends the build.
+///
 /// # Errors
 /// A folder without the firmware's sources, a table that its build refuses, no toolchain for the chip.
 ///
 /// # Cost
 /// 5 s where the core is compiled already, 30 s where it is not; a real board's drivers take a minute more.
-pub fn build(firmware: &Path, board: Board, tables: (&Path, Option<&Path>), image: &Path) -> Result<(), BoardError> {
+pub fn build(
+    firmware: &Path,
+    board: Board,
+    tables: (&Path, Option<&Path>),
+    image: &Path,
+    told: &mut dyn FnMut(&str),
+) -> Result<(), BoardError> {
     let (folder, program, built_in) = board.place();
     if !firmware.join(folder).is_dir() || !firmware.join("mps2").is_dir() {
         return Err(BoardError::NoFirmware(firmware.to_owned()));
@@ -82,10 +96,18 @@ pub fn build(firmware: &Path, board: Board, tables: (&Path, Option<&Path>), imag
     let target = firmware.join(built_in);
     fs::create_dir_all(&target)?;
     let lock = File::create(target.join("image-of-a-table.lock"))?;
-    lock.lock()?;
+    loop {
+        match lock.try_lock() {
+            Ok(()) => break,
+            Err(TryLockError::WouldBlock) => told("waits for another build"),
+            Err(TryLockError::Error(error)) => return Err(error.into()),
+        }
+        std::thread::sleep(LOOK);
+    }
     let (core, of_core) = board.built_with();
     let features: Vec<&str> = of_core.into_iter().chain(beside.as_ref().map(|_| "two-axes")).collect();
-    let built = Command::new("cargo")
+    let mut cargo = Command::new("cargo");
+    cargo
         .args(["build", "--release", "--locked", "--package", program, "--bin", program])
         .args(["--target", CHIP, "--config"])
         .arg(format!("target.{CHIP}.rustflags=[\"-Ctarget-cpu={core}\"]"))
@@ -100,21 +122,52 @@ pub fn build(firmware: &Path, board: Board, tables: (&Path, Option<&Path>), imag
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
         .env_remove("CARGO_TARGET_DIR")
         .envs(beside.map(|beside| ("HYSTERON_TABLE_Y", beside)))
-        .current_dir(firmware.join(folder))
-        .output()
-        .map_err(|source| BoardError::Start {
-            program: "cargo",
-            package: "rustup",
-            source,
-        })?;
-    if !built.status.success() {
-        let said = String::from_utf8_lossy(&built.stderr);
-        let lines: Vec<&str> = said
-            .lines()
-            .filter(|line| !line.trim_start().starts_with("Compiling"))
-            .collect();
-        return Err(BoardError::Build(lines.join("\n")));
-    }
+        .current_dir(firmware.join(folder));
+    followed(cargo, told)?;
     fs::copy(target.join(CHIP).join("release").join(program), image)?;
     Ok(())
+}
+
+/// A build that ends with whoever waits for it.
+struct Building(Child);
+
+impl Drop for Building {
+    fn drop(&mut self) {
+        // One that has ended cannot be ended.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Runs the compiler to its end, and says what it says.
+fn followed(mut cargo: Command, told: &mut dyn FnMut(&str)) -> Result<(), BoardError> {
+    let started = cargo.stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+    let mut building = Building(started.map_err(|source| BoardError::Start {
+        program: "cargo",
+        package: "rustup",
+        source,
+    })?);
+    let (sender, said) = channel();
+    if let Some(errors) = building.0.stderr.take() {
+        std::thread::spawn(move || {
+            let lines = BufReader::new(errors).lines().map_while(Result::ok);
+            lines.map(|line| sender.send(line)).all(|sent| sent.is_ok())
+        });
+    }
+    let mut lines = Vec::new();
+    loop {
+        match said.recv_timeout(LOOK) {
+            Ok(line) => {
+                told(line.trim());
+                lines.push(line);
+            }
+            Err(RecvTimeoutError::Timeout) => told(""),
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+    }
+    if building.0.wait()?.success() {
+        return Ok(());
+    }
+    lines.retain(|line| !line.trim_start().starts_with("Compiling"));
+    Err(BoardError::Build(lines.join("\n")))
 }

@@ -4,6 +4,8 @@ use crate::api::{Answer, Parameters, Shared, aside, body, number};
 use crate::controller::stage;
 use crate::error::Refusal;
 use crate::place::{Of, Place};
+use crate::reading::MANIFEST;
+use crate::session::Session;
 use crate::wish::{Given, pair};
 use crate::{App, bring, grow, jobs, series};
 use axum::Json;
@@ -18,10 +20,10 @@ use hysteron_board::slots::{packed, upload};
 use hysteron_board::telemetry::hex;
 use hysteron_board::upload::Upload;
 use hysteron_board::{BoardError, Mode, Request};
-use hysteron_data::{Role, write_record_to};
+use hysteron_data::{Manifest, Role, write_record_to};
 use hysteron_diagnose::density;
 use hysteron_table::Table;
-use hysteron_trials::recording::{Followed, Recorded, followed, recorded};
+use hysteron_trials::recording::{Counted, Followed, Recorded, followed, recorded};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::HashMap;
@@ -251,12 +253,13 @@ pub(crate) async fn look(State(app): Shared, Query(parameters): Parameters) -> A
             at_once || (draws && samples > had + NEW_SAMPLES)
         });
         let recorded = take_in(&app);
+        let with_known = takes_known(&app.session());
         let mut bench = app.bench();
         let Some(on) = bench.as_mut() else {
             return Ok(Json(absent(&app)).into_response());
         };
         on.seen = Instant::now();
-        let mut said = said(on, &status);
+        let mut said = said(on, &status, with_known);
         drop(bench);
         if recorded {
             app.changed();
@@ -323,7 +326,7 @@ fn mode(mode: Mode) -> &'static str {
     }
 }
 
-fn said(on: &OnBench, status: &Status) -> Value {
+fn said(on: &OnBench, status: &Status, with_known: bool) -> Value {
     let axes = status.axes.iter().map(|axis| {
         json!({
             "mode": mode(axis.mode), "running": axis.mode == Mode::Running, "at_rest": axis.mode == Mode::Off,
@@ -353,9 +356,20 @@ fn said(on: &OnBench, status: &Status) -> Value {
         "answers": answers.collect::<Vec<_>>(),
         "recording": status.recording,
         "records": on.asked.as_ref().map(|asked| json!({"words": asked.words, "command": asked.command})),
-        "came": on.came.as_ref().map(|came| json!({"samples": came.counted.samples, "lost": came.counted.lost, "seconds": came.counted.seconds})),
+        "came": on.came.as_ref().map(|came| arrived(&came.counted, with_known)),
         "runs": on.runs,
         "fault": on.fault,
+    })
+}
+
+/// What has come and is not kept yet.
+fn arrived(counted: &Counted, with_known: bool) -> Value {
+    json!({
+        "samples": counted.samples,
+        "lost": counted.lost,
+        "seconds": counted.seconds,
+        "delay_s": counted.known_delay_s,
+        "with_delay": with_known,
     })
 }
 
@@ -507,9 +521,10 @@ fn table(app: &App, of: Of) -> Result<(String, String), Refusal> {
     Ok((name, text))
 }
 
-/// What was recorded goes to the data, as files that are brought do: a record a piece without a gap.
+/// What was recorded goes to the data, as files that are brought do: a record a piece without a gap. Where the data begin with it, the
+/// board's known delay is theirs.
 fn keep(app: &Arc<App>, role: Role) -> Result<(), Refusal> {
-    let records = {
+    let mut recorded = {
         let bench = app.bench();
         let on = bench
             .as_ref()
@@ -517,19 +532,32 @@ fn keep(app: &Arc<App>, role: Role) -> Result<(), Refusal> {
         let came = on.came.as_ref();
         came.ok_or_else(|| Refusal::conflict("nothing was recorded that is not kept"))?
             .dataset
-            .records
             .clone()
     };
-    let folder = app.session().uploads.folder.clone();
-    for record in &records {
+    let (folder, first) = {
+        let session = app.session();
+        (session.uploads.folder.clone(), takes_known(&session))
+    };
+    let come = |bytes: &[u8]| -> Result<tempfile::NamedTempFile, Refusal> {
         let mut beside = tempfile::NamedTempFile::new_in(&folder).map_err(|error| Refusal::disk(&folder, &error))?;
+        beside
+            .write_all(bytes)
+            .map_err(|error| Refusal::disk(&folder, &error))?;
+        Ok(beside)
+    };
+    for record in &mut recorded.records {
         let mut bytes = Vec::new();
         write_record_to(record, &mut bytes).map_err(Refusal::unusable)?;
-        beside
-            .write_all(&bytes)
-            .map_err(|error| Refusal::disk(&folder, &error))?;
-        bring::keep_recorded(app, beside, role)?;
+        record.file = bring::keep_recorded(app, come(&bytes)?, role)?;
+        record.role = role;
     }
+    if first {
+        let manifest = Manifest::of(&recorded)
+            .render(MANIFEST.as_ref())
+            .map_err(Refusal::unusable)?;
+        bring::keep(app, MANIFEST.to_owned(), come(manifest.as_bytes())?, None)?;
+    }
+    let records = recorded.records.len();
     if let Some(on) = app.bench().as_mut() {
         on.came = None;
     }
@@ -538,7 +566,7 @@ fn keep(app: &Arc<App>, role: Role) -> Result<(), Refusal> {
         let waiting = session
             .uploads
             .usable(&session.book, |stands| stands == crate::book::Stands::Waits);
-        (session.dataset.is_some(), waiting.len() > records.len())
+        (session.dataset.is_some(), waiting.len() > records)
     };
     match (begun, others) {
         // What a person has not looked at yet is not taken with it.
@@ -546,6 +574,12 @@ fn keep(app: &Arc<App>, role: Role) -> Result<(), Refusal> {
         (true, false) => grow::add_files(app),
         (false, false) => grow::take_files(app),
     }
+}
+
+/// Whether what is known of a recording's board comes to the data with it: where they begin with it alone, and nobody has said otherwise.
+fn takes_known(session: &Session) -> bool {
+    let waiting = session.uploads.usable(&session.book, |_| true);
+    session.book.generations.is_empty() && session.uploads.manifest().is_none() && waiting.is_empty()
 }
 
 /// Stops the loop, sends the table, and connects again.

@@ -66,8 +66,8 @@ pub(crate) async fn received(folder: &Path, name: &str, mut content: Body) -> Re
     Ok(beside)
 }
 
-/// Keeps a recording of the board as a file that is brought, under a name that no other has.
-pub(crate) fn keep_recorded(app: &App, beside: NamedTempFile, role: Role) -> Result<(), Refusal> {
+/// Keeps a recording of the board as a file that is brought, under a name that no other has, and gives that name.
+pub(crate) fn keep_recorded(app: &App, beside: NamedTempFile, role: Role) -> Result<String, Refusal> {
     let name = {
         let mut session = app.session();
         let name = (1..)
@@ -81,11 +81,12 @@ pub(crate) fn keep_recorded(app: &App, beside: NamedTempFile, role: Role) -> Res
         session.book.files.insert(name.clone(), brought);
         name
     };
-    keep(app, name, beside, None).map(drop)
+    keep(app, name.clone(), beside, None)?;
+    Ok(name)
 }
 
 /// Keeps a file that has come whole, or the recordings in it: on the disk and in the book before it is answered.
-fn keep(app: &App, name: String, beside: NamedTempFile, asked_by: Option<usize>) -> Result<Value, Refusal> {
+pub(crate) fn keep(app: &App, name: String, beside: NamedTempFile, asked_by: Option<usize>) -> Result<Value, Refusal> {
     let folder = app.session().uploads.folder.clone();
     let whole = if name.to_ascii_lowercase().ends_with(".zip") {
         let file = beside.reopen().map_err(|error| Refusal::disk(&folder, &error))?;

@@ -44,7 +44,8 @@ pub(crate) fn make(app: &Arc<App>, of: Of, name: &str) -> Result<(), Refusal> {
         progress.at(0.1, board.name());
         let (table, image) = (folder.join(place.table()), folder.join(file(place, board)));
         let unfinished = image.with_extension("part");
-        build(&own.firmware, board, (&table, None), &unfinished).map_err(Refusal::unusable)?;
+        let mut told = |said: &str| progress.at(0.1, said);
+        build(&own.firmware, board, (&table, None), &unfinished, &mut told).map_err(Refusal::unusable)?;
         std::fs::rename(&unfinished, &image).map_err(|error| Refusal::disk(&image, &error))?;
         own.session().save()
     })

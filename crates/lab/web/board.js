@@ -94,7 +94,8 @@ function referencePart(lab, said) {
   const state = el("p", { id: "recording", role: "status" });
   const bar = el("progress", { max: "1", value: "0", "aria-label": "Recorded", hidden: true });
   const keep = (role, title) => el("button", { type: "button", id: `keep-${role}`, class: role === "validate" ? "main" : "", click: () => deed(lab, { what: "keep", role }) }, title);
-  const kept = el("div", { id: "came", hidden: true }, el("p", { class: "row" }, keep("validate", "Add it to the data, to judge by"), keep("identify", "Add it to the data, to fit")), el("p", { class: "hint" }, "Then fit, compare or diagnose with it: the records that are there stay, and so do the models."));
+  const delay = el("p", { id: "came-delay" });
+  const kept = el("div", { id: "came", hidden: true }, delay, el("p", { class: "row" }, keep("validate", "Add it to the data, to judge by"), keep("identify", "Add it to the data, to fit")), el("p", { class: "hint" }, "Then fit, compare or diagnose with it: the records that are there stay, and so do the models."));
   const asked = el("div", {});
   return {
     part: panel("Play and record", el("p", {}, "The reference is set at the safe level, the loop starts, and stops at the end. What was recorded can go straight into the data."), made, state, bar, kept, asked),
@@ -106,6 +107,8 @@ function referencePart(lab, said) {
       if (state.textContent !== text) state.textContent = text;
       state.className = fault !== null ? "refused" : "";
       kept.hidden = came === null;
+      const goes = came && came.delay_s !== null ? `The board's known delay, ${num(came.delay_s * 1e6)} µs, ${came.with_delay ? "goes into the data with it" : "does not go into the data: they begin with other files, and know what was said of those"}.` : "";
+      if (delay.textContent !== goes) delay.textContent = goes;
       if (records && asked.dataset.of !== records.command) { asked.dataset.of = records.command; asked.replaceChildren(command(records.command)); }
     },
   };

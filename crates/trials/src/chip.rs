@@ -152,6 +152,7 @@ impl Chip {
                 image::Board::Emulated(self.machine),
                 (&path, None),
                 &image,
+                &mut |_| {},
             )?;
             let session = Session::start(self.machine, &image, PATIENCE)?;
             if *session.hello() != said {
@@ -202,6 +203,7 @@ impl Chip {
             image::Board::Emulated(self.machine),
             (&path_x, Some(&path_y)),
             &image,
+            &mut |_| {},
         )?;
         let session = TwoAxisSession::start(self.machine, &image, PATIENCE)?;
         let complete = said_x.complete || said_y.complete;

@@ -3,6 +3,7 @@
 
 use crate::browser::{Browser, there};
 use crate::server::{Server, started};
+use crate::small_board::SmallBoard;
 use crate::way::{hysteron, in_browser};
 use hysteron_board::Mode;
 use hysteron_board::live::{Ask, AxisStatus, Live};
@@ -304,6 +305,22 @@ fn val_the_controller_s_own_image_is_a_board_for_the_page() {
     // Another table takes the images of this one away.
     designed(&server, json!({"reference": "live"}));
     assert_eq!(server.state()["images"]["there"], json!({"1": []}));
+    // A build says what is compiled, and ends when it is stopped.
+    let ask = |deed: &str| {
+        let revision = &server.state()["revision"];
+        let request = format!("{{\"revision\":{revision},\"do\":{deed}}}");
+        assert_eq!(server.ask("POST", "api/do", request.as_bytes()).status, 200);
+    };
+    ask(r#"{"what":"image","board":"mps2-an386"}"#);
+    server.wait_for(|state| state["job"]["message"].as_str().unwrap().starts_with("Compiling"));
+    ask(r#"{"what":"stop"}"#);
+    let job = server.wait()["job"].clone();
+    assert_eq!((&job["stopped"], &job["failed"]), (&json!(true), &Value::Null));
+    assert_eq!(
+        std::fs::read_dir(session.join("tables")).unwrap().count(),
+        1,
+        "the table alone"
+    );
     for (query, status) in [
         ("step=0&board=mps2-an386", 404),
         ("step=0&board=moon", 400),
@@ -313,6 +330,51 @@ fn val_the_controller_s_own_image_is_a_board_for_the_page() {
             server.ask("GET", &format!("api/export/image?{query}"), b"").status,
             status,
             "{query}"
+        );
+    }
+}
+
+/// Data that begin with a recording of a board know its delay; those that were there do not take it, and the page says so.
+#[test]
+fn val_data_that_begin_with_a_recording_know_the_board_s_delay() {
+    let place = tempfile::tempdir().unwrap();
+    let session = place.path().join("session");
+    let server = Server::start(&session);
+    let say = |deed: Value| {
+        let answer = server.ask("POST", "api/board", deed.to_string().as_bytes());
+        assert_eq!(answer.status, 200, "{}", answer.text());
+    };
+    let known_s = hysteron_board::budget::BOARDS[0].known_delay_s(0);
+    for (count, with_delay) in [(1, true), (2, false)] {
+        let mut small = SmallBoard::new();
+        let address = small.address();
+        let ticking = std::thread::spawn(move || small.serve(5000));
+        say(json!({"what": "connect", "from": address}));
+        until(&server, |now| {
+            now["tables"].as_array().is_some_and(|tables| !tables.is_empty())
+        });
+        let wish = json!({"bank": null, "shape": "sine", "trajectory": null, "hz": 500, "low_um": null, "high_um": null, "seconds": 0.02});
+        say(json!({"what": "record", "wish": wish}));
+        until(&server, |now| now["came"].is_object());
+        let came = board(&server)["came"].clone();
+        assert_eq!(
+            (&came["delay_s"], &came["with_delay"]),
+            (&json!(known_s), &json!(with_delay))
+        );
+        say(json!({"what": "keep", "role": "identify"}));
+        let state = server.wait_for(|state| {
+            let records = state["data"]["records"].as_array();
+            records.is_some_and(|records| records.len() == count) && state["job"]["running"] == false
+        });
+        say(json!({"what": "leave"}));
+        ticking.join().unwrap();
+        let folder = session.join(state["data"]["path"].as_str().unwrap());
+        let dataset = hysteron_data::read_dataset(&folder).unwrap();
+        assert_eq!((dataset.known.delay_s, dataset.records.len()), (Some(known_s), count));
+        assert!(
+            dataset.records[0].excitation.starts_with("reference of the board"),
+            "{:?}",
+            dataset.records[0].excitation
         );
     }
 }

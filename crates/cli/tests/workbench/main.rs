@@ -21,5 +21,7 @@ mod pictures;
 mod projects;
 mod same;
 mod server;
+#[path = "../small_board/mod.rs"]
+mod small_board;
 mod tour;
 mod way;

@@ -249,8 +249,11 @@ impl Manifest {
         self.records.iter().any(same)
     }
 
-    /// Its text.
-    pub(crate) fn render(&self, path: &Path) -> Result<String, DataError> {
+    /// Its text; errors name the file of that path.
+    ///
+    /// # Errors
+    /// [`DataError::Unwritable`] for what TOML cannot hold.
+    pub fn render(&self, path: &Path) -> Result<String, DataError> {
         toml::to_string(self).map_err(|error| DataError::Unwritable {
             file: path.display().to_string(),
             found: error.to_string(),
