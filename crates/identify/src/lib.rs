@@ -24,6 +24,7 @@ pub mod grid;
 mod history;
 pub mod illustration;
 pub mod initial;
+pub mod lagged;
 pub mod loop_opening;
 pub mod loops;
 pub mod model;

@@ -1,6 +1,6 @@
 //! The period of a drive: how many samples, and from where on it repeats.
 
-use realfft::RealFftPlanner;
+use crate::lagged::lagged_products;
 
 /// A periodic stretch that runs to the end of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,10 +24,17 @@ impl Periodic {
 /// 0.03 samples of misfit pass); commands written with four digits differ by less than 1e-4.
 const SAME_DRIVE: f64 = 1e-3;
 
+/// Samples at a record's end in which periods are looked for one by one. Longer periods are looked for among means of neighbours, as many as
+/// this or fewer.
+const AT_ONCE: usize = 1 << 20;
+/// Places at which the lags beside a coarse one are compared.
+const PLACES: usize = 4096;
+
 /// Finds the shortest period with which `drive` repeats to the record's end, at least twice.
 ///
 /// # Cost
-/// O(n log n): the difference function of all lags by FFT (de Cheveigné, Kawahara 2002, eq. 6), on the second half.
+/// O(n log n): the difference function of all lags by FFT (de Cheveigné, Kawahara 2002, eq. 6), of a million samples at most; what it
+/// finds is compared over the whole record.
 ///
 /// # Example
 /// ```
@@ -42,13 +49,40 @@ pub fn detect(drive: &[f64]) -> Option<Periodic> {
     }
     // A period that repeats at least twice to the end repeats within the last `2 P`; lags up to half the record.
     let tolerance = SAME_DRIVE * span;
-    candidate_lags(drive, tolerance).into_iter().find_map(|lag| {
+    let repeats = |lag: usize| {
         let breaks = (0..drive.len() - lag)
             .rev()
             .find(|&k| (drive[k + lag] - drive[k]).abs() > tolerance);
         let from = breaks.map_or(0, |k| k + 1);
         (drive.len() - from >= 2 * lag).then_some(Periodic { samples: lag, from })
-    })
+    };
+    let end = &drive[drive.len().saturating_sub(AT_ONCE)..];
+    let short = candidate_lags(end, tolerance).into_iter().find_map(repeats);
+    if short.is_some() || end.len() == drive.len() {
+        return short;
+    }
+    long_lags(drive, tolerance).into_iter().find_map(repeats)
+}
+
+/// As [`candidate_lags`], of those longer than half of what is looked at one by one.
+fn long_lags(drive: &[f64], tolerance: f64) -> Vec<usize> {
+    let each = drive.len().div_ceil(AT_ONCE);
+    let means: Vec<f64> = drive[drive.len() % each..]
+        .chunks_exact(each)
+        .map(|chunk| chunk.iter().sum::<f64>() / each as f64)
+        .collect();
+    let coarse = candidate_lags(&means, tolerance).into_iter().map(|lag| lag * each);
+    let near = coarse.map(|coarse| {
+        let lags = coarse.saturating_sub(each)..=(coarse + each).min(drive.len() / 2);
+        let step = (drive.len() / 2).div_ceil(PLACES);
+        let difference = |lag: usize| -> f64 {
+            let places = (0..drive.len() - lag).rev().step_by(step);
+            places.map(|k| (drive[k + lag] - drive[k]).powi(2)).sum()
+        };
+        let each = lags.map(|lag| (lag, difference(lag)));
+        each.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(coarse, |(lag, _)| lag)
+    });
+    near.filter(|lag| *lag > AT_ONCE / 2).collect()
 }
 
 /// Lags at which the mean squared difference over the last part of the record is small, ascending, first of each dip.
@@ -56,8 +90,7 @@ fn candidate_lags(drive: &[f64], tolerance: f64) -> Vec<usize> {
     let n = drive.len();
     let mean = drive.iter().sum::<f64>() / n as f64;
     let centred: Vec<f64> = drive.iter().map(|v| v - mean).collect();
-    // Correlation of the reversed record with itself: sums over the last n - lag samples of each lag.
-    let autocorrelation = autocorrelation(&centred);
+    let autocorrelation = lagged_products(&centred, &centred, 0, n / 2);
     let mut squares = vec![0.0; n + 1];
     for k in 0..n {
         squares[k + 1] = squares[k] + centred[k] * centred[k];
@@ -87,30 +120,6 @@ fn candidate_lags(drive: &[f64], tolerance: f64) -> Vec<usize> {
     }
     lags.extend(best_in_dip.map(|(lag, _)| lag));
     lags
-}
-
-/// Sums of products of a series with itself so many samples later, one a lag, from 0 on.
-///
-/// # Cost
-/// O(n log n), by FFT.
-pub fn autocorrelation(values: &[f64]) -> Vec<f64> {
-    let size = (2 * values.len()).next_power_of_two();
-    let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, inverse) = (planner.plan_fft_forward(size), planner.plan_fft_inverse(size));
-    let mut time = forward.make_input_vec();
-    time[..values.len()].copy_from_slice(values);
-    let mut spectrum = forward.make_output_vec();
-    if forward.process(&mut time, &mut spectrum).is_err() {
-        return vec![0.0; values.len()];
-    }
-    for bin in &mut spectrum {
-        *bin = (*bin * bin.conj()) / size as f64;
-    }
-    if inverse.process(&mut spectrum, &mut time).is_err() {
-        return vec![0.0; values.len()];
-    }
-    time.truncate(values.len());
-    time
 }
 
 #[cfg(test)]
@@ -145,6 +154,28 @@ mod tests {
         let found = detect(&drive).unwrap();
         assert_eq!(found.samples, 100);
         assert!((295..=300).contains(&found.from), "{found:?}");
+    }
+
+    /// A short and a long period of a record of two million samples, and the long one behind a rise.
+    #[test]
+    fn val_periods_of_long_records() {
+        let n = 2 * AT_ONCE + 777;
+        assert_eq!(detect(&sine(n, 500.0)), Some(Periodic { samples: 500, from: 0 }));
+        // 1203 periods of one sine are 41 of the other.
+        let long = 601_500;
+        let both = |k: usize| (TAU * k as f64 / 500.0).sin() + 2.0 * (TAU * 41.0 * k as f64 / long as f64).sin();
+        let mut drive: Vec<f64> = (0..n).map(both).collect();
+        assert_eq!(detect(&drive), Some(Periodic { samples: long, from: 0 }));
+        drive[1000] += 1.0;
+        assert_eq!(
+            detect(&drive),
+            Some(Periodic {
+                samples: long,
+                from: 1001
+            })
+        );
+        drive.truncate(AT_ONCE + 5);
+        assert_eq!(detect(&drive), None, "less than two periods");
     }
 
     #[test]

@@ -2,8 +2,7 @@
 //!
 //! An error that is noise stays within both bands. One that leaves the second has something of the drive in it, which a model could have.
 
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex64;
+use crate::lagged::lagged_products;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 /// A correlation over lags, and the band that it stays in by chance.
@@ -67,7 +66,7 @@ const LEAST: usize = 100;
 /// Box and Jenkins, Time Series Analysis (2016), section 2.1.6; Ljung, System Identification (1999), section 16.6.
 ///
 /// # Cost
-/// Five Fourier transforms of the record.
+/// O(n log n); memory for the record twice.
 pub fn correlations(error: &[f64], drive: &[f64]) -> Option<Correlations> {
     let n = error.len().min(drive.len());
     if n < LEAST {
@@ -75,10 +74,10 @@ pub fn correlations(error: &[f64], drive: &[f64]) -> Option<Correlations> {
     }
     let lags = LONGEST.min(n / SHARE);
     let memory = (n / MEMORY_SHARE).max(1);
-    let reach = lags.max(memory);
-    let (of_error, of_drive) = (spectrum(&error[..n], reach), spectrum(&drive[..n], reach));
-    let (own, own_drive) = (sums(&of_error, &of_error)?, sums(&of_drive, &of_drive)?);
-    let cross = sums(&of_drive, &of_error)?;
+    let (error, drive) = (centred(&error[..n]), centred(&drive[..n]));
+    let own = lagged_products(&error, &error, 0, lags.max(memory));
+    let own_drive = lagged_products(&drive, &drive, 0, memory);
+    let cross = lagged_products(&drive, &error, lags, lags);
     let (power, power_drive) = (own[0], own_drive[0]);
     if !(power > 0.0 && power_drive > 0.0) {
         return None;
@@ -105,47 +104,22 @@ pub fn correlations(error: &[f64], drive: &[f64]) -> Option<Correlations> {
         .map(|k| 2.0 * window(k) * own[k] * own_drive[k])
         .sum::<f64>()
         / (power * power_drive);
-    let size = cross.len() as i64;
     let lag: Vec<i64> = (-(lags as i64)..=lags as i64).collect();
     let scale = (power * power_drive).sqrt();
     Some(Correlations {
         own: own_correlation,
         with_drive: Correlation {
-            value: lag.iter().map(|k| cross[k.rem_euclid(size) as usize] / scale).collect(),
+            value: cross.iter().map(|sum| sum / scale).collect(),
             band: vec![z(lag.len()) * (1.0 + spread).max(0.0).sqrt(); lag.len()],
             lag,
         },
     })
 }
 
-/// Transform of a series without its mean, with as many zeros behind it as lags reach.
-fn spectrum(values: &[f64], reach: usize) -> Vec<Complex64> {
+/// A series without its mean.
+fn centred(values: &[f64]) -> Vec<f64> {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
-    let size = (values.len() + reach + 1).next_power_of_two();
-    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(size);
-    let mut time: Vec<f64> = values.iter().map(|value| value - mean).collect();
-    time.resize(size, 0.0);
-    let mut lines = fft.make_output_vec();
-    // Lengths are the plan's own.
-    let _ = fft.process(&mut time, &mut lines);
-    lines
-}
-
-/// Sums of `first[t] second[t + k]` at each lag k, negative ones at the end; none where the transform fails.
-fn sums(first: &[Complex64], second: &[Complex64]) -> Option<Vec<f64>> {
-    let size = 2 * (first.len() - 1);
-    let ifft = RealFftPlanner::<f64>::new().plan_fft_inverse(size);
-    let mut lines: Vec<Complex64> = first.iter().zip(second).map(|(a, b)| a.conj() * b).collect();
-    // The ends of a real series' spectrum are real.
-    lines[0].im = 0.0;
-    if let Some(last) = lines.last_mut() {
-        last.im = 0.0;
-    }
-    let mut time = ifft.make_output_vec();
-    ifft.process(&mut lines, &mut time).ok()?;
-    let scale = 1.0 / size as f64;
-    time.iter_mut().for_each(|sum| *sum *= scale);
-    Some(time)
+    values.iter().map(|value| value - mean).collect()
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use crate::columns::{Design, Run};
 use crate::family::Family;
+use crate::lagged::lagged_products;
 use crate::normal::Normal;
-use crate::period::autocorrelation;
 use crate::separable::{Solved, pooled};
 use hysteron_core::envelope::Envelope;
 use nalgebra::DMatrix;
@@ -63,9 +63,12 @@ fn per_run_variance(solved: &Solved, runs: &[Run<'_>]) -> Vec<f64> {
         .collect()
 }
 
+/// Longest lag at which a residual is looked at for what it remembers, samples.
+const LONGEST: usize = 1 << 20;
+
 /// Mean square of a residual times its integrated autocorrelation time, samples.
 pub(crate) fn inflated_variance(residual: &[f64]) -> f64 {
-    let correlation = autocorrelation(residual);
+    let correlation = lagged_products(residual, residual, 0, residual.len().saturating_sub(1).min(LONGEST));
     let Some(&power) = correlation.first().filter(|&&power| power > 0.0) else {
         return 0.0;
     };

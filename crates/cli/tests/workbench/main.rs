@@ -9,6 +9,7 @@ mod board;
 mod bring;
 mod browser;
 mod campaign;
+mod commands;
 mod controller;
 mod grow;
 mod hand;

@@ -2,6 +2,7 @@
 
 use crate::diagnosis::{EffectParameter, Lock, LockTo, parameter};
 use crate::witness::locks::{Course, Courses, squares};
+use hysteron_identify::lagged::lagged_products;
 use rayon::prelude::*;
 
 /// Standard errors from which noise that grows with the speed squared is seen.
@@ -145,7 +146,7 @@ fn alike(course: &Course<'_>) -> Vec<f64> {
     let clipped: Vec<f64> = rough.iter().map(|r| r.min(OUTLIER * mean)).collect();
     let level = clipped.iter().sum::<f64>() / clipped.len().max(1) as f64;
     let centred: Vec<f64> = clipped.iter().map(|r| r - level).collect();
-    let mut alike = hysteron_identify::period::autocorrelation(&centred);
+    let mut alike = lagged_products(&centred, &centred, 0, LONGEST.min(course.len() / 4));
     alike.truncate(course.len() / 4);
     let whole = alike.first().copied().unwrap_or(0.0).max(f64::MIN_POSITIVE);
     alike.iter_mut().for_each(|a| *a /= whole);
