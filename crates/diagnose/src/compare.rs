@@ -18,7 +18,7 @@ use rayon::prelude::*;
 /// are clipped at its ends do not count.
 ///
 /// # Cost
-/// Linear in the samples; the series of all records are held for the pictures (4 numbers a sample).
+/// Linear in the samples; the series of all records are held for the pictures (3 numbers a sample).
 pub fn compare(dataset: &Dataset, model: &Model, progress: &(dyn Fn(f64) + Sync)) -> Comparison {
     let per_um = output_per_um(dataset, model.direction);
     let clipped = clipped(dataset, model.direction);
@@ -117,9 +117,8 @@ fn compare_record(record: &Record, model: &Model, clipped: &[f64]) -> RecordComp
         initial_state: simulation.start(),
         start_estimated: simulation.estimated(),
         series: Series {
-            time_s: (0..measured.len())
-                .map(|k| record.start_s + k as f64 * record.period_s)
-                .collect(),
+            start_s: record.start_s,
+            period_s: record.period_s,
             input: model.direction.input(record).to_vec(),
             measured: measured.to_vec(),
             modelled: simulation.output,

@@ -49,14 +49,23 @@ pub struct RecordComparison {
 /// The series behind a record's figures. All of one length.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Series {
-    /// Time, seconds.
-    pub time_s: Vec<f64>,
+    /// Time of the first sample, seconds.
+    pub start_s: f64,
+    /// Sample period, seconds.
+    pub period_s: f64,
     /// Input of the model: volts (forward) or micrometres (inverse).
     pub input: Vec<f64>,
     /// Measured output: micrometres (forward) or volts (inverse).
     pub measured: Vec<f64>,
     /// Modelled output, same unit.
     pub modelled: Vec<f64>,
+}
+
+impl Series {
+    /// Time of a sample, seconds.
+    pub fn at_s(&self, sample: usize) -> f64 {
+        self.start_s + sample as f64 * self.period_s
+    }
 }
 
 impl Comparison {
@@ -139,11 +148,10 @@ pub struct Stretch {
 impl Stretch {
     /// Samples `first` to `last` of a record.
     pub(crate) fn of(record: &RecordComparison, first: usize, last: usize) -> Self {
-        let time = &record.series.time_s;
         Self {
             file: record.file.clone(),
-            from_s: time.get(first).copied().unwrap_or_default(),
-            to_s: time.get(last).copied().unwrap_or_default(),
+            from_s: record.series.at_s(first),
+            to_s: record.series.at_s(last),
         }
     }
 }

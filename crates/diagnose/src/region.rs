@@ -180,7 +180,8 @@ mod tests {
             initial_state: String::new(),
             start_estimated: false,
             series: Series {
-                time_s: vec![],
+                start_s: 0.0,
+                period_s: 1.0,
                 input: vec![],
                 measured,
                 modelled,

@@ -30,10 +30,7 @@ const LONGEST_SEGMENT: usize = 8192;
 /// Amplitude spectral densities by Welch's method (Hann window, half overlapping segments; Welch 1967), pooled over the
 /// moving records of the most common sample rate.
 pub(crate) fn spectrum(records: &[RecordComparison], noise_rms: f64) -> Spectrum {
-    let period_s = |record: &RecordComparison| match record.series.time_s[..] {
-        [first, second, ..] => second - first,
-        _ => 0.0,
-    };
+    let period_s = |record: &RecordComparison| record.series.period_s;
     let moving: Vec<&RecordComparison> = records
         .iter()
         .filter(|r| r.nrmse_percent.is_some() && r.samples >= 64)
@@ -147,7 +144,8 @@ mod tests {
         let n = 80_000;
         let measured: Vec<f64> = (0..n).map(|_| normal.sample(&mut random)).collect();
         let series = crate::Series {
-            time_s: (0..n).map(|k| f64::from(k) * 2e-5).collect(),
+            start_s: 0.0,
+            period_s: 2e-5,
             input: vec![0.0; n as usize],
             modelled: vec![0.0; n as usize],
             measured,

@@ -64,7 +64,8 @@ mod tests {
             initial_state: String::new(),
             start_estimated: false,
             series: Series {
-                time_s: (0..input.len()).map(|k| k as f64).collect(),
+                start_s: 0.0,
+                period_s: 1.0,
                 input: input.to_vec(),
                 measured: measured.to_vec(),
                 modelled: measured.to_vec(),

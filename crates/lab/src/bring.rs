@@ -126,8 +126,9 @@ pub(crate) fn keep(app: &App, name: String, beside: NamedTempFile, asked_by: Opt
         .names
         .iter()
         .zip(&readings)
-        .map(|(name, reading)| uploads::read_one(&folder, name, reading))
+        .map(|(name, reading)| uploads::read_one(&folder, name, reading, &mut |share| app.reads(Some(share))))
         .collect();
+    app.reads(None);
     let errors: Vec<String> = read
         .iter()
         .filter_map(|upload| upload.read.as_ref().err().cloned())
@@ -167,9 +168,10 @@ pub(crate) async fn reading(State(app): Shared, content: Bytes) -> Answer {
         };
         let read = files
             .iter()
-            .map(|name| uploads::read_one(&folder, name, &reading))
+            .map(|name| uploads::read_one(&folder, name, &reading, &mut |share| app.reads(Some(share))))
             .collect();
         app.session().uploads.renew(read);
+        app.reads(None);
         app.changed();
         Ok(Json(json!({})).into_response())
     })

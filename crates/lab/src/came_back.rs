@@ -92,7 +92,7 @@ fn readable(
             .map_err(|error| Refusal::disk(&path, &error.error))?;
         if name == MANIFEST {
             wrong.extend(unread_known(folder));
-        } else if let Err(said) = uploads::read(&path, &name, reading) {
+        } else if let Err(said) = uploads::read(&path, &name, reading, &mut |_| ()) {
             wrong.push(said);
         } else {
             come.push((name, path));
@@ -154,7 +154,7 @@ pub(crate) fn read_so(app: &App, reading: &Reading) -> Result<(), Refusal> {
     };
     let wrong = files
         .iter()
-        .filter_map(|name| uploads::read(&folder.join(name), name, reading).err());
+        .filter_map(|name| uploads::read(&folder.join(name), name, reading, &mut |_| ()).err());
     let wrong: Vec<String> = wrong.collect();
     if !wrong.is_empty() {
         return Err(Refusal::unusable(wrong.join("\n")));

@@ -357,7 +357,7 @@ fn recorded(
     let mut names = Vec::new();
     for (index, name) in campaign.files.iter().enumerate() {
         progress.at(0.4 * index as f64 / campaign.files.len() as f64, name);
-        let found = uploads::read(&session.join(FILES).join(name), name, &campaign.reading);
+        let found = uploads::read(&session.join(FILES).join(name), name, &campaign.reading, &mut |_| ());
         if let Found::Records { records: found, .. } = found.map_err(Refusal::unusable)? {
             names.extend(found.iter().map(|_| name.clone()));
             records.extend(found);

@@ -22,7 +22,8 @@ pub(crate) fn take_files(app: &Arc<App>) -> Result<(), Refusal> {
     jobs::start(app, "writing the recordings", move |progress| {
         progress.at(0.1, "data");
         let (folder, first, files) = {
-            let session = own.session();
+            let mut session = own.session();
+            session.read_again(|_| true);
             let data = folder::fresh(&session.folder)?.join("data");
             let (first, files) = write_first(&session, &data)?;
             (session.folder.clone(), first, files)
@@ -196,7 +197,8 @@ pub(crate) fn add_files(app: &Arc<App>) -> Result<(), Refusal> {
     jobs::start(app, "adding the recordings", move |progress| {
         progress.at(0.1, "data");
         let (records, came, mut files) = {
-            let session = own.session();
+            let mut session = own.session();
+            session.read_again(|stands| stands == Stands::Waits);
             let waiting = session.uploads.usable(&session.book, |stands| stands == Stands::Waits);
             let there = dataset.records.iter().map(|record| record.file.as_str());
             let (records, came) = imported(&session.uploads, &session.book, &waiting, there);

@@ -111,7 +111,7 @@ fn fitted(
     let s = &record.series;
     let error = |k: usize| s.measured[k] - s.modelled[k];
     let all: [&dyn Fn(usize) -> f64; 3] = [&|k| s.measured[k], &|k| s.modelled[k], &error];
-    let points = series::columns(first, len, width, |k| s.time_s[k], &all);
+    let points = series::columns(first, len, width, |k| s.at_s(k), &all);
     Ok(json!({
         "knobs": taken.model.knobs().iter().map(knob).collect::<Vec<_>>(),
         "nrmse_percent": record.nrmse_percent,

@@ -123,6 +123,8 @@ pub(crate) struct App {
     session: Mutex<Session>,
     pub(crate) projects: Projects,
     job: Mutex<Job>,
+    /// Percent of a file that is read at this moment.
+    reading: Mutex<Option<u8>>,
     bench: Mutex<Option<board::OnBench>>,
     tick: watch::Sender<u64>,
     pub(crate) starts: Vec<StartingPoint>,
@@ -141,6 +143,23 @@ impl App {
 
     pub(crate) fn job(&self) -> MutexGuard<'_, Job> {
         self.job.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Says how much of a file is read, 0 to 1; nothing once it is.
+    pub(crate) fn reads(&self, share: Option<f64>) {
+        let percent = share.map(|share| (100.0 * share) as u8);
+        let before = {
+            let mut reading = self.reading.lock().unwrap_or_else(PoisonError::into_inner);
+            std::mem::replace(&mut *reading, percent)
+        };
+        if before != percent {
+            self.changed();
+        }
+    }
+
+    /// Percent of a file that is read at this moment.
+    pub(crate) fn reading(&self) -> Option<u8> {
+        *self.reading.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Tells every page that there is something new to see.
@@ -170,6 +189,7 @@ impl Lab {
             session: Mutex::new(session),
             projects,
             job: Mutex::default(),
+            reading: Mutex::default(),
             bench: Mutex::default(),
             tick: watch::Sender::new(1),
             starts: options.starts,

@@ -120,7 +120,7 @@ fn bring_new(session: &mut Session, listed: &[Listed]) -> Result<(), Refusal> {
     }
     let read = names
         .iter()
-        .map(|(name, reading)| uploads::read_one(&folder, name, reading));
+        .map(|(name, reading)| uploads::read_one(&folder, name, reading, &mut |_| ()));
     session.uploads.take(read.collect());
     session.save()
 }

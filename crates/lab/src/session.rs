@@ -87,6 +87,7 @@ impl Session {
             let dataset = hysteron_data::read_dataset(&folder.join(&generation.data))?;
             session.shown = dataset.records.iter().map(crate::state::record).collect();
             session.dataset = Some(Arc::new(dataset));
+            session.uploads.let_go(&session.book);
         }
         Ok(session)
     }
@@ -119,6 +120,7 @@ impl Session {
         book.write(&self.folder.join("fresh/session.json"))?;
         finish_taking(&self.folder)?;
         self.book = book;
+        self.uploads.let_go(&self.book);
         self.comparisons.clear();
         self.earlier = None;
         self.in_hand = None;
@@ -163,6 +165,7 @@ impl Session {
         let fitted = self.book.steps.iter().any(|step| step.generation == now);
         book.revision = self.book.revision + 1;
         self.take_book(book)?;
+        self.uploads.let_go(&self.book);
         // To find a record's period takes a transform of it: what is known of those that were there stays.
         self.shown.truncate(dataset.records.len());
         for (shown, record) in self.shown.iter_mut().zip(&dataset.records) {
@@ -252,6 +255,11 @@ impl Session {
             self.remember(number, Arc::new(comparison));
         }
         Ok(())
+    }
+
+    /// Reads the files anew whose samples were let go and that are wanted again.
+    pub(crate) fn read_again(&mut self, which: impl Fn(Stands) -> bool) {
+        self.uploads.read_again(&self.book, which);
     }
 
     /// The model of a step.

@@ -53,6 +53,7 @@ pub(crate) fn state(app: &App, tick: u64) -> Value {
         "redo": book.offered(Way::Redo),
         "board": app.has_board(),
         "job": job,
+        "reading": app.reading(),
     })
 }
 

@@ -23,6 +23,8 @@ pub(crate) struct Upload {
     pub(crate) read: Result<Found, String>,
     /// What the page shows of its records.
     pub(crate) shown: Vec<serde_json::Value>,
+    /// Whether its records' samples were let go: the data have them.
+    gone: bool,
 }
 
 /// What is in a file.
@@ -69,7 +71,10 @@ impl Uploads {
         let reading = |name: &str| brought.get(name).map_or(&automatic, |file| &file.reading);
         Self {
             folder: folder.to_owned(),
-            files: names.iter().map(|name| read_one(folder, name, reading(name))).collect(),
+            files: names
+                .iter()
+                .map(|name| read_one(folder, name, reading(name), &mut |_| ()))
+                .collect(),
         }
     }
 
@@ -89,6 +94,38 @@ impl Uploads {
             self.files.push(upload);
         }
         self.files.sort_by(|a, b| a.name.cmp(&b.name));
+    }
+
+    /// Lets the samples of those go that the data have: nobody looks at them here.
+    pub(crate) fn let_go(&mut self, book: &Book) {
+        let taken = |file: &&mut Upload| {
+            book.files
+                .get(&file.name)
+                .is_some_and(|file| file.stands == Stands::Taken)
+        };
+        for file in self.files.iter_mut().filter(taken) {
+            if let Ok(Found::Records { records, .. }) = &mut file.read {
+                for record in records {
+                    *record = Record::new(
+                        record.file.as_str(),
+                        record.role,
+                        record.period_s,
+                        Vec::new(),
+                        Vec::new(),
+                    );
+                }
+                file.gone = true;
+            }
+        }
+    }
+
+    /// Reads those anew whose samples were let go.
+    pub(crate) fn read_again(&mut self, book: &Book, which: impl Fn(Stands) -> bool) {
+        for file in self.files.iter_mut().filter(|file| file.gone) {
+            if let Some(brought) = book.files.get(&file.name).filter(|file| which(file.stands)) {
+                *file = read_one(&self.folder, &file.name, &brought.reading, &mut |_| ());
+            }
+        }
     }
 
     /// The dataset that some of the files are, where there is one.
@@ -113,7 +150,7 @@ impl Uploads {
     pub(crate) fn usable<'a>(&'a self, book: &'a Book, which: impl Fn(Stands) -> bool) -> Vec<Source<'a>> {
         let wanted = self.files.iter().filter_map(|file| {
             let brought = book.files.get(&file.name)?;
-            let there = file.read.as_ref().is_ok_and(|found| !found.records().is_empty());
+            let there = file.read.is_ok() && !file.shown.is_empty();
             (there && which(brought.stands)).then(|| Source {
                 name: &file.name,
                 reading: &brought.reading,
@@ -201,14 +238,15 @@ pub(crate) fn same_bytes(a: &Path, b: &Path) -> bool {
     }
 }
 
-/// Reads a recording that was brought.
-pub(crate) fn read(path: &Path, name: &str, reading: &Reading) -> Result<Found, String> {
+/// Reads a recording that was brought; `told` gets the share of its bytes that is read.
+pub(crate) fn read(path: &Path, name: &str, reading: &Reading, told: &mut dyn FnMut(f64)) -> Result<Found, String> {
     let here = path
         .parent()
         .map_or_else(String::new, |folder| format!("{}/", folder.display()));
     let options = reading.options(Role::Identify).map_err(|refusal| refusal.message)?;
     // The importer is built never to panic; should it, the file is at fault and the server goes on.
-    let read = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| import(path, &options, &mut |_, _| ())));
+    let mut share = |bytes: u64, of: u64| told(bytes as f64 / of.max(1) as f64);
+    let read = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| import(path, &options, &mut share)));
     match read {
         Err(_) => Err(format!(
             "{name}: the reader failed on this file; please report it with the file"
@@ -231,8 +269,8 @@ pub(crate) fn read(path: &Path, name: &str, reading: &Reading) -> Result<Found, 
     }
 }
 
-/// Reads a file; a manifest is no recording, it says what those beside it are.
-pub(crate) fn read_one(folder: &Path, name: &str, reading: &Reading) -> Upload {
+/// Reads a file; a manifest is no recording, it says what those beside it are. `told` gets the share that is read.
+pub(crate) fn read_one(folder: &Path, name: &str, reading: &Reading, told: &mut dyn FnMut(f64)) -> Upload {
     let path = folder.join(name);
     let here = format!("{}/", folder.display());
     let read = if name == MANIFEST {
@@ -241,13 +279,14 @@ pub(crate) fn read_one(folder: &Path, name: &str, reading: &Reading) -> Upload {
             .map(Found::Manifest)
             .map_err(|error| error.to_string().replace(&here, ""))
     } else {
-        read(&path, name, reading)
+        read(&path, name, reading, told)
     };
     let records = read.iter().flat_map(Found::records);
     Upload {
         name: name.to_owned(),
         bytes: std::fs::metadata(&path).map_or(0, |data| data.len()),
         shown: records.map(crate::state::record).collect(),
+        gone: false,
         read,
     }
 }

@@ -1,6 +1,7 @@
 //! What is looked at: records, a step's comparison and diagnosis, effects.
 
 use crate::api::{Answer, Parameters, Shared, aside, number, optional};
+use crate::book::Stands;
 use crate::error::Refusal;
 use crate::place::Place;
 use crate::session::Session;
@@ -24,7 +25,10 @@ pub(crate) async fn raw(State(app): Shared, Query(parameters): Parameters) -> An
     let width: usize = number(&parameters, "width")?;
     let uploaded = parameters.get("of").is_some_and(|of| of == "files");
     aside(move || {
-        let session = app.session();
+        let mut session = app.session();
+        if uploaded {
+            session.read_again(|stands| stands != Stands::Taken);
+        }
         let absent = || Refusal::absent("there is no such record");
         let record = records(&session, uploaded).nth(index).ok_or_else(absent)?;
         let (first, len) = window(&parameters, record.start_s, record.period_s, record.len());
@@ -56,9 +60,8 @@ pub(crate) fn stretch<'a>(
         .records
         .get(index)
         .ok_or_else(|| Refusal::absent(format!("there is no record {index}")))?;
-    let time = &record.series.time_s;
-    let period_s = time.get(1).zip(time.first()).map_or(1.0, |(b, a)| b - a);
-    let (first, len) = window(parameters, time.first().copied().unwrap_or(0.0), period_s, time.len());
+    let s = &record.series;
+    let (first, len) = window(parameters, s.start_s, s.period_s, s.measured.len());
     Ok((record, first, len))
 }
 
@@ -133,7 +136,10 @@ pub(crate) async fn small(State(app): Shared, Query(parameters): Parameters) -> 
             });
             each.collect()
         } else {
-            let session = app.session();
+            let mut session = app.session();
+            if uploaded {
+                session.read_again(|stands| stands != Stands::Taken);
+            }
             records(&session, uploaded)
                 .map(|record| drawn(record.len(), &|k| record.voltage_v[k], &|k| record.position_um[k]))
                 .collect()
@@ -186,14 +192,14 @@ pub(crate) async fn plotted(State(app): Shared, Query(parameters): Parameters) -
             first,
             len,
             width,
-            |k| s.time_s[k],
+            |k| s.at_s(k),
             &[&|k| s.measured[k], &|k| s.modelled[k], &|k| {
                 s.measured[k] - s.modelled[k]
             }],
         );
         let all = first..first + len;
-        let at = |x: &f64| s.time_s.partition_point(|t| t < x).min(s.time_s.len() - 1);
-        let places: Vec<usize> = points.x.iter().map(at).collect();
+        let at = |x: &f64| ((x - s.start_s) / s.period_s).round() as usize;
+        let places: Vec<usize> = points.x.iter().map(|x| at(x).min(s.measured.len() - 1)).collect();
         let pick = |values: &[f64]| places.iter().map(|&k| values[k]).collect::<Vec<f64>>();
         Ok(Json(json!({
             "points": points,
@@ -229,7 +235,7 @@ pub(crate) async fn correlation(State(app): Shared, Query(parameters): Parameter
         let Some(found) = correlations(&error, &s.input) else {
             return Ok(Json(Value::Null).into_response());
         };
-        let period_s = s.time_s[1] - s.time_s[0];
+        let period_s = s.period_s;
         let shown = |one: &Correlation| {
             json!({
                 "lag_s": one.lag.iter().map(|lag| *lag as f64 * period_s).collect::<Vec<_>>(),

@@ -99,6 +99,9 @@ function drawJob() {
   const kind = job.kind.charAt(0).toUpperCase() + job.kind.slice(1);
   const text = `${kind}: ${effectName(job.message)}, ${Math.round(100 * job.share)} %`;
   if (by("job-text").textContent !== text) by("job-text").textContent = text;
+  const { reading } = lab.state;
+  const bar = by("reading-share");
+  if (bar) { bar.hidden = reading === null; bar.value = reading ?? 0; }
 }
 
 /** What a page depends on; while it is the same, the page is left alone. */

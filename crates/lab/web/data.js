@@ -85,7 +85,8 @@ function dropZone(lab) {
   el("p", { class: "lead" }, "Drop recordings here"),
   el("p", { class: "hint" }, "CSV of any dialect, MATLAB .mat, PI GCS arrays; files, a folder, or a zip. They stay on this computer."),
   el("p", { class: "choose" }, input, el("label", { for: "files", class: "button" }, "Choose files"), " ", folder, el("label", { for: "folder-files", class: "button quiet" }, "Choose a folder")),
-  el("p", { id: "bring-status", role: "status" }));
+  el("p", { id: "bring-status", role: "status" }),
+  el("progress", { id: "reading-share", max: "100", value: "0", "aria-label": "Read of the file", hidden: true }));
 }
 
 /** Begins anew; where models end with it, only on a second word. */

@@ -90,8 +90,9 @@ impl Comparison {
         records
             .map(|record| {
                 let series = PyDict::new(py);
+                let time = (0..record.series.measured.len()).map(|k| record.series.at_s(k));
+                series.set_item("time", PyArray1::from_iter(py, time))?;
                 for (name, values) in [
-                    ("time", &record.series.time_s),
                     ("input", &record.series.input),
                     ("measured", &record.series.measured),
                     ("modelled", &record.series.modelled),

@@ -93,7 +93,8 @@ fn overlay_data<'a>(
 ) -> OverlayData<'a> {
     let series = &record.series;
     OverlayData {
-        time_s: series.time_s.get(range.clone()).unwrap_or(&[]),
+        start_s: series.at_s(range.start),
+        period_s: series.period_s,
         measured: series.measured.get(range.clone()).unwrap_or(&[]),
         modelled: series.modelled.get(range).unwrap_or(&[]),
         output: names(comparison.output_unit).0,
@@ -158,7 +159,7 @@ fn facts(comparison: &Comparison, record: &RecordComparison) -> Vec<(String, Str
 }
 
 fn full(comparison: &Comparison, record: &RecordComparison) -> Block {
-    let whole = (0..record.series.time_s.len(), "The whole record.", 390);
+    let whole = (0..record.series.measured.len(), "The whole record.", 390);
     let part = worst_part(record).map(|range| (range, "Around the largest error.", 330));
     let (mut left, mut right) = (Vec::new(), Vec::new());
     for (range, caption, height) in std::iter::once(whole).chain(part) {
@@ -183,7 +184,7 @@ fn small(comparison: &Comparison, record: &RecordComparison) -> Block {
     };
     let (range, caption) = match worst_part(record) {
         Some(range) => (range, "Around the largest error."),
-        None => (0..record.series.time_s.len(), "The whole record."),
+        None => (0..record.series.measured.len(), "The whole record."),
     };
     let mut figures = Vec::new();
     figures.extend(

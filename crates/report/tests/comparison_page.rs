@@ -12,13 +12,17 @@ use hysteron_report::{Context, comparison_page};
 use scraper::{Html, Selector};
 
 fn record(file: &str, role: Role, samples: usize, hz: f64) -> RecordComparison {
-    let time_s: Vec<f64> = (0..samples).map(|k| k as f64 * 1e-4).collect();
-    let wave = |lag_s: f64| -> Vec<f64> { time_s.iter().map(|t| 10.0 * (TAU * hz * (t - lag_s)).sin()).collect() };
+    let at_s = |k: usize| k as f64 * 1e-4;
+    let wave = |lag_s: f64| -> Vec<f64> {
+        let sine = |k| 10.0 * (TAU * hz * (at_s(k) - lag_s)).sin();
+        (0..samples).map(sine).collect()
+    };
     let series = Series {
         input: wave(0.0),
         measured: wave(2e-4),
         modelled: wave(1.5e-4),
-        time_s,
+        start_s: 0.0,
+        period_s: 1e-4,
     };
     RecordComparison {
         file: file.to_owned(),

@@ -26,9 +26,9 @@ fn points(svg: &str, colour: &str) -> Vec<(f64, f64)> {
 }
 
 fn overlay_of(measured: &[f64], modelled: &[f64], noise_rms: f64) -> Option<String> {
-    let time_s: Vec<f64> = (0..measured.len()).map(|k| k as f64 * 1e-5).collect();
     let data = OverlayData {
-        time_s: &time_s,
+        start_s: 0.0,
+        period_s: 1e-5,
         measured,
         modelled,
         output: "position",

@@ -20,7 +20,8 @@ fn val_each_page_that_a_command_writes_is_accessible() {
     }
     let folder = tempfile::tempdir().unwrap();
     let commands = [
-        "example scope -o stage",
+        "example scope -o capture",
+        "import capture/slow.csv --validate capture/mixed.csv --column voltage=CH1:V*10 --column position=CH2:um*2 -o stage",
         "fit stage --model mpi --plays 4 -o first.toml",
         "compare stage first.toml -o compare.html",
         "explain delay -o delay.html",
@@ -30,7 +31,7 @@ fn val_each_page_that_a_command_writes_is_accessible() {
         "report stage model.toml -o report.html",
         "diagnose stage first.toml --page missing.html",
         "design model.toml -o controller.toml",
-        "track controller.toml --stage paper-rate -o track.html",
+        "track controller.toml --stage paper-rate --alone -o track.html",
     ];
     for words in commands {
         run(folder.path(), words);

@@ -10,8 +10,10 @@ use crate::panel::{BELOW_PX, Mark, Panel, TOP_PX, inner_px, left_px};
 /// What an overlay shows. The series have one length.
 #[derive(Debug, Clone, Copy)]
 pub struct OverlayData<'a> {
-    /// Time, seconds, ascending.
-    pub time_s: &'a [f64],
+    /// Time of the first sample, seconds.
+    pub start_s: f64,
+    /// Sample period, seconds.
+    pub period_s: f64,
     /// Measured output.
     pub measured: &'a [f64],
     /// Modelled output.
@@ -47,7 +49,7 @@ struct Scales {
 ///
 /// Series with more samples than pixels are drawn by their smallest and largest value in each column of pixels.
 pub fn overlay(data: &OverlayData<'_>, size: Size) -> Option<Picture> {
-    let len = data.time_s.len().min(data.measured.len()).min(data.modelled.len());
+    let len = data.measured.len().min(data.modelled.len());
     if len < 2 {
         return None;
     }
@@ -64,7 +66,7 @@ pub fn overlay(data: &OverlayData<'_>, size: Size) -> Option<Picture> {
     let line = |value: &dyn Fn(usize) -> f64, factor: f64, ink: Ink, width_px: f64| {
         let kept = min_max_uniform(len, columns, value).into_iter();
         let points = kept
-            .map(|index| (data.time_s[index] * time_factor, value(index) * factor))
+            .map(|index| (at_s(data, index) * time_factor, value(index) * factor))
             .collect();
         Mark::Line { points, ink, width_px }
     };
@@ -139,9 +141,14 @@ fn noise_marks(scales: &Scales, noise: f64, size: Size) -> (Vec<Mark>, Vec<Mark>
     (band, vec![edge(-noise), edge(noise)])
 }
 
+/// Time of a sample, seconds.
+fn at_s(data: &OverlayData<'_>, sample: usize) -> f64 {
+    data.start_s + sample as f64 * data.period_s
+}
+
 fn scales(data: &OverlayData<'_>, len: usize, (residual_low, residual_high): (f64, f64), size: Size) -> Option<Scales> {
     let (low, high) = extent(data.measured[..len].iter().chain(&data.modelled[..len]).copied())?;
-    let (start_s, end_s) = extent(data.time_s[..len].iter().copied())?;
+    let (start_s, end_s) = (data.start_s, at_s(data, len - 1));
     let largest = residual_low.abs().max(residual_high.abs()).max(data.noise_rms);
     let units = [
         readable_unit("s", start_s.abs().max(end_s.abs())),

@@ -138,7 +138,8 @@ fn loop_picture(record: &RecordComparison) -> Option<Picture> {
 
 fn error_picture(way: &Way, record: &RecordComparison) -> Option<Picture> {
     let data = OverlayData {
-        time_s: &record.series.time_s,
+        start_s: record.series.start_s,
+        period_s: record.series.period_s,
         measured: &record.series.measured,
         modelled: &record.series.modelled,
         output: "position",

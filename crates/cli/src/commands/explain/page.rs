@@ -191,13 +191,11 @@ fn own_data(own: &OnOwnData, d: &Description) -> Section {
         .with(Block::Facts(numbers.collect()))
         .with(Block::Table(table));
     if let Some(record) = most_changed(own) {
-        let time_s: Vec<f64> = (0..record.len())
-            .map(|k| record.start_s + k as f64 * record.period_s)
-            .collect();
         for (model, what) in [(&own.before, "without the effect"), (&own.added.model, "with it")] {
             let modelled = model.simulate(record).output;
             let data = OverlayData {
-                time_s: &time_s,
+                start_s: record.start_s,
+                period_s: record.period_s,
                 measured: &record.position_um,
                 modelled: &modelled,
                 output: "position",
