@@ -15,7 +15,7 @@ export async function projectsPage(lab) {
   return el("div", {},
     el("h2", {}, "Projects"),
     el("p", {}, "Each has its own recordings, models and controllers, in a folder of its own that every command opens. Nothing of one changes another."),
-    table("Projects", ["Project", "Models", "The one looked at", "Its error, of peak to peak", "Last changed", ""],
+    table("Projects", ["Project", "Models", "The one looked at", "Its error, of peak to peak", "Last changed", "Open it"],
       projects.map((project, index) => [project.title, right(count(project.models)), state(project), right(project.error_percent === null ? "–" : percent(project.error_percent)), when(project.changed_s), { element: open(project, index) }])),
     el("form", { class: "panel", id: "new-project", submit: (event) => {
       event.preventDefault();
