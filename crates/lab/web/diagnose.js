@@ -42,7 +42,8 @@ function parameters(effect, bounds, signature) {
     const error = p.standard_error ? ` ± ${Number((p.standard_error * factor).toPrecision(1))}` : "";
     return [p.name.replaceAll("_", " "), right(`${num(p.value * factor)}${error}${name ? `\u00a0${name}` : ""}`), range ? (range[0] === range[1] ? "fixed" : between(range[0], range[1], p.unit)) : "–"];
   });
-  return table(signature ? "Parameters, with standard errors" : "Parameters as tried", ["Parameter", "Value", "Physical between"], rows);
+  const of = effectName(effect.effect);
+  return table(signature ? `Parameters of ${of}, with standard errors` : `Parameters of ${of} as tried`, ["Parameter", "Value", "Physical between"], rows);
 }
 
 /** How a candidate that counts stands to the verdict: part of it, not told apart from others, or behind it. */
