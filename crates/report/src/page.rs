@@ -172,7 +172,7 @@ impl Block {
         match self {
             Block::Text(text) => html! { p { (text) } },
             Block::Notices(list) => html! {
-                aside.notices aria-label="Notices" { ul { @for notice in list { li { (notice) } } } }
+                div.notices role="note" { ul { @for notice in list { li { (notice) } } } }
             },
             Block::Tiles(tiles) => html! {
                 dl.tiles {

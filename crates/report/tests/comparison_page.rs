@@ -177,7 +177,7 @@ fn golden_the_headline_and_the_figures_are_said() {
         ]
     );
     assert_eq!(
-        texts(&html, "aside li"),
+        texts(&html, ".notices li"),
         ["The noise floor is an upper bound.", "b-2.csv leaves the range."]
     );
     assert_eq!(
@@ -259,7 +259,7 @@ fn prop_poor_comparisons_still_make_a_page_without_empty_parts() {
     let html = checked(&page_of(&nothing));
     assert_eq!(texts(&html, "h2"), ["How this was made"]);
     assert_eq!(
-        html.select(&Selector::parse("figure, table, aside, dl.tiles").unwrap())
+        html.select(&Selector::parse("figure, table, .notices, dl.tiles").unwrap())
             .count(),
         0
     );
