@@ -66,10 +66,15 @@ fn learned_and_compensated(effect: &str, seed: u64, options: &[&str]) -> Value {
     answer
 }
 
-/// In records of 100 samples a second its harmonics lie on one another. The tutorial of the controller rehearses creep, with every figure.
+/// In records of 100 samples a second its harmonics lie on one another.
 #[test]
 fn val_hum_is_learned_and_compensated() {
     learned_and_compensated("mains-hum", 3, &[]);
+}
+
+#[test]
+fn val_creep_is_learned_and_compensated() {
+    learned_and_compensated("creep", 1, &[]);
 }
 
 /// Records and runs of the firmware in the emulator: a plain image plays the records, images of the designed controllers track.
