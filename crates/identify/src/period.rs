@@ -79,8 +79,10 @@ fn long_lags(drive: &[f64], tolerance: f64) -> Vec<usize> {
             let places = (0..drive.len() - lag).rev().step_by(step);
             places.map(|k| (drive[k + lag] - drive[k]).powi(2)).sum()
         };
-        let each = lags.map(|lag| (lag, difference(lag)));
-        each.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(coarse, |(lag, _)| lag)
+        let differences = lags.map(|lag| (lag, difference(lag)));
+        differences
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map_or(coarse, |(lag, _)| lag)
     });
     near.filter(|lag| *lag > AT_ONCE / 2).collect()
 }
