@@ -1,33 +1,30 @@
 //! The board at the other end of a cable, or a simulated one: watched, asked, recorded into the data, given another table.
 
+mod recorded;
+
 use crate::api::{Answer, Parameters, Shared, aside, body, number};
 use crate::controller::stage;
 use crate::error::Refusal;
 use crate::place::{Of, Place};
-use crate::reading::MANIFEST;
-use crate::session::Session;
-use crate::wish::{Given, pair};
-use crate::{App, bring, grow, jobs, series};
+use crate::{App, jobs, series};
 use axum::Json;
 use axum::body::Bytes;
 use axum::extract::{Query, State};
 use axum::response::IntoResponse;
-use hysteron_board::capture::Wish;
 use hysteron_board::live::{Answered, Ask, Live, Status};
 use hysteron_board::scope::{Channel, Scope, Window};
-use hysteron_board::shapes::{Named, SHAPES};
 use hysteron_board::slots::{packed, upload};
 use hysteron_board::telemetry::hex;
-use hysteron_board::upload::Upload;
-use hysteron_board::{BoardError, Mode, Request};
-use hysteron_data::{Manifest, Role, write_record_to};
+use hysteron_board::{BoardError, Mode};
+use hysteron_data::Role;
 use hysteron_diagnose::density;
 use hysteron_table::Table;
-use hysteron_trials::recording::{Counted, Followed, Recorded, followed, recorded};
-use serde::{Deserialize, Serialize};
+use hysteron_trials::recording::Recorded;
+pub(crate) use recorded::takes_known;
+use recorded::{Recording, Run, Wanted, keep, take_in};
+use serde::Deserialize;
 use serde_json::{Value, json};
 use std::collections::HashMap;
-use std::io::Write;
 use std::sync::{Arc, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -57,27 +54,6 @@ pub(crate) struct OnBench {
     runs: Vec<Run>,
     /// What went wrong on the board's side of a recording.
     fault: Option<String>,
-}
-
-/// A recording, as it was asked for.
-#[derive(Debug, Clone)]
-struct Recording {
-    words: String,
-    command: String,
-    axis: usize,
-}
-
-/// What a recording came to.
-#[derive(Debug, Clone, Serialize)]
-struct Run {
-    /// The reference in words.
-    words: String,
-    /// The first letters of its table's hash.
-    table: String,
-    samples: u64,
-    lost: u64,
-    #[serde(flatten)]
-    followed: Option<Followed>,
 }
 
 /// What a page asks of the board.
@@ -117,90 +93,6 @@ pub(crate) enum Deed {
         #[serde(default)]
         of: Of,
     },
-}
-
-/// What the board is to play; each as the option of `hysteron board record` of its name.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Wanted {
-    bank: Option<u8>,
-    shape: String,
-    /// One period of a reference of one's own, a position a line, instead of a shape.
-    trajectory: Option<String>,
-    hz: Option<f64>,
-    low_um: Option<f64>,
-    high_um: Option<f64>,
-    seconds: Option<f64>,
-    #[serde(default)]
-    no_feedback: bool,
-    #[serde(default)]
-    no_feedforward: bool,
-    #[serde(default)]
-    axis: usize,
-}
-
-/// Usual frequency and length of a recording, as the command's.
-const USUAL_HZ: f64 = 100.0;
-const USUAL_S: f64 = 1.0;
-
-impl Wanted {
-    /// The wish of each axis, and the recording that it is.
-    fn read(&self, from: &str) -> Result<(Vec<Option<Wish>>, f64, Recording), Refusal> {
-        if self.axis > 1 {
-            return Err(Refusal::bad(format!("axis = {}: allowed are 0 and 1", self.axis)));
-        }
-        let points = self.trajectory.as_deref().filter(|text| !text.trim().is_empty());
-        let points = points.map(Upload::parse).transpose().map_err(Refusal::unusable)?;
-        let named = Named::find(&self.shape).ok_or_else(|| {
-            let known = SHAPES.map(|known| known.name).join(", ");
-            let given: String = self.shape.chars().take(40).collect();
-            Refusal::bad(format!("there is no reference `{given}`; there are {known}"))
-        })?;
-        let given_um = pair("reference", self.low_um, self.high_um)?;
-        let (hz, seconds) = (self.hz.unwrap_or(USUAL_HZ), self.seconds.unwrap_or(USUAL_S));
-        let request = Request {
-            shape: named.shape,
-            frequency_hz: hz,
-            range_um: given_um,
-            seconds,
-            feedforward: !self.no_feedforward,
-            feedback: !self.no_feedback,
-        };
-        let shape = named.name;
-        let mut given = Given::default();
-        given.number("bank", self.bank.map(f64::from));
-        given.number("hz", Some(hz));
-        given.number("low", given_um.map(|[low, _]| low).filter(|_| points.is_none()));
-        given.number("high", given_um.map(|[_, high]| high).filter(|_| points.is_none()));
-        given.flag("no-feedback", self.no_feedback);
-        given.flag("no-feedforward", self.no_feedforward);
-        given.flag("axis y", self.axis == 1);
-        given.number("seconds", Some(seconds));
-        let reference = match points {
-            Some(_) => "--trajectory=FILE.csv".to_owned(),
-            None => format!("--shape={shape}"),
-        };
-        let parts = match (self.no_feedforward, self.no_feedback) {
-            (false, false) => "",
-            (false, true) => ", open loop",
-            (true, false) => ", feedback alone",
-            (true, true) => ", neither part",
-        };
-        let recording = Recording {
-            words: format!(
-                "{} {hz} Hz{parts}",
-                points.as_ref().map_or(shape, |_| "reference of a file")
-            ),
-            command: format!(
-                "hysteron board record --from {from} --run {reference}{} -o recorded",
-                given.words()
-            ),
-            axis: self.axis,
-        };
-        let mut wishes = vec![None; self.axis];
-        wishes.push(Some(Wish::new(self.bank.unwrap_or(0), request, points)));
-        Ok((wishes, seconds, recording))
-    }
 }
 
 impl App {
@@ -253,13 +145,12 @@ pub(crate) async fn look(State(app): Shared, Query(parameters): Parameters) -> A
             at_once || (draws && samples > had + NEW_SAMPLES)
         });
         let recorded = take_in(&app);
-        let with_known = takes_known(&app.session());
         let mut bench = app.bench();
         let Some(on) = bench.as_mut() else {
             return Ok(Json(absent(&app)).into_response());
         };
         on.seen = Instant::now();
-        let mut said = said(on, &status, with_known);
+        let mut said = said(on, &status);
         drop(bench);
         if recorded {
             app.changed();
@@ -279,44 +170,6 @@ fn absent(app: &App) -> Value {
     json!({"connected": false, "sending": job.running && job.kind == SENDING, "stages": stages})
 }
 
-/// A recording that has ended becomes what it came to.
-fn take_in(app: &App) -> bool {
-    let mut bench = app.bench();
-    let Some(on) = bench.as_mut() else {
-        return false;
-    };
-    let Some(captured) = on.live.recorded() else {
-        return false;
-    };
-    let Some(asked) = on.asked.take() else {
-        return false;
-    };
-    let recorded = captured.map_err(|error| error.to_string()).and_then(|captures| {
-        let followed = captures.get(asked.axis).and_then(followed);
-        recorded(captures, asked.axis)
-            .map(|recorded| (recorded, followed))
-            .map_err(|error| error.to_string())
-    });
-    match recorded {
-        Ok((recorded, followed)) => {
-            let tables = recorded.counted.tables_sha256.first();
-            on.runs.push(Run {
-                words: asked.words,
-                table: tables.map_or(String::new(), |hash| hash.chars().take(8).collect()),
-                samples: recorded.counted.samples,
-                lost: recorded.counted.lost,
-                followed,
-            });
-            on.fault = recorded
-                .fault
-                .map(|(tick, fault)| format!("the board stopped with a fault at tick {tick}: {fault:?}"));
-            on.came = Some(recorded);
-        }
-        Err(reason) => on.fault = Some(reason),
-    }
-    true
-}
-
 fn mode(mode: Mode) -> &'static str {
     match mode {
         Mode::Off => "at rest",
@@ -326,7 +179,7 @@ fn mode(mode: Mode) -> &'static str {
     }
 }
 
-fn said(on: &OnBench, status: &Status, with_known: bool) -> Value {
+fn said(on: &OnBench, status: &Status) -> Value {
     let axes = status.axes.iter().map(|axis| {
         json!({
             "mode": mode(axis.mode), "running": axis.mode == Mode::Running, "at_rest": axis.mode == Mode::Off,
@@ -356,20 +209,11 @@ fn said(on: &OnBench, status: &Status, with_known: bool) -> Value {
         "answers": answers.collect::<Vec<_>>(),
         "recording": status.recording,
         "records": on.asked.as_ref().map(|asked| json!({"words": asked.words, "command": asked.command})),
-        "came": on.came.as_ref().map(|came| arrived(&came.counted, with_known)),
+        "came": on.came.as_ref().map(|Recorded { counted, .. }| {
+            json!({"samples": counted.samples, "lost": counted.lost, "seconds": counted.seconds, "delay_s": counted.known_delay_s})
+        }),
         "runs": on.runs,
         "fault": on.fault,
-    })
-}
-
-/// What has come and is not kept yet.
-fn arrived(counted: &Counted, with_known: bool) -> Value {
-    json!({
-        "samples": counted.samples,
-        "lost": counted.lost,
-        "seconds": counted.seconds,
-        "delay_s": counted.known_delay_s,
-        "with_delay": with_known,
     })
 }
 
@@ -519,67 +363,6 @@ fn table(app: &App, of: Of) -> Result<(String, String), Refusal> {
     let file = session.folder.join(&name);
     let text = std::fs::read_to_string(&file).map_err(|error| Refusal::disk(&file, &error))?;
     Ok((name, text))
-}
-
-/// What was recorded goes to the data, as files that are brought do: a record a piece without a gap. Where the data begin with it, the
-/// board's known delay is theirs.
-fn keep(app: &Arc<App>, role: Role) -> Result<(), Refusal> {
-    let mut recorded = {
-        let bench = app.bench();
-        let on = bench
-            .as_ref()
-            .ok_or_else(|| Refusal::conflict("no board is connected"))?;
-        let came = on.came.as_ref();
-        came.ok_or_else(|| Refusal::conflict("nothing was recorded that is not kept"))?
-            .dataset
-            .clone()
-    };
-    let (folder, first) = {
-        let session = app.session();
-        (session.uploads.folder.clone(), takes_known(&session))
-    };
-    let come = |bytes: &[u8]| -> Result<tempfile::NamedTempFile, Refusal> {
-        let mut beside = tempfile::NamedTempFile::new_in(&folder).map_err(|error| Refusal::disk(&folder, &error))?;
-        beside
-            .write_all(bytes)
-            .map_err(|error| Refusal::disk(&folder, &error))?;
-        Ok(beside)
-    };
-    for record in &mut recorded.records {
-        let mut bytes = Vec::new();
-        write_record_to(record, &mut bytes).map_err(Refusal::unusable)?;
-        record.file = bring::keep_recorded(app, come(&bytes)?, role)?;
-        record.role = role;
-    }
-    if first {
-        let manifest = Manifest::of(&recorded)
-            .render(MANIFEST.as_ref())
-            .map_err(Refusal::unusable)?;
-        bring::keep(app, MANIFEST.to_owned(), come(manifest.as_bytes())?, None)?;
-    }
-    let records = recorded.records.len();
-    if let Some(on) = app.bench().as_mut() {
-        on.came = None;
-    }
-    let (begun, others) = {
-        let session = app.session();
-        let waiting = session
-            .uploads
-            .usable(&session.book, |stands| stands == crate::book::Stands::Waits);
-        (session.dataset.is_some(), waiting.len() > records)
-    };
-    match (begun, others) {
-        // What a person has not looked at yet is not taken with it.
-        (_, true) => Ok(()),
-        (true, false) => grow::add_files(app),
-        (false, false) => grow::take_files(app),
-    }
-}
-
-/// Whether what is known of a recording's board comes to the data with it: where they begin with it alone, and nobody has said otherwise.
-fn takes_known(session: &Session) -> bool {
-    let waiting = session.uploads.usable(&session.book, |_| true);
-    session.book.generations.is_empty() && session.uploads.manifest().is_none() && waiting.is_empty()
 }
 
 /// Stops the loop, sends the table, and connects again.

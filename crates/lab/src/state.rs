@@ -1,6 +1,7 @@
 //! What the page shows, as JSON.
 
 use crate::App;
+use crate::board;
 use crate::book::Step;
 use crate::image;
 use crate::reading::quoted;
@@ -52,6 +53,7 @@ pub(crate) fn state(app: &App, tick: u64) -> Value {
         "undo": book.offered(Way::Undo),
         "redo": book.offered(Way::Redo),
         "board": app.has_board(),
+        "takes_known": board::takes_known(&session),
         "job": job,
         "reading": app.reading(),
     })

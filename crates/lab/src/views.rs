@@ -26,11 +26,8 @@ pub(crate) async fn raw(State(app): Shared, Query(parameters): Parameters) -> An
     let uploaded = parameters.get("of").is_some_and(|of| of == "files");
     aside(move || {
         let mut session = app.session();
-        if uploaded {
-            session.read_again(|stands| stands != Stands::Taken);
-        }
         let absent = || Refusal::absent("there is no such record");
-        let record = records(&session, uploaded).nth(index).ok_or_else(absent)?;
+        let record = records(&mut session, uploaded).nth(index).ok_or_else(absent)?;
         let (first, len) = window(&parameters, record.start_s, record.period_s, record.len());
         let time = |k: usize| record.start_s + k as f64 * record.period_s;
         let points = series::columns(first, len, width, time, &[&|k| record.voltage_v[k], &|k| record.position_um[k]]);
@@ -137,10 +134,7 @@ pub(crate) async fn small(State(app): Shared, Query(parameters): Parameters) -> 
             each.collect()
         } else {
             let mut session = app.session();
-            if uploaded {
-                session.read_again(|stands| stands != Stands::Taken);
-            }
-            records(&session, uploaded)
+            records(&mut session, uploaded)
                 .map(|record| drawn(record.len(), &|k| record.voltage_v[k], &|k| record.position_um[k]))
                 .collect()
         };
@@ -168,7 +162,10 @@ pub(crate) async fn told(State(app): Shared) -> Answer {
 }
 
 /// The records of the data, or of the files that were brought, in the order that the page numbers them.
-fn records(session: &Session, uploaded: bool) -> impl Iterator<Item = &Record> {
+fn records(session: &mut Session, uploaded: bool) -> impl Iterator<Item = &Record> {
+    if uploaded {
+        session.read_again(|stands| stands != Stands::Taken);
+    }
     let files = session.uploads.files.iter().filter(move |_| uploaded);
     let brought = files
         .filter_map(|file| file.read.as_ref().ok())

@@ -107,7 +107,7 @@ function referencePart(lab, said) {
       if (state.textContent !== text) state.textContent = text;
       state.className = fault !== null ? "refused" : "";
       kept.hidden = came === null;
-      const goes = came && came.delay_s !== null ? `The board's known delay, ${num(came.delay_s * 1e6)} µs, ${came.with_delay ? "goes into the data with it" : "does not go into the data: they begin with other files, and know what was said of those"}.` : "";
+      const goes = came && came.delay_s !== null ? `The board's known delay, ${num(came.delay_s * 1e6)} µs, ${lab.state.takes_known ? "goes into the data with it" : "does not go into the data: they begin with other files, and know what was said of those"}.` : "";
       if (delay.textContent !== goes) delay.textContent = goes;
       if (records && asked.dataset.of !== records.command) { asked.dataset.of = records.command; asked.replaceChildren(command(records.command)); }
     },

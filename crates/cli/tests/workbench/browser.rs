@@ -135,14 +135,18 @@ impl Browser {
         }
     }
 
-    /// Sheets that an accessible page prints on, letter's size, and the pictures in it that are none of lines.
-    pub(crate) async fn printed(page: &Path) -> (usize, usize) {
+    /// A page is accessible and prints on at most six sheets, letter's size, with pictures of lines alone.
+    pub(crate) async fn prints_on_six_sheets(page: &Path) {
         let browser = Self::open(&format!("file://{}", page.display()), false).await;
         browser.accessible(&page.display().to_string()).await;
         let pdf = browser.client.print(PrintConfiguration::default()).await.unwrap();
         browser.close().await;
         let count = |word: &[u8]| pdf.windows(word.len()).filter(|at| *at == word).count();
-        (count(b"/Type /Page\n"), count(b"/Subtype /Image"))
+        let (sheets, pixels) = (count(b"/Type /Page\n"), count(b"/Subtype /Image"));
+        assert!(
+            (1..=6).contains(&sheets) && pixels == 0,
+            "{sheets} sheets, {pixels} pictures of pixels"
+        );
     }
 
     /// Waits until something is there, and for its text.

@@ -176,12 +176,8 @@ fn prop_learning_that_is_stopped_changes_nothing() {
     let server = Server::start(&folder.path().join("session"));
     server.act(r#"{"what":"start","name":"demo"}"#);
     let before = server.state();
-    let ask = |deed: &str| {
-        let body = format!("{{\"revision\":{},\"do\":{deed}}}", before["revision"]);
-        server.ask("POST", "api/do", body.as_bytes()).status
-    };
-    assert_eq!(ask(r#"{"what":"learn","model":"mpi","plays":6}"#), 200);
-    assert_eq!(ask(r#"{"what":"stop"}"#), 200);
+    assert_eq!(server.begin(r#"{"what":"learn","model":"mpi","plays":6}"#).status, 200);
+    assert_eq!(server.begin(r#"{"what":"stop"}"#).status, 200);
     let after = server.wait();
     assert_eq!(after["job"]["stopped"], true, "{}", after["job"]);
     assert_eq!((&after["revision"], &after["steps"]), (&before["revision"], &json!([])));

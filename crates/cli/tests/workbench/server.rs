@@ -94,14 +94,19 @@ impl Server {
 
     /// Does something and waits until the job it starts has ended.
     pub(crate) fn act(&self, deed: &str) -> Answer {
+        let answer = self.begin(deed);
+        self.wait();
+        answer
+    }
+
+    /// The same, without the wait.
+    pub(crate) fn begin(&self, deed: &str) -> Answer {
         let revision = self.state()["revision"].as_u64().unwrap();
-        let answer = self.ask(
+        self.ask(
             "POST",
             "api/do",
             format!("{{\"revision\":{revision},\"do\":{deed}}}").as_bytes(),
-        );
-        self.wait();
-        answer
+        )
     }
 
     /// Waits for the job by asking for news.

@@ -136,11 +136,7 @@ async fn the_way(browser: &Browser, session: &Path, name: &str, model: &str) {
     let page = browser.run_async(get, vec![json!("#export-report")]).await;
     whole_report(page.as_str().unwrap());
     let report = std::fs::canonicalize(session.join("reports/3.html")).unwrap();
-    let (sheets, pixels) = Browser::printed(&report).await;
-    assert!(
-        (1..=6).contains(&sheets) && pixels == 0,
-        "{sheets} sheets, {pixels} pictures of pixels"
-    );
+    Browser::prints_on_six_sheets(&report).await;
     browser.picture(&format!("{name}-export")).await;
     browser.accessible("export").await;
     the_controller(browser, session, name).await;
