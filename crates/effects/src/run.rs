@@ -45,6 +45,7 @@ pub(crate) fn relaxations(elements: &[(f64, f64)], period_s: f64, from: usize, r
         let forgets = -(-(run_in as f64) * period_s / tau_s).exp_m1();
         Some(Relaxation {
             approach,
+            keeps: 1.0 - approach,
             through,
             share,
             forgets: if tau_s > 0.0 { forgets } else { 1.0 },
@@ -53,8 +54,8 @@ pub(crate) fn relaxations(elements: &[(f64, f64)], period_s: f64, from: usize, r
     let lags: Vec<Relaxation> = elements.iter().filter_map(lags).collect();
     let (together, rest) = series.as_chunks_mut::<SIDE_BY_SIDE>();
     for lanes in together {
-        // Many series keep a processor busy, one lag after another.
-        pulp::Arch::new().dispatch(Relaxed::<SIDE_BY_SIDE, 1> {
+        // Many series keep a processor busy, two lags at a time.
+        pulp::Arch::new().dispatch(Relaxed::<SIDE_BY_SIDE, 2> {
             lags: &lags,
             run_in,
             series: lanes.each_mut().map(|lane| &mut lane[from..]),
@@ -89,6 +90,8 @@ impl<const N: usize, const E: usize> pulp::NullaryFnOnce for Relaxed<'_, N, E> {
 #[derive(Clone, Copy, Default)]
 struct Relaxation {
     approach: f64,
+    /// One less that.
+    keeps: f64,
     through: f64,
     share: f64,
     /// What one period of run-in leaves out of its state.
@@ -181,8 +184,9 @@ fn advance<const N: usize, const E: usize>(
     for (k, input) in inputs.iter().enumerate().take(*count) {
         for e in 0..E {
             for l in 0..N {
-                let ramp = group[e].through * (input[l] - last[l]);
-                outputs[e][l] += group[e].approach * (last[l] - outputs[e][l]) + ramp;
+                // Everything but one product and one sum is known before the last output.
+                let towards = group[e].approach * last[l] + group[e].through * (input[l] - last[l]);
+                outputs[e][l] = group[e].keeps * outputs[e][l] + towards;
             }
         }
         *last = *input;

@@ -92,6 +92,24 @@ impl Basis {
         }
     }
 
+    /// The sum of the input's functions by their weights, one a power of the family, at each voltage.
+    pub(crate) fn input_function(&self, weights: &[f64], voltages_v: &[f64]) -> Vec<f64> {
+        if let (true, Ok(weights)) = (self.centred(), weights.try_into()) {
+            let basis = self;
+            return pulp::Arch::new().dispatch(Polynomial {
+                basis,
+                weights,
+                voltages_v,
+            });
+        }
+        let mut cells = vec![0.0; weights.len()];
+        let of_input = |&v: &f64| {
+            self.input(v, &mut cells);
+            cells.iter().zip(weights).map(|(x, c)| x * c).sum()
+        };
+        voltages_v.iter().map(of_input).collect()
+    }
+
     /// Functions of plays, by power: as many as the family has coefficients a play.
     #[inline(always)]
     pub(crate) fn plays<const N: usize>(&self, scales: &PlayScales<N>, w: &[f64; N], rate: f64) -> [[f64; N]; 3] {
@@ -179,6 +197,33 @@ impl Basis {
     }
 }
 
+/// Degree of a free shape's input function.
+const DEGREE: usize = 5;
+
+/// The input function of a free shape over voltages, by the widest vectors of the processor.
+struct Polynomial<'p> {
+    basis: &'p Basis,
+    weights: &'p [f64; DEGREE],
+    voltages_v: &'p [f64],
+}
+
+impl pulp::NullaryFnOnce for Polynomial<'_> {
+    type Output = Vec<f64>;
+
+    #[inline(always)]
+    fn call(self) -> Vec<f64> {
+        let mut sums = vec![0.0; self.voltages_v.len()];
+        for (sum, &v) in sums.iter_mut().zip(self.voltages_v) {
+            let mut cells = [0.0; DEGREE];
+            powers(self.basis.about_the_middle(v), &mut cells);
+            for (x, c) in cells.iter().zip(self.weights) {
+                *sum += x * c;
+            }
+        }
+        sums
+    }
+}
+
 /// Functions by their weights, added up for each element.
 #[inline(always)]
 pub(crate) fn by_weight<const N: usize>(functions: &[[f64; N]; 3], weights: &[[f64; N]; 3]) -> [f64; N] {
@@ -197,6 +242,7 @@ pub(crate) struct PlayScales<const N: usize> {
 }
 
 /// Powers of `x` from the first on; straight lines beyond -1 and 1.
+#[inline(always)]
 fn powers(x: f64, cells: &mut [f64]) {
     let inside = x.clamp(-1.0, 1.0);
     let beyond = x - inside;

@@ -5,7 +5,7 @@ use crate::chain_trace::Trace;
 use crate::columns::Design;
 use crate::effects::{Acts, Changes, Effect, EffectName, Family, RateLaw, Signals};
 use crate::fading::Fading;
-use crate::moving_plays::{Cells, LANES, Moving, Sums, Visit};
+use crate::moving_plays::{Cells, Drive, LANES, Moving, Sums, Visit};
 use crate::start_state::InitialState;
 use hysteron_data::{Record, Role};
 use nalgebra::DMatrix;
@@ -49,6 +49,7 @@ pub(crate) struct Chain {
 }
 
 /// The hysteresis' part of an answer, on the whole grid.
+#[derive(Clone)]
 pub(crate) struct Stroke {
     pub stack_v: Vec<f64>,
     pub position_um: Vec<f64>,
@@ -86,8 +87,9 @@ impl Chain {
     }
 
     /// Moves some of the plays along the voltage at the stack; `visit` sees them on the whole grid.
-    fn plays(&self, trace: &Trace<'_>, stack_v: &[f64], which: Range<usize>, visit: impl Visit) {
+    fn plays(&self, trace: &Trace<'_>, drive: &Drive<'_>, which: Range<usize>, visit: impl Visit) {
         let own = &self.design.thresholds[which];
+        let stack_v = drive.stack_v;
         if self.design.family == Family::Duhem {
             let basis = self.basis();
             // A lane to spare has no weight.
@@ -103,22 +105,25 @@ impl Chain {
             return;
         }
         let thresholds: [f64; LANES] = std::array::from_fn(|l| own.get(l).copied().unwrap_or(0.0));
+        let before = trace.initial.before(&stack_v[..trace.run_in.max(1).min(stack_v.len())]);
+        pulp::Arch::new().dispatch(Moving {
+            outputs: thresholds.map(before),
+            thresholds,
+            drive,
+            run_in: trace.run_in,
+            per_s: 1.0 / trace.period_s,
+            visit,
+        });
+    }
+
+    /// What moves the plays.
+    fn drive<'s>(&self, trace: &Trace<'_>, stack_v: &'s [f64]) -> Drive<'s> {
         let of_link = self.links.iter().find_map(|link| {
             let envelope = link.effect.envelope(&link.values)?;
             Some((envelope, link.effect.rate_law(&link.values)))
         });
         let (envelope, law) = of_link.unwrap_or((self.design.envelope, RateLaw::LINEAR));
-        let before = trace.initial.before(&stack_v[..trace.run_in.max(1).min(stack_v.len())]);
-        pulp::Arch::new().dispatch(Moving {
-            outputs: thresholds.map(before),
-            thresholds,
-            envelope,
-            law,
-            stack_v,
-            run_in: trace.run_in,
-            per_s: 1.0 / trace.period_s,
-            visit,
-        });
+        Drive::new(stack_v, envelope, law, trace.run_in, 1.0 / trace.period_s)
     }
 
     /// Groups of plays that move side by side.
@@ -143,6 +148,7 @@ impl Chain {
     /// The hysteresis alone; the offset is the sensor's, it comes after the linear effects.
     pub(crate) fn hysteresis(&self, coefficients: &[f64], trace: &Trace<'_>, stack_v: &[f64]) -> Vec<f64> {
         let basis = self.basis();
+        let drive = self.drive(trace, stack_v);
         let mut position_um = self.input_function(coefficients, stack_v);
         for group in self.groups() {
             let (scales, weights) = self.of_group(&group, coefficients);
@@ -152,19 +158,14 @@ impl Chain {
                 weights: &weights,
                 into: &mut position_um,
             };
-            self.plays(trace, stack_v, group, sums);
+            self.plays(trace, &drive, group, sums);
         }
         position_um
     }
 
     fn input_function(&self, coefficients: &[f64], stack_v: &[f64]) -> Vec<f64> {
-        let basis = self.basis();
-        let mut cells = vec![0.0; self.design.family.input_powers().len()];
-        let of_input = |&v: &f64| {
-            basis.input(v, &mut cells);
-            cells.iter().zip(&coefficients[1..]).map(|(x, c)| x * c).sum()
-        };
-        stack_v.iter().map(of_input).collect()
+        let inputs = self.design.family.input_powers().len();
+        self.basis().input_function(&coefficients[1..=inputs], stack_v)
     }
 
     /// Scales and weights of the plays that move side by side.
@@ -279,19 +280,22 @@ impl Chain {
     }
 
     /// The hysteresis' part of the answer, and how the modelled position changes with each coefficient at some of the recorded
-    /// samples: both from one pass of the plays where no nonlinear effect needs the position first.
+    /// samples: both from one pass of the plays where no nonlinear effect needs the position first. `known` is that part.
     pub(crate) fn stroke_and_columns(
         &self,
         coefficients: &[f64],
         trace: &Trace<'_>,
         own: &Own,
         rows: &[usize],
+        known: Option<Stroke>,
     ) -> (Stroke, DMatrix<f64>) {
-        let stack_v = self.stack(trace, own);
+        let (stack_v, mut known) = match known {
+            Some(Stroke { stack_v, position_um }) => (stack_v, Some(position_um)),
+            None => (self.stack(trace, own), None),
+        };
         let mut bends: Vec<(usize, Vec<f64>)> = Vec::new();
-        let mut known = None;
         if !self.linear() {
-            let position_um = self.hysteresis(coefficients, trace, &stack_v);
+            let position_um = known.unwrap_or_else(|| self.hysteresis(coefficients, trace, &stack_v));
             let mut position = position_um.clone();
             self.behind(coefficients[0], trace, own, &stack_v, &mut position, |i, position| {
                 bends.push((i, position.to_vec()));
@@ -311,7 +315,7 @@ impl Chain {
             chain: self,
             trace,
             own,
-            stack_v: &stack_v,
+            drive: self.drive(trace, &stack_v),
             bends: &bends,
             at: &at,
             // Without memory behind the hysteresis the other samples need not be known.
@@ -396,7 +400,7 @@ struct Passing<'p> {
     chain: &'p Chain,
     trace: &'p Trace<'p>,
     own: &'p Own,
-    stack_v: &'p [f64],
+    drive: Drive<'p>,
     /// What each nonlinear link makes of small changes.
     bends: &'p [Changes<'p>],
     at: &'p [usize],
@@ -413,12 +417,12 @@ impl Passing<'_> {
         let samples: Vec<usize> = if self.direct {
             self.at.to_vec()
         } else {
-            (0..self.stack_v.len()).collect()
+            (0..self.drive.stack_v.len()).collect()
         };
         let mut series = vec![vec![0.0; samples.len()]; inputs];
         let mut cells = vec![0.0; inputs];
         for (place, &k) in samples.iter().enumerate() {
-            basis.input(self.stack_v[k], &mut cells);
+            basis.input(self.drive.stack_v[k], &mut cells);
             series.iter_mut().zip(&cells).for_each(|(s, &x)| s[place] = x);
         }
         let mut offset = [vec![1.0; samples.len()]];
@@ -437,8 +441,19 @@ impl Passing<'_> {
         let count = group.len();
         let none = vec![0.0; chain.design.columns()];
         let (scales, weights) = chain.of_group(group, self.weights.unwrap_or(&none));
-        let mut sum = vec![0.0; if self.weights.is_some() { self.stack_v.len() } else { 0 }];
-        let samples = if self.direct { self.at.len() } else { self.stack_v.len() };
+        let mut sum = vec![
+            0.0;
+            if self.weights.is_some() {
+                self.drive.stack_v.len()
+            } else {
+                0
+            }
+        ];
+        let samples = if self.direct {
+            self.at.len()
+        } else {
+            self.drive.stack_v.len()
+        };
         let mut series = vec![vec![0.0; samples]; functions * count];
         let sums = Sums {
             basis: &basis,
@@ -453,7 +468,7 @@ impl Passing<'_> {
             count,
             series: &mut series,
         };
-        chain.plays(self.trace, self.stack_v, group.clone(), visit);
+        chain.plays(self.trace, &self.drive, group.clone(), visit);
         let columns = self
             .through(series)
             .into_iter()
@@ -473,7 +488,7 @@ impl Passing<'_> {
         }
         for (i, link) in self.chain.links.iter().enumerate() {
             if link.effect.acts() == Acts::Linearly {
-                let signals = signals(self.trace, self.own, self.stack_v, i);
+                let signals = signals(self.trace, self.own, self.drive.stack_v, i);
                 link.effect.on_positions(&link.values, &signals, &mut series);
             }
         }

@@ -11,13 +11,43 @@ pub(crate) const LANES: usize = 8;
 pub(crate) struct Moving<'m, V> {
     pub thresholds: [f64; LANES],
     pub outputs: [f64; LANES],
-    pub envelope: Envelope<f64>,
-    pub law: RateLaw,
-    pub stack_v: &'m [f64],
+    pub drive: &'m Drive<'m>,
     pub run_in: usize,
     /// Samples of the grid a second.
     pub per_s: f64,
     pub visit: V,
+}
+
+/// What moves plays: a voltage, and how far its rate opens their envelopes.
+pub(crate) struct Drive<'d> {
+    pub stack_v: &'d [f64],
+    envelope: Envelope<f64>,
+    /// What stands in the envelope at each sample in place of the speed: a power takes longer than all plays of a group, and is the same
+    /// for every group.
+    speeds: Vec<f64>,
+}
+
+impl<'d> Drive<'d> {
+    /// A voltage whose first `run_in` samples are a period that came before it; `per_s` samples a second.
+    pub(crate) fn new(stack_v: &'d [f64], envelope: Envelope<f64>, law: RateLaw, run_in: usize, per_s: f64) -> Self {
+        let mut last = stack_v.get(run_in.max(1) - 1).copied().unwrap_or(0.0);
+        let (mut last_speed, mut lawful) = (0.0, law.of(0.0));
+        let of_sample = |&input: &f64| {
+            let speed = ((input - last) * per_s).abs();
+            last = input;
+            // Rests and ramps need a power once.
+            if speed != last_speed {
+                (last_speed, lawful) = (speed, law.of(speed));
+            }
+            lawful
+        };
+        let speeds = stack_v.iter().map(of_sample).collect();
+        Self {
+            stack_v,
+            envelope,
+            speeds,
+        }
+    }
 }
 
 /// What looks at plays on their way; compiled into the loop that moves them.
@@ -112,13 +142,16 @@ impl<V: Visit> pulp::NullaryFnOnce for Moving<'_, V> {
 
     #[inline(always)]
     fn call(mut self) {
-        let Envelope { alpha_s, beta_s } = self.envelope;
-        let mut last = self.stack_v.first().copied().unwrap_or(0.0);
+        let Drive {
+            stack_v,
+            envelope: Envelope { alpha_s, beta_s },
+            ref speeds,
+        } = *self.drive;
+        let mut last = stack_v.first().copied().unwrap_or(0.0);
         let mut w = self.outputs;
-        let mut advance = |input: f64, w: &mut [f64; LANES]| {
+        let mut advance = |input: f64, speed: f64, w: &mut [f64; LANES]| {
             let rate = (input - last) * self.per_s;
             last = input;
-            let speed = self.law.of(rate.abs());
             let (left, right) = (input - alpha_s * speed, input + beta_s * speed);
             for (w, threshold) in w.iter_mut().zip(self.thresholds) {
                 // Comparisons compile to selections where `max` and `min` must think of NaN.
@@ -128,12 +161,13 @@ impl<V: Visit> pulp::NullaryFnOnce for Moving<'_, V> {
             }
             rate
         };
-        // After one whole period both extremes have been passed, and all memory from before is wiped out.
-        for &input in &self.stack_v[..self.run_in] {
-            advance(input, &mut w);
+        let moves = || stack_v.iter().zip(speeds);
+        // After one whole period both extremes have been passed, and all memory from before is wiped out. It begins at rest.
+        for (k, (&input, &speed)) in moves().take(self.run_in).enumerate() {
+            advance(input, if k == 0 { 0.0 } else { speed }, &mut w);
         }
-        for (k, &input) in self.stack_v.iter().enumerate() {
-            let rate = advance(input, &mut w);
+        for (k, (&input, &speed)) in moves().enumerate() {
+            let rate = advance(input, speed, &mut w);
             self.visit.at(k, rate, &w);
         }
     }

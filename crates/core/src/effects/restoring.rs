@@ -200,8 +200,13 @@ impl<T: Real> RestoringMode<T> {
         }
         let ahead = way >= T::ZERO;
         let length = way.magnitude();
-        let sticks = T::ONE + self.sticking / (T::ONE + self.per_sticking * rate * rate);
-        let (fading, lean) = (self.fading / sticks, self.lean / sticks);
+        let (mut fading, mut lean) = (self.fading, self.lean);
+        if self.sticking > T::ZERO {
+            // 1 / g
+            let moving = (T::ONE + self.per_sticking * rate * rate).select_min(self.most);
+            let slides = moving / (moving + self.sticking);
+            (fading, lean) = (fading * slides, lean * slides);
+        }
         let sign = if ahead { T::ONE } else { T::ZERO - T::ONE };
         let push = sign * self.stiffness;
         let fades = |memory: T| {

@@ -161,7 +161,7 @@ impl Lines {
         }
         // Folded harmonics may lie on one another (50 Hz in 100 samples a second), or on the straight line.
         let ridge = DMatrix::identity(columns.ncols(), columns.ncols()) * (1e-6 * rows.len() as f64);
-        let gram = columns.tr_mul(&columns) + ridge;
+        let gram = columns.transpose() * &columns + ridge;
         if let Some(factor) = gram.cholesky() {
             lines.amplitudes = factor.solve(&columns.tr_mul(&y)).iter().skip(2).copied().collect();
         }

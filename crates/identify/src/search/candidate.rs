@@ -1,6 +1,6 @@
 //! One more effect in the chain: where its search begins, and the way to the bottom of its valley.
 
-use super::fitted::{Descent, Fitted, Levels, Look, Standing, reweighed};
+use super::fitted::{Descent, Fitted, Known, Levels, Look, Standing, reweighed};
 use super::records::Prepared;
 use super::system::within_bounds;
 use super::trial::{Trial, judge, logarithms};
@@ -159,7 +159,7 @@ impl Search<'_> {
             .into_par_iter()
             .map(|index| {
                 let record = &self.records[index];
-                let tangent = fitted.tangent(record, index, Look::Few, false, None);
+                let tangent = fitted.tangent(record, index, Look::Few, false, Known::default());
                 let trace = record.trace(fitted.chain.dynamic());
                 let own = &fitted.own[index];
                 let stroke = fitted.chain.stroke(&fitted.coefficients, trace, own);
@@ -343,24 +343,22 @@ impl Search<'_> {
         }
         let behind =
             |error: f64, times: f64| rival.is_some_and(|rival| error > rival + self.taking_part() * times.powi(2).ln());
+        let mut begun = self.begun(&self.records, (&point, link, &starts), look);
         if rival.is_some() {
-            starts.retain(|values| {
-                let mut at = point.clone();
-                at.chain.links[link].values.clone_from(values);
-                !behind(self.descent_on(&self.records, look).project(at).error, BEGUN_HOPELESS)
-            });
-            if starts.is_empty() {
+            begun.retain(|at| !behind(at.error, BEGUN_HOPELESS));
+            if begun.is_empty() {
                 return Ok(self.standing.taking_nothing(point));
             }
         }
         let nowhere = || Refused::Cannot("there is nowhere to begin".to_owned());
         let mut best = self
-            .followed(&self.records, (&point, link, &starts), basis.error, look)
+            .followed(&self.records, begun, link, basis.error, look)
             .ok_or_else(nowhere)?;
         if !among_many && best.error > basis.error {
             // Every start ends in a valley above the chain without the effect: from where it does nothing it goes down.
             let nothing = [point.bounds[link].iter().map(|b| b.neutral).collect()];
-            let from_nothing = self.followed(&self.records, (&point, link, &nothing), basis.error, look);
+            let begun = self.begun(&self.records, (&point, link, &nothing), look);
+            let from_nothing = self.followed(&self.records, begun, link, basis.error, look);
             best = from_nothing.filter(|at| at.error < best.error).unwrap_or(best);
         }
         if behind(best.error, HOPELESS) {
@@ -388,6 +386,7 @@ impl Search<'_> {
                     Standing {
                         error,
                         linear: None,
+                        strokes: None,
                         ..best
                     },
                     effort,
@@ -414,8 +413,12 @@ impl Search<'_> {
         (without, effort): (f64, Effort),
     ) -> (Standing, Option<Vec<Prepared<'_>>>) {
         let mut states = None;
+        let followed = |records: &[Prepared<'_>], starts: &[Vec<f64>]| {
+            let begun = self.begun(records, (point, link, starts), effort);
+            self.followed(records, begun, link, without, effort)
+        };
         if let Some(from_rest) = self.begun_at_rest()
-            && let Some(other) = self.followed(&from_rest, (point, link, starts), without, effort)
+            && let Some(other) = followed(&from_rest, starts)
             && other.error < best.error
         {
             (best, states) = (other, Some(from_rest));
@@ -425,7 +428,7 @@ impl Search<'_> {
         {
             let mut records = self.records.clone();
             start_in(&mut records, &of_straight);
-            if let Some(other) = self.followed(&records, (point, link, &[values]), without, effort)
+            if let Some(other) = followed(&records, &[values])
                 && other.error < best.error
             {
                 (best, states) = (other, Some(records));
@@ -472,14 +475,13 @@ impl Search<'_> {
         }
     }
 
-    /// The best of some starts, each followed some steps; `without` is the sum of logarithms of the chain as it stands.
-    fn followed(
+    /// Some starts, each with the coefficients that belong to it.
+    fn begun(
         &self,
         records: &[Prepared<'_>],
         (point, link, starts): (&Fitted, usize, &[Vec<f64>]),
-        without: f64,
         effort: Effort,
-    ) -> Option<Standing> {
+    ) -> Vec<Standing> {
         let descent = self.descent_on(records, effort);
         let own_numbers = point.chain.links[link].effect.has_own_numbers();
         let each = starts.iter().map(|values| {
@@ -488,8 +490,22 @@ impl Search<'_> {
             if own_numbers {
                 at.settle(records);
             }
-            descent.descend(descent.project(at), effort.steps().0)
+            descent.project(at)
         });
+        each.collect()
+    }
+
+    /// The best of some starts, each followed some steps; `without` is the sum of logarithms of the chain as it stands.
+    fn followed(
+        &self,
+        records: &[Prepared<'_>],
+        begun: Vec<Standing>,
+        link: usize,
+        without: f64,
+        effort: Effort,
+    ) -> Option<Standing> {
+        let descent = self.descent_on(records, effort);
+        let each = begun.into_iter().map(|at| descent.descend(at, effort.steps().0));
         // One that imitates another effect on a bound comes after all that are what they are called and take something.
         let order = |at: &Standing| (at.fitted.refuted(link) || at.error > without - LEAST_FALL, at.error);
         each.min_by(|a, b| {

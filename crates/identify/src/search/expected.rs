@@ -61,7 +61,7 @@ pub(super) fn expected(chain: &Chain, stroke_um: f64) -> Option<Arc<DMatrix<f64>
     let trace = Trace::new(&record, InitialState::REST, false);
     let rows: Vec<usize> = (0..record.voltage_v.len()).collect();
     let none = vec![0.0; design.columns()];
-    let (_, columns) = bare.stroke_and_columns(&none, &trace, &Vec::new(), &rows);
+    let (_, columns) = bare.stroke_and_columns(&none, &trace, &Vec::new(), &rows, None);
     let inputs = design.family.input_powers().len();
     let elements = design.thresholds.len();
     let smooth = |powers: usize, weights: usize| {
@@ -134,7 +134,7 @@ mod tests {
         let trace = Trace::new(&record, InitialState::REST, false);
         let rows: Vec<usize> = (0..record.voltage_v.len()).collect();
         let none = vec![0.0; chain.design.columns()];
-        chain.stroke_and_columns(&none, &trace, &Vec::new(), &rows).1
+        chain.stroke_and_columns(&none, &trace, &Vec::new(), &rows, None).1
     }
 
     /// A straight line, whatever its offset, costs nothing; one coefficient more costs the mean square of what it adds on the path, in

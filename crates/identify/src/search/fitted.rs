@@ -3,11 +3,12 @@
 use super::expected::Held;
 use super::records::Prepared;
 use super::system::within_bounds;
-use crate::chain::{Chain, Own};
+use crate::chain::{Chain, Own, Stroke};
 use crate::effects::Bounds;
 use crate::normal::Normal;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// A chain with its coefficients, and what may be fitted of it.
@@ -68,6 +69,15 @@ pub(super) struct Tangent {
     pub target: DVector<f64>,
 }
 
+/// What is known before a tangent is asked for.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Known<'k> {
+    /// The coefficients' columns from a point nearby, where they need not be made anew.
+    pub linear: Option<&'k DMatrix<f64>>,
+    /// The hysteresis' part of the answer at this point.
+    pub stroke: Option<&'k Stroke>,
+}
+
 /// Step of numerical derivatives, in units of a parameter's scale: between rounding and bends.
 const DIFFERENCE: f64 = 1e-3;
 
@@ -108,22 +118,30 @@ impl Fitted {
         self.chain.respond(&self.coefficients, trace, &self.own[i])
     }
 
-    /// The answer on one record; `derivatives` asks for the columns of the effects' parameters as well. `linear` are the coefficients'
-    /// columns from a point nearby, where they need not be made anew.
+    /// The answer on one record; `derivatives` asks for the columns of the effects' parameters as well.
     pub(super) fn tangent(
         &self,
         record: &Prepared<'_>,
         i: usize,
         look: Look,
         derivatives: bool,
-        linear: Option<&DMatrix<f64>>,
+        known: Known<'_>,
     ) -> Tangent {
         let rows = look.rows(record);
         let trace = record.trace(self.chain.dynamic());
         let own = &self.own[i];
-        let (stroke, linear) = match linear {
-            Some(linear) => (self.chain.stroke(&self.coefficients, trace, own), linear.clone()),
-            None => self.chain.stroke_and_columns(&self.coefficients, trace, own, rows),
+        let (stroke, linear) = match (known.stroke, known.linear) {
+            (Some(stroke), Some(linear)) => (Cow::Borrowed(stroke), linear.clone()),
+            (None, Some(linear)) => (
+                Cow::Owned(self.chain.stroke(&self.coefficients, trace, own)),
+                linear.clone(),
+            ),
+            (stroke, None) => {
+                let (stroke, columns) =
+                    self.chain
+                        .stroke_and_columns(&self.coefficients, trace, own, rows, stroke.cloned());
+                (Cow::Owned(stroke), columns)
+            }
         };
         let modelled = self.chain.respond_from(&self.coefficients, trace, own, &stroke);
         let measured = &record.record().position_um;
@@ -163,18 +181,23 @@ impl Fitted {
     }
 
     /// Normal equations of each fitted record around this point, beside the coefficients' columns from a point nearby, or these columns
-    /// anew.
+    /// anew; `strokes` are those of this point.
     fn systems(
         &self,
         records: &[Prepared<'_>],
         derivatives: bool,
         levels: Levels,
         linear: Option<&LinearColumns>,
+        strokes: Option<&Strokes>,
     ) -> (Vec<Normal>, LinearColumns) {
         let taking_part: Vec<usize> = (0..records.len()).filter(|&i| records[i].fits).collect();
         let each = taking_part.par_iter().enumerate().map(|(place, &i)| {
             let kept = linear.map(|linear| &linear[place]);
-            let tangent = self.tangent(&records[i], i, Look::Few, derivatives, kept.map(Arc::as_ref));
+            let known = Known {
+                linear: kept.map(Arc::as_ref),
+                stroke: strokes.map(|strokes| &strokes[place]),
+            };
+            let tangent = self.tangent(&records[i], i, Look::Few, derivatives, known);
             let system = Normal::of_columns(&tangent.columns, &tangent.target);
             let system = if levels.free(&records[i]) {
                 system.level_free()
@@ -236,12 +259,17 @@ pub(super) struct Descent<'s> {
 /// How the answer on each fitted record changes with the coefficients, at the rows of a search.
 type LinearColumns = Vec<Arc<DMatrix<f64>>>;
 
+/// The hysteresis' part of the answer on each fitted record.
+type Strokes = Vec<Stroke>;
+
 /// A point and the sum of the logarithms of what it leaves of each record.
 pub(super) struct Standing {
     pub fitted: Fitted,
     pub error: f64,
     /// The coefficients' columns, where a point nearby has them.
     pub linear: Option<LinearColumns>,
+    /// The hysteresis' part of the answers, where it is known.
+    pub strokes: Option<Strokes>,
 }
 
 /// Rounds in which each record is weighed by what is left of it.
@@ -283,7 +311,7 @@ pub(super) fn reweighed(
 impl Descent<'_> {
     /// Solves for the linear coefficients at these effects; for a nonlinear chain around the given coefficients.
     pub(super) fn project(&self, mut fitted: Fitted) -> Standing {
-        let (systems, linear) = fitted.systems(self.records, false, self.levels, None);
+        let (systems, linear) = fitted.systems(self.records, false, self.levels, None, None);
         let n = fitted.coefficients.len();
         let solve = |sum: &Normal| within_bounds(sum, n, fitted.held(), 0.0, &[]);
         let solved = reweighed(&systems, self.noise_um, Some(&fitted.coefficients), REWEIGHED, solve);
@@ -291,25 +319,35 @@ impl Descent<'_> {
         if let Some((solution, left)) = solved {
             (fitted.coefficients, error) = (solution, left);
         }
+        let mut strokes = None;
         if !fitted.chain.linear() {
-            error = self.error(&fitted);
+            let answered = self.answered(&fitted);
+            (error, strokes) = (answered.0, Some(answered.1));
         }
         Standing {
             fitted,
             error,
             linear: Some(linear),
+            strokes,
         }
     }
 
     /// The sum of logarithms at the rows of the search.
     pub(super) fn error(&self, fitted: &Fitted) -> f64 {
-        let errors: Vec<f64> = self
-            .records
-            .par_iter()
-            .enumerate()
-            .filter(|(_, record)| record.fits)
-            .map(|(i, record)| {
-                let modelled = fitted.modelled(record, i);
+        self.answered(fitted).0
+    }
+
+    /// The same, and what the hysteresis answered.
+    fn answered(&self, fitted: &Fitted) -> (f64, Strokes) {
+        let chain = &fitted.chain;
+        let dynamic = chain.dynamic();
+        let each = self.records.par_iter().zip(&fitted.own);
+        let (errors, strokes): (Vec<f64>, Strokes) = each
+            .filter(|(record, _)| record.fits)
+            .map(|(record, own)| {
+                let trace = record.trace(dynamic);
+                let stroke = chain.stroke(&fitted.coefficients, trace, own);
+                let modelled = chain.respond_from(&fitted.coefficients, trace, own, &stroke);
                 let measured = &record.record().position_um;
                 let rows = &record.few_rows;
                 let level = if self.levels.free(record) {
@@ -318,10 +356,11 @@ impl Descent<'_> {
                     0.0
                 };
                 let sum: f64 = rows.iter().map(|&k| (measured[k] - modelled[k] - level).powi(2)).sum();
-                (self.noise_um.powi(2).max(f64::MIN_POSITIVE) + sum / rows.len().max(1) as f64).ln()
+                let noise_um2 = self.noise_um.powi(2).max(f64::MIN_POSITIVE);
+                ((noise_um2 + sum / rows.len().max(1) as f64).ln(), stroke)
             })
-            .collect();
-        errors.iter().sum()
+            .unzip();
+        (errors.iter().sum(), strokes)
     }
 
     /// From a point to the bottom of its valley, in a number of steps at the most.
@@ -335,14 +374,19 @@ impl Descent<'_> {
         let mut anew = bent || here.linear.is_none();
         for _ in 0..most_steps.min(MOST_STEPS) {
             let kept = here.linear.take().filter(|_| !anew);
-            let (systems, linear) = here.fitted.systems(self.records, true, self.levels, kept.as_ref());
+            let (systems, linear) =
+                here.fitted
+                    .systems(self.records, true, self.levels, kept.as_ref(), here.strokes.as_ref());
             let lower = self.step(&here, &systems, &mut damping);
             here.linear = Some(linear);
             let settled = lower
                 .as_ref()
-                .is_none_or(|(_, error)| here.error - error < self.settled);
-            if let Some((fitted, error)) = lower {
-                here = Standing { fitted, error, ..here };
+                .is_none_or(|lower| here.error - lower.error < self.settled);
+            if let Some(lower) = lower {
+                here = Standing {
+                    linear: here.linear,
+                    ..lower
+                };
             }
             if settled && (anew || !self.closely) {
                 break;
@@ -352,9 +396,8 @@ impl Descent<'_> {
         here
     }
 
-    /// Where a step down leads, and the sum of logarithms there, if the step brings as much as counts; one that does not go down is tried
-    /// again, shorter.
-    fn step(&self, here: &Standing, systems: &[Normal], damping: &mut f64) -> Option<(Fitted, f64)> {
+    /// Where a step down leads, if the step brings as much as counts; one that does not go down is tried again, shorter.
+    fn step(&self, here: &Standing, systems: &[Normal], damping: &mut f64) -> Option<Standing> {
         let n = here.fitted.coefficients.len();
         let mut stay = here.fitted.coefficients.clone();
         stay.resize(n + here.fitted.parameters(), 0.0);
@@ -370,10 +413,15 @@ impl Descent<'_> {
         for _ in 0..5 {
             let (solution, _) = solution(*damping)?;
             let fitted = here.fitted.moved_by(&solution);
-            let error = self.error(&fitted);
+            let (error, strokes) = self.answered(&fitted);
             if error < here.error {
                 *damping = (*damping * 0.1).max(1e-9);
-                return Some((fitted, error));
+                return Some(Standing {
+                    fitted,
+                    error,
+                    linear: None,
+                    strokes: Some(strokes),
+                });
             }
             *damping *= 10.0;
         }

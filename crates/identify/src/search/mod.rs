@@ -319,6 +319,7 @@ impl<'a> Search<'a> {
             fitted: self.standing.fitted.clone(),
             error: f64::INFINITY,
             linear: None,
+            strokes: None,
         };
         let own_numbers = here.fitted.chain.links.iter().any(|link| link.effect.has_own_numbers());
         for _ in 0..if own_numbers { 3 } else { 1 } {

@@ -1,7 +1,7 @@
 //! A fitted chain judged: what it leaves of each record, and what it would leave of a part that took no part in the fit.
 
 use super::chosen_states;
-use super::fitted::{Fitted, Look, Tangent};
+use super::fitted::{Fitted, Known, Look, Tangent};
 use super::records::Prepared;
 use super::system::within_bounds;
 use crate::effects::{Bounds, EffectName, Family};
@@ -87,7 +87,7 @@ pub(super) fn judge(
                 columns,
                 target,
                 residual,
-            } = point.tangent(record, i, Look::All, true, None);
+            } = point.tangent(record, i, Look::All, true, Known::default());
             let of_part = |part: &std::ops::Range<usize>| {
                 let rows = columns.rows(part.start, part.len()).into_owned();
                 Normal::of_columns(&rows, &target.rows(part.start, part.len()).into_owned())
