@@ -5,7 +5,7 @@ use crate::chain_trace::Trace;
 use crate::columns::Design;
 use crate::effects::{Acts, Changes, Effect, EffectName, Family, RateLaw, Signals};
 use crate::fading::Fading;
-use crate::moving_plays::{Cells, Drive, LANES, Moving, Sums, Visit};
+use crate::moving_plays::{Cells, Drive, FEW_LANES, LANES, Moving, Sums, Visit};
 use crate::start_state::InitialState;
 use hysteron_data::{Record, Role};
 use nalgebra::DMatrix;
@@ -87,7 +87,7 @@ impl Chain {
     }
 
     /// Moves some of the plays along the voltage at the stack; `visit` sees them on the whole grid.
-    fn plays(&self, trace: &Trace<'_>, drive: &Drive<'_>, which: Range<usize>, visit: impl Visit) {
+    fn plays<const N: usize>(&self, trace: &Trace<'_>, drive: &Drive<'_>, which: Range<usize>, visit: impl Visit<N>) {
         let own = &self.design.thresholds[which];
         let stack_v = drive.stack_v;
         if self.design.family == Family::Duhem {
@@ -104,7 +104,7 @@ impl Chain {
             });
             return;
         }
-        let thresholds: [f64; LANES] = std::array::from_fn(|l| own.get(l).copied().unwrap_or(0.0));
+        let thresholds: [f64; N] = std::array::from_fn(|l| own.get(l).copied().unwrap_or(0.0));
         let before = trace.initial.before(&stack_v[..trace.run_in.max(1).min(stack_v.len())]);
         pulp::Arch::new().dispatch(Moving {
             outputs: thresholds.map(before),
@@ -147,20 +147,35 @@ impl Chain {
 
     /// The hysteresis alone; the offset is the sensor's, it comes after the linear effects.
     pub(crate) fn hysteresis(&self, coefficients: &[f64], trace: &Trace<'_>, stack_v: &[f64]) -> Vec<f64> {
-        let basis = self.basis();
         let drive = self.drive(trace, stack_v);
         let mut position_um = self.input_function(coefficients, stack_v);
         for group in self.groups() {
-            let (scales, weights) = self.of_group(&group, coefficients);
-            let sums = Sums {
-                basis: &basis,
-                scales: &scales,
-                weights: &weights,
-                into: &mut position_um,
-            };
-            self.plays(trace, &drive, group, sums);
+            if group.len() <= FEW_LANES {
+                self.add_plays::<FEW_LANES>(coefficients, trace, &drive, group, &mut position_um);
+            } else {
+                self.add_plays::<LANES>(coefficients, trace, &drive, group, &mut position_um);
+            }
         }
         position_um
+    }
+
+    /// Adds the part of plays that move side by side.
+    fn add_plays<const N: usize>(
+        &self,
+        coefficients: &[f64],
+        trace: &Trace<'_>,
+        drive: &Drive<'_>,
+        group: Range<usize>,
+        into: &mut [f64],
+    ) {
+        let (scales, weights) = self.of_group::<N>(&group, coefficients);
+        let sums = Sums {
+            basis: &self.basis(),
+            scales: &scales,
+            weights: &weights,
+            into,
+        };
+        self.plays(trace, drive, group, sums);
     }
 
     fn input_function(&self, coefficients: &[f64], stack_v: &[f64]) -> Vec<f64> {
@@ -169,11 +184,11 @@ impl Chain {
     }
 
     /// Scales and weights of the plays that move side by side.
-    fn of_group(&self, group: &Range<usize>, coefficients: &[f64]) -> (PlayScales<LANES>, [[f64; LANES]; 3]) {
+    fn of_group<const N: usize>(&self, group: &Range<usize>, coefficients: &[f64]) -> (PlayScales<N>, [[f64; N]; 3]) {
         let basis = self.basis();
         let inputs = self.design.family.input_powers().len();
         let n = self.design.thresholds.len();
-        let mut weights = [[0.0; LANES]; 3];
+        let mut weights = [[0.0; N]; 3];
         for (power, weights) in weights.iter_mut().enumerate().take(self.functions()) {
             for (l, i) in group.clone().enumerate() {
                 weights[l] = coefficients[1 + inputs + power * n + i];
@@ -332,7 +347,13 @@ impl Chain {
         let groups: Vec<(Columns, Vec<f64>)> = self
             .groups()
             .into_par_iter()
-            .map(|group| passing.of_plays(&group))
+            .map(|group| {
+                if group.len() <= FEW_LANES {
+                    passing.of_plays::<FEW_LANES>(&group)
+                } else {
+                    passing.of_plays::<LANES>(&group)
+                }
+            })
             .collect();
         let mut sum = known.unwrap_or_else(|| self.input_function(coefficients, &stack_v));
         for (parts, of_group) in groups {
@@ -433,14 +454,14 @@ impl Passing<'_> {
     }
 
     /// All functions of some of the plays, and their part of the position.
-    fn of_plays(&self, group: &Range<usize>) -> (Columns, Vec<f64>) {
+    fn of_plays<const N: usize>(&self, group: &Range<usize>) -> (Columns, Vec<f64>) {
         let chain = self.chain;
         let (basis, n) = (chain.basis(), chain.design.thresholds.len());
         let inputs = chain.design.family.input_powers().len();
         let functions = chain.functions();
         let count = group.len();
         let none = vec![0.0; chain.design.columns()];
-        let (scales, weights) = chain.of_group(group, self.weights.unwrap_or(&none));
+        let (scales, weights) = chain.of_group::<N>(group, self.weights.unwrap_or(&none));
         let mut sum = vec![
             0.0;
             if self.weights.is_some() {

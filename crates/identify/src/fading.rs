@@ -4,7 +4,7 @@
 //! length L and of powers of u; Dahl's is one of them. Several lengths come near the others of Duhem's kind.
 
 use crate::basis::Basis;
-use crate::moving_plays::{LANES, Visit};
+use crate::moving_plays::Visit;
 use crate::start_state::InitialState;
 use hysteron_effects::family::FADING_STEP;
 
@@ -18,9 +18,9 @@ const OCTAVES: f64 = 4.0;
 const LEAST_FADED: f64 = 1e-6;
 
 /// Fading elements on their way along a voltage.
-pub(crate) struct Fading<'m, V> {
+pub(crate) struct Fading<'m, V, const N: usize> {
     /// Half the range over each length.
-    pub per_half: [f64; LANES],
+    pub per_half: [f64; N],
     pub basis: &'m Basis,
     pub initial: InitialState,
     pub stack_v: &'m [f64],
@@ -36,14 +36,14 @@ pub(crate) fn lengths(elements: usize, span: f64) -> Vec<f64> {
 }
 
 /// Elements in their states.
-type States = [[f64; LANES]; POWERS];
+type States<const N: usize> = [[f64; N]; POWERS];
 
 /// Most parts of one step: fifty half ranges, far beyond where what is followed is straight anyway.
 const MOST_PARTS: f64 = 1000.0;
 
 /// Goes along the path from one voltage to another: exact where what is followed is a straight line on each part of it.
 #[inline(always)]
-fn advance(basis: &Basis, per_half: &[f64; LANES], [from_v, to_v]: [f64; 2], z: &mut States) {
+fn advance<const N: usize>(basis: &Basis, per_half: &[f64; N], [from_v, to_v]: [f64; 2], z: &mut States<N>) {
     let way = (to_v - from_v).abs() / basis.half();
     if way == 0.0 {
         return;
@@ -51,10 +51,10 @@ fn advance(basis: &Basis, per_half: &[f64; LANES], [from_v, to_v]: [f64; 2], z: 
     let parts = (way / FADING_STEP).ceil().clamp(1.0, MOST_PARTS);
     let (part, step_v) = (way / parts, (to_v - from_v) / parts);
     let mut from = basis.followed(from_v);
-    let faded: [f64; LANES] = std::array::from_fn(|l| (-part * per_half[l]).exp());
+    let faded: [f64; N] = std::array::from_fn(|l| (-part * per_half[l]).exp());
     for k in 1..=parts as usize {
         let to = basis.followed(from_v + step_v * k as f64);
-        for l in 0..LANES {
+        for l in 0..N {
             let behind = 1.0 / (part * per_half[l]);
             for p in 0..POWERS {
                 let lags = (to[p] - from[p]) * behind;
@@ -69,7 +69,7 @@ fn advance(basis: &Basis, per_half: &[f64; LANES], [from_v, to_v]: [f64; 2], z: 
 ///
 /// On a way up `z = P(u) + C e^(-w / L)` with `P` the polynomial that solves the equation and `w` the way since the turn; the constants of
 /// both branches follow from what is continuous at the turns.
-fn cycled(per_half: &[f64; LANES], u: f64) -> [States; 2] {
+fn cycled<const N: usize>(per_half: &[f64; N], u: f64) -> [States<N>; 2] {
     let u = u.clamp(-1.0, 1.0);
     let of = |p: usize, l: usize| {
         let length = 1.0 / per_half[l];
@@ -91,7 +91,7 @@ fn cycled(per_half: &[f64; LANES], u: f64) -> [States; 2] {
 pub(crate) fn at_rest(lengths: &[f64], [low, high]: [f64; 2]) -> Vec<[f64; POWERS]> {
     let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
     let of = |length: &f64| {
-        let [_, down] = cycled(&[half / length; LANES], -middle / half);
+        let [_, down] = cycled(&[half / length], -middle / half);
         let [u, square, cube] = down.map(|lanes| lanes[0]);
         // Powers of `middle + half u`; what is held of 1 is 1.
         [
@@ -117,13 +117,13 @@ fn solution(k: usize, u: f64, length: f64) -> f64 {
     sum
 }
 
-impl<V: Visit> Fading<'_, V> {
+impl<V: Visit<N>, const N: usize> Fading<'_, V, N> {
     /// The states before the first sample.
     #[inline(always)]
-    fn start(&self) -> States {
+    fn start(&self) -> States<N> {
         let first = self.stack_v.first().copied().unwrap_or(0.0);
         let [up, down] = cycled(&self.per_half, self.basis.about_the_middle(first));
-        let middle = self.basis.followed(first).map(|value| [value; LANES]);
+        let middle = self.basis.followed(first).map(|value| [value; N]);
         let fraction = match self.initial {
             InitialState::Remanent { fraction } => fraction,
             InitialState::Periodic { .. } => 0.5,
@@ -141,7 +141,7 @@ impl<V: Visit> Fading<'_, V> {
 
     /// The states to which a period that is repeated for ever leads.
     #[inline(always)]
-    fn repeated(&self, start: States) -> States {
+    fn repeated(&self, start: States<N>) -> States<N> {
         let mut z = start;
         let mut way = 0.0;
         let mut last = self.stack_v.first().copied().unwrap_or(0.0);
@@ -150,7 +150,7 @@ impl<V: Visit> Fading<'_, V> {
             way += (v - last).abs() / self.basis.half();
             last = v;
         }
-        for l in 0..LANES {
+        for l in 0..N {
             let kept = (-way * self.per_half[l]).exp();
             if 1.0 - kept > LEAST_FADED {
                 for p in 0..POWERS {
@@ -162,7 +162,7 @@ impl<V: Visit> Fading<'_, V> {
     }
 }
 
-impl<V: Visit> pulp::NullaryFnOnce for Fading<'_, V> {
+impl<V: Visit<N>, const N: usize> pulp::NullaryFnOnce for Fading<'_, V, N> {
     type Output = ();
 
     #[inline(always)]
@@ -184,6 +184,7 @@ impl<V: Visit> pulp::NullaryFnOnce for Fading<'_, V> {
 mod tests {
     use super::*;
     use crate::effects::Family;
+    use crate::moving_plays::LANES;
 
     const RANGE_V: [f64; 2] = [-10.0, 90.0];
 
@@ -192,9 +193,9 @@ mod tests {
     }
 
     /// Keeps what the elements hold at every sample.
-    struct Kept<'k>(&'k mut Vec<States>);
+    struct Kept<'k>(&'k mut Vec<States<LANES>>);
 
-    impl Visit for Kept<'_> {
+    impl Visit<LANES> for Kept<'_> {
         fn at(&mut self, _: usize, _: f64, _: &[f64; LANES]) {}
 
         fn functions(&mut self, _: usize, functions: &[[f64; LANES]; 3]) {
@@ -202,7 +203,7 @@ mod tests {
         }
     }
 
-    fn held(lengths_v: &[f64], initial: InitialState, stack_v: &[f64], run_in: usize) -> Vec<States> {
+    fn held(lengths_v: &[f64], initial: InitialState, stack_v: &[f64], run_in: usize) -> Vec<States<LANES>> {
         let mut states = Vec::new();
         let moving = Fading {
             per_half: std::array::from_fn(|l| lengths_v.get(l).map_or(1.0, |length| 50.0 / length)),

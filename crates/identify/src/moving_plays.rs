@@ -7,10 +7,13 @@ use hysteron_core::envelope::Envelope;
 /// Plays that move side by side: each one's next output waits for its last.
 pub(crate) const LANES: usize = 8;
 
+/// The same where no more are left.
+pub(crate) const FEW_LANES: usize = 4;
+
 /// Plays on their way along a voltage.
-pub(crate) struct Moving<'m, V> {
-    pub thresholds: [f64; LANES],
-    pub outputs: [f64; LANES],
+pub(crate) struct Moving<'m, V, const N: usize> {
+    pub thresholds: [f64; N],
+    pub outputs: [f64; N],
     pub drive: &'m Drive<'m>,
     pub run_in: usize,
     /// Samples of the grid a second.
@@ -51,32 +54,32 @@ impl<'d> Drive<'d> {
 }
 
 /// What looks at plays on their way; compiled into the loop that moves them.
-pub(crate) trait Visit {
+pub(crate) trait Visit<const N: usize> {
     /// Outputs at a sample of the grid, and the voltage's rate there, volts per second.
-    fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]);
+    fn at(&mut self, sample: usize, rate: f64, w: &[f64; N]);
 
     /// Functions of elements that are no plays.
-    fn functions(&mut self, sample: usize, functions: &[[f64; LANES]; 3]);
+    fn functions(&mut self, sample: usize, functions: &[[f64; N]; 3]);
 }
 
 /// Adds the plays' part of the position; nothing where there is nothing to add it to.
-pub(crate) struct Sums<'v> {
+pub(crate) struct Sums<'v, const N: usize> {
     pub basis: &'v Basis,
-    pub scales: &'v PlayScales<LANES>,
-    pub weights: &'v [[f64; LANES]; 3],
+    pub scales: &'v PlayScales<N>,
+    pub weights: &'v [[f64; N]; 3],
     pub into: &'v mut [f64],
 }
 
-impl Visit for Sums<'_> {
+impl<const N: usize> Visit<N> for Sums<'_, N> {
     #[inline(always)]
-    fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]) {
+    fn at(&mut self, sample: usize, rate: f64, w: &[f64; N]) {
         if let Some(sum) = self.into.get_mut(sample) {
             *sum += total(&self.basis.weighed(self.scales, self.weights, w, rate));
         }
     }
 
     #[inline(always)]
-    fn functions(&mut self, sample: usize, functions: &[[f64; LANES]; 3]) {
+    fn functions(&mut self, sample: usize, functions: &[[f64; N]; 3]) {
         if let Some(sum) = self.into.get_mut(sample) {
             *sum += total(&by_weight(functions, self.weights));
         }
@@ -85,14 +88,17 @@ impl Visit for Sums<'_> {
 
 /// In pairs, so that no sum waits for all the others.
 #[inline(always)]
-fn total(parts: &[f64; LANES]) -> f64 {
-    let four: [f64; LANES / 2] = std::array::from_fn(|l| parts[l] + parts[l + LANES / 2]);
+fn total<const N: usize>(parts: &[f64; N]) -> f64 {
+    let mut four = [0.0; FEW_LANES];
+    for l in 0..N {
+        four[l % FEW_LANES] += parts[l];
+    }
     (four[0] + four[2]) + (four[1] + four[3])
 }
 
 /// The same, and keeps all functions of the plays.
-pub(crate) struct Cells<'v> {
-    pub sums: Sums<'v>,
+pub(crate) struct Cells<'v, const N: usize> {
+    pub sums: Sums<'v, N>,
     /// The samples that are kept, ascending; `None`: all.
     pub only: Option<&'v [usize]>,
     pub next: usize,
@@ -102,9 +108,9 @@ pub(crate) struct Cells<'v> {
     pub series: &'v mut [Vec<f64>],
 }
 
-impl Visit for Cells<'_> {
+impl<const N: usize> Visit<N> for Cells<'_, N> {
     #[inline(always)]
-    fn at(&mut self, sample: usize, rate: f64, w: &[f64; LANES]) {
+    fn at(&mut self, sample: usize, rate: f64, w: &[f64; N]) {
         self.sums.at(sample, rate, w);
         if self.wants(sample) {
             self.keep(&self.sums.basis.plays(self.sums.scales, w, rate));
@@ -112,7 +118,7 @@ impl Visit for Cells<'_> {
     }
 
     #[inline(always)]
-    fn functions(&mut self, sample: usize, functions: &[[f64; LANES]; 3]) {
+    fn functions(&mut self, sample: usize, functions: &[[f64; N]; 3]) {
         self.sums.functions(sample, functions);
         if self.wants(sample) {
             self.keep(functions);
@@ -120,14 +126,14 @@ impl Visit for Cells<'_> {
     }
 }
 
-impl Cells<'_> {
+impl<const N: usize> Cells<'_, N> {
     #[inline(always)]
     fn wants(&self, sample: usize) -> bool {
         self.only.is_none_or(|only| only.get(self.next) == Some(&sample))
     }
 
     #[inline(always)]
-    fn keep(&mut self, functions: &[[f64; LANES]; 3]) {
+    fn keep(&mut self, functions: &[[f64; N]; 3]) {
         for (of_power, own) in self.series.chunks_exact_mut(self.count).zip(functions) {
             for (cells, value) in of_power.iter_mut().zip(own) {
                 cells[self.next] = *value;
@@ -137,7 +143,7 @@ impl Cells<'_> {
     }
 }
 
-impl<V: Visit> pulp::NullaryFnOnce for Moving<'_, V> {
+impl<V: Visit<N>, const N: usize> pulp::NullaryFnOnce for Moving<'_, V, N> {
     type Output = ();
 
     #[inline(always)]
@@ -149,7 +155,7 @@ impl<V: Visit> pulp::NullaryFnOnce for Moving<'_, V> {
         } = *self.drive;
         let mut last = stack_v.first().copied().unwrap_or(0.0);
         let mut w = self.outputs;
-        let mut advance = |input: f64, speed: f64, w: &mut [f64; LANES]| {
+        let mut advance = |input: f64, speed: f64, w: &mut [f64; N]| {
             let rate = (input - last) * self.per_s;
             last = input;
             let (left, right) = (input - alpha_s * speed, input + beta_s * speed);
