@@ -99,7 +99,7 @@ const BOARDS: [Board; 2] = [
 ];
 
 /// What the interrupt works with, and what main's stack must leave of its memory.
-const IN_DATA: [&str; 4] = ["nucleo::LOOP", "nucleo::SAMPLES", "nucleo::KEPT", "_SEGGER_RTT"];
+const IN_DATA: [&str; 4] = ["nucleo::LOOP", "nucleo::TICKS", "nucleo::KEPT", "_SEGGER_RTT"];
 /// What makes the laws, starts the loop and then sends what comes of it.
 const MAIN: &str = "nucleo::__cortex_m_rt_main";
 /// Of main's stack, for what it calls through pointers and the linker's thunks: packets and log, some hundred bytes.
@@ -400,7 +400,7 @@ mod tests {
 00000020 T ADC
 20000400 B _SEGGER_RTT
 20000800 b nucleo::LOOP
-20000a00 b nucleo::SAMPLES
+20000a00 b nucleo::TICKS
 20000bd0 b nucleo::KEPT
 080002b0 t nucleo::__cortex_m_rt_main
 ";

@@ -14,7 +14,6 @@ mod critical;
 mod fast;
 #[cfg(not(feature = "two-axes"))]
 mod flash;
-mod samples;
 #[cfg(not(feature = "two-axes"))]
 mod stored;
 
@@ -29,6 +28,7 @@ use embassy_stm32::gpio::Output;
 use embassy_stm32::interrupt;
 use embassy_stm32::mode::Blocking;
 use embassy_stm32::spi::{Spi, mode::Master};
+use heapless::spsc::{Producer, Queue};
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::axes::Axes;
 #[cfg(not(feature = "two-axes"))]
@@ -51,15 +51,22 @@ use hysteron_firmware::{Board, kept, table, tick};
 use hysteron_slot::{Refusal, Rule};
 use image::{AXES, Banks, Control};
 use rtt_target::{ChannelMode, UpChannel, rtt_init};
-use samples::{Samples, Tick};
+use static_cell::ConstStaticCell;
 
 /// Reference of the button's runs: a sine of 10 Hz inside the table's range.
 const REFERENCE_HZ: f32 = 10.0;
 /// Share of a table's range left free at either end, as `hysteron board run` does.
 const INSET: f32 = 0.02;
 
-/// Between the interrupt and main.
-static SAMPLES: Samples = Samples::new();
+/// A sample an axis.
+type Tick = [Sample; AXES];
+
+/// Ticks between the interrupt and main, one less than this: 5 ms at 50 kHz. A power of two: its places are counted without a division.
+const PLACES: usize = 256;
+/// From the interrupt to main. The oldest stay; a tick that finds it full is counted.
+static TICKS: ConstStaticCell<Queue<Tick, PLACES>> = ConstStaticCell::new(Queue::new());
+/// Ticks that found it full.
+static LOST: AtomicU32 = AtomicU32::new(0);
 
 /// The code that each DAC holds, see [`kept`]; a reset leaves it alone. After a loss of power its words have no check bits yet, and
 /// reading one is a bus fault: [`settle`] asks for the reset's cause first.
@@ -88,6 +95,7 @@ fn set(dac: &mut Dac, codes: [DacCode; AXES]) {
 struct Converters {
     dac: Dac,
     fault: Output<'static>,
+    to_main: Producer<'static, Tick, PLACES>,
     /// The sensors' codes of this tick.
     adc: [u16; AXES],
     late: bool,
@@ -124,7 +132,7 @@ impl Board<AXES> for Converters {
             self.fault.set_low();
         }
         let mut axis = 0;
-        SAMPLES.push(frames.map(|frame| {
+        let tick = frames.map(|frame| {
             let sample = Sample {
                 frame,
                 adc: self.adc[axis],
@@ -132,7 +140,10 @@ impl Board<AXES> for Converters {
             };
             axis += 1;
             sample
-        }));
+        });
+        if self.to_main.enqueue(tick).is_err() {
+            LOST.fetch_add(1, Ordering::Relaxed);
+        }
     }
 }
 
@@ -235,7 +246,8 @@ fn main() -> ! {
     if !board::resets_below_its_converters() {
         defmt::warn!("the brown-out level is below what the converters need: set it as docs/boards says");
     }
-    make_loop(outputs, banks, fault);
+    let (to_main, mut ticks) = TICKS.take().split();
+    make_loop(outputs, to_main, banks, fault);
     for compiled in image::hellos() {
         let hello = hello.filter(|hello| hello.bank == compiled.bank).unwrap_or(compiled);
         defmt::info!("bank {=u8}: table {=[u8]:02x}", hello.bank, hello.hash);
@@ -251,7 +263,7 @@ fn main() -> ! {
     let (mut messages, mut restart) = (Messages::default(), None);
     loop {
         ROUNDS.fetch_add(1, Ordering::Relaxed);
-        for tick in core::iter::from_fn(|| SAMPLES.pop()).take(SAMPLES_A_ROUND) {
+        for tick in core::iter::from_fn(|| ticks.dequeue()).take(SAMPLES_A_ROUND) {
             telemetry.send(&tick);
             log.see(&tick[0].frame);
         }
@@ -299,7 +311,7 @@ fn tables() -> &'static mut Banks {
 
 /// What the interrupt owns, at the safe levels, with a fault that is to be latched.
 #[inline(never)]
-fn make_loop(outputs: Outputs, banks: &'static Banks, fault: Option<Fault>) {
+fn make_loop(outputs: Outputs, to_main: Producer<'static, Tick, PLACES>, banks: &'static Banks, fault: Option<Fault>) {
     let mut axes = image::control(banks, &image::ranges_um(banks).map(setup));
     if let Some(fault) = fault {
         Axes::trip(&mut axes, fault);
@@ -308,6 +320,7 @@ fn make_loop(outputs: Outputs, banks: &'static Banks, fault: Option<Fault>) {
         converters: Converters {
             dac: outputs.dac,
             fault: outputs.fault,
+            to_main,
             adc: [0; AXES],
             late: false,
             at_rest: true,
@@ -493,7 +506,7 @@ impl Log {
                 frame.number,
                 frame.reference_um,
                 frame.command_v,
-                SAMPLES.lost(),
+                LOST.load(Ordering::Relaxed),
                 OVERRUNS.load(Ordering::Relaxed),
                 LONGEST.load(Ordering::Relaxed)
             );
