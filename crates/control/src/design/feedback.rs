@@ -418,22 +418,24 @@ impl Plants {
 
     /// Peak of the sensitivity over all plants; infinite where one of the loops is not stable.
     fn peak_sensitivity(&self, controller: &[Complex64]) -> f64 {
+        // Roots of squares: the care that `hypot` takes of the largest numbers is most of a design's time.
+        let size = |at: Complex64| at.norm_sqr().sqrt();
+        // A mode that was not seen may turn what it adds against the rest.
+        let most_added: Vec<f64> = controller
+            .iter()
+            .zip(&self.unseen)
+            .map(|(c, unseen)| size(*c) * unseen)
+            .collect();
         let mut peak: f64 = 0.0;
         for response in &self.responses {
+            let around: Vec<Complex64> = controller.iter().zip(response).map(|(c, p)| c * p).collect();
             for gain in GAIN_FACTORS {
                 let (mut turns, mut nearest) = (0, f64::INFINITY);
-                let plants = response.iter().zip(&self.unseen);
                 let mut before: Option<Complex64> = None;
                 let mut first = Complex64::default();
-                for (c, (p, unseen)) in controller.iter().zip(plants) {
-                    let distance = 1.0 + gain * c * p;
-                    // A mode that was not seen may turn what it adds against the rest.
-                    let left = if *unseen > 0.0 {
-                        (distance.norm() - gain * c.norm() * unseen).max(0.0)
-                    } else {
-                        distance.norm()
-                    };
-                    nearest = nearest.min(left * left);
+                for (once, added) in around.iter().zip(&most_added) {
+                    let distance = 1.0 + gain * once;
+                    nearest = nearest.min((size(distance) - gain * added).max(0.0));
                     if let Some(before) = before {
                         turns += crossing(before, distance);
                     } else {
@@ -447,7 +449,7 @@ impl Plants {
                 if (turned - FRAC_PI_2).abs() > 0.5 || !turned.is_finite() {
                     return f64::INFINITY;
                 }
-                peak = peak.max(1.0 / nearest.sqrt());
+                peak = peak.max(1.0 / nearest);
             }
         }
         peak
@@ -463,7 +465,7 @@ impl Plants {
 
     /// Up to where the sensitivity stays below `limit`, hertz, between the points of the grid.
     fn stays_below(&self, limit: f64, sensitivity: &[Complex64]) -> f64 {
-        let above = sensitivity.iter().position(|s| s.norm() > limit);
+        let above = sensitivity.iter().position(|s| s.norm_sqr() > limit * limit);
         let hz = |n: usize| self.omega[n] / TAU;
         match above {
             None => hz(self.omega.len() - 1),

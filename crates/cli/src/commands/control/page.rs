@@ -39,7 +39,7 @@ pub(super) fn page(report: &TrackReport, board: Option<&OnChip>, controller: &Co
         format!("{} (simulated; nothing here was measured on hardware)", report.stage),
     )
     .fact("First mode, as identified", mode)
-    .fact("Stroke", format!("{} µm", report.stroke_um))
+    .fact("Stroke", format!("{} µm", significant(report.stroke_um)))
     .fact(
         "Errors",
         "reference minus true position at the same instant, nothing shifted",
