@@ -232,21 +232,39 @@ impl AmplifierLag {
     /// The least that a time constant shrinks to, a share.
     const LEAST: f64 = 0.1;
 
-    /// Where a voltage arrives that goes to a command which is held for a time: with the time constant of the way's middle.
-    fn after(self, from_v: f64, to_v: f64, time_s: f64) -> f64 {
-        if self.tau_s <= 0.0 {
+    /// The way to a command that is held for a time.
+    fn holding(self, time_s: f64) -> Held {
+        Held {
+            lag: self,
+            time_s,
+            left: (self.per_v == 0.0).then(|| (-time_s / self.tau_s).exp()),
+        }
+    }
+}
+
+/// A command that is held for a time.
+struct Held {
+    lag: AmplifierLag,
+    time_s: f64,
+    /// The share of the way that is left, where it does not grow with the voltage.
+    left: Option<f64>,
+}
+
+impl Held {
+    /// Where a voltage arrives: with the time constant of the way's middle.
+    fn after(&self, from_v: f64, to_v: f64) -> f64 {
+        let AmplifierLag { tau_s, about_v, per_v } = self.lag;
+        if tau_s <= 0.0 {
             return to_v;
         }
-        let with = |at_v: f64| {
-            let grown = (1.0 + self.per_v * (at_v - self.about_v)).max(Self::LEAST);
-            to_v + (from_v - to_v) * (-time_s / (self.tau_s * grown)).exp()
-        };
-        let first_v = with(from_v);
-        if self.per_v == 0.0 {
-            first_v
-        } else {
-            with(0.5 * (from_v + first_v))
+        if let Some(left) = self.left {
+            return to_v + (from_v - to_v) * left;
         }
+        let with = |at_v: f64| {
+            let grown = (1.0 + per_v * (at_v - about_v)).max(AmplifierLag::LEAST);
+            to_v + (from_v - to_v) * (-self.time_s / (tau_s * grown)).exp()
+        };
+        with(0.5 * (from_v + with(from_v)))
     }
 }
 
@@ -256,14 +274,15 @@ pub(super) fn behind_lag(record: &Record, timing: Timing) -> Vec<f64> {
     let (voltage_v, period_s, lag) = (&record.voltage_v, record.period_s, timing.lag);
     let (whole, late) = timing.whole_and_late(period_s);
     let at = |k: usize, behind: usize| k.checked_sub(behind).map_or(0.0, |i| voltage_v[i]);
+    let (first, then) = (lag.holding(late), lag.holding(period_s - late));
     let mut output = 0.0;
     let at_the_samples: Vec<f64> = (0..voltage_v.len())
         .map(|k| {
             let now = output;
             if late > 0.0 {
-                output = lag.after(output, at(k, whole + 1), late);
+                output = first.after(output, at(k, whole + 1));
             }
-            output = lag.after(output, at(k, whole), period_s - late);
+            output = then.after(output, at(k, whole));
             now
         })
         .collect();
@@ -322,18 +341,25 @@ impl Problem {
     }
 
     /// Solves for voltages: coefficients and what is left of each row, times its factor, V.
-    fn solve<S: AsRef<[f64]>>(&self, targets: &[S], ridge: f64) -> (Vec<f64>, Vec<f64>) {
-        let mut right = DVector::<f64>::zeros(COLUMNS);
-        for (row, &(record, k)) in self.rows.iter().zip(&self.places) {
-            let target = self.factors[record] * targets[record].as_ref()[k];
-            right.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * target);
-        }
+    fn solve<S: AsRef<[f64]> + Sync>(&self, targets: &[S], ridge: f64) -> (Vec<f64>, Vec<f64>) {
+        let target = |&(record, k): &(usize, usize)| self.factors[record] * targets[record].as_ref()[k];
+        let parts: Vec<[f64; COLUMNS]> = self
+            .rows
+            .par_chunks(ROWS_A_RECORD)
+            .zip(self.places.par_chunks(ROWS_A_RECORD))
+            .map(|(rows, places)| {
+                let mut sum = [0.0; COLUMNS];
+                for (row, place) in rows.iter().zip(places) {
+                    let target = target(place);
+                    sum.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * target);
+                }
+                sum
+            })
+            .collect();
+        let right = DVector::from_fn(COLUMNS, |i, _| parts.iter().map(|part| part[i]).sum());
         let coefficients = self.normal.solve_for(&right, ridge);
-        let rows = self.rows.iter().zip(&self.places);
-        let left = rows.map(|(row, &(record, k))| {
-            let fitted: f64 = row.iter().zip(&coefficients).map(|(x, c)| x * c).sum();
-            self.factors[record] * targets[record].as_ref()[k] - fitted
-        });
+        let rows = self.rows.par_iter().zip(&self.places).with_min_len(1000);
+        let left = rows.map(|(row, place)| target(place) - product(row, &coefficients));
         let left = left.collect();
         (coefficients, left)
     }
@@ -436,7 +462,7 @@ impl Problem {
 
     /// The inverse of the least ridge, from `least` on in decades, that rises everywhere, with the rms of what is left, volts. Where
     /// none does, that of the largest, to be refused.
-    fn rising(&self, targets: &[impl AsRef<[f64]>], least: f64) -> (InversePart, f64) {
+    fn rising(&self, targets: &[impl AsRef<[f64]> + Sync], least: f64) -> (InversePart, f64) {
         let (low_v, high_v) = crate::family::range(targets.iter().flat_map(|target| target.as_ref().iter().copied()));
         let mean_slope = (high_v - low_v) / (self.scale.high_um - self.scale.low_um);
         let mut ridge = least;
@@ -453,7 +479,7 @@ impl Problem {
 
 /// The voltages behind latency and lag of each record.
 fn behind(seen: &[Seen<'_>], timing: Timing) -> Vec<Vec<f64>> {
-    seen.iter().map(|s| behind_lag(s.record, timing)).collect()
+    seen.par_iter().map(|s| behind_lag(s.record, timing)).collect()
 }
 
 /// Most that a time constant changes from the middle of the range to its end, a share.
@@ -465,6 +491,21 @@ pub(super) const MOST_OFF: f64 = 1.5;
 fn thresholds(scale: Scale) -> [f64; PLAYS] {
     let range = scale.high_um - scale.low_um;
     core::array::from_fn(|i| range * ((i as f64 + 0.5) / PLAYS as f64).powi(2))
+}
+
+/// A row by the coefficients, in eight sums: in one each product would wait for the one before it.
+fn product(row: &[f64; COLUMNS], coefficients: &[f64]) -> f64 {
+    const SUMS: usize = 8;
+    let (rows, row_end) = row.as_chunks::<SUMS>();
+    let (by, by_end) = coefficients.as_chunks::<SUMS>();
+    let mut sums = [0.0; SUMS];
+    for (row, by) in rows.iter().zip(by) {
+        for l in 0..SUMS {
+            sums[l] += row[l] * by[l];
+        }
+    }
+    let end: f64 = row_end.iter().zip(by_end).map(|(x, c)| x * c).sum();
+    sums.iter().sum::<f64>() + end
 }
 
 fn row(scale: Scale, x: f64, plays: &[f64; PLAYS]) -> [f64; COLUMNS] {
@@ -711,9 +752,9 @@ mod tests {
         for _ in 0..20_000 {
             exact += 1e-9 * (26.0 - exact) / (lag.tau_s * (1.0 + lag.per_v * (exact - lag.about_v)));
         }
-        assert!((lag.after(20.0, 26.0, 20e-6) - exact).abs() < 2e-3, "{exact}");
+        assert!((lag.holding(20e-6).after(20.0, 26.0) - exact).abs() < 2e-3, "{exact}");
         let constant = AmplifierLag { per_v: 0.0, ..lag };
-        assert!((constant.after(20.0, 26.0, 20e-6) - exact).abs() > 0.1);
+        assert!((constant.holding(20e-6).after(20.0, 26.0) - exact).abs() > 0.1);
     }
 
     #[test]
