@@ -158,7 +158,7 @@ pub(crate) fn make(app: &Arc<App>, of: Of, wished: &Wished) -> Result<(), Refusa
     let (wishes, given) = wished.read()?;
     let own = Arc::clone(app);
     jobs::start(app, "designing", move |progress| {
-        progress.at(0.02, "feedforward and feedback, some ten seconds");
+        progress.at(0.02, "feedforward and feedback, some seconds");
         let dataset;
         let source = match &origin {
             Origin::Model(model) => Source::Model { model, along: &[] },

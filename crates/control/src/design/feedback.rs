@@ -231,7 +231,7 @@ const MOST_SEARCHES: u64 = 6;
 /// How long the best feedback is searched for. What a loop must hold is the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Effort {
-    /// Some ten seconds.
+    /// Some seconds on two cores.
     Whole,
     /// A second or less: a loop that holds, and rejects somewhat less.
     Quick,
@@ -534,7 +534,7 @@ impl Plants {
 /// below `largest_sensitivity`; and where nothing is told at all.
 ///
 /// # Cost
-/// About 150 000 loops of some 600 frequencies and nine plants, on all cores, some ten seconds.
+/// About 150 000 loops of some 600 frequencies and nine plants, on all cores: some seconds on two.
 pub fn design(model: &ControlModel, largest_sensitivity: f64, effort: Effort) -> Option<FeedbackDesign> {
     let rate_hz = 1.0 / model.sample_period_s;
     let plants = Plants::new(model, Unseen::of(model)?);
