@@ -237,7 +237,7 @@ impl AmplifierLag {
         Held {
             lag: self,
             time_s,
-            left: (self.per_v == 0.0).then(|| (-time_s / self.tau_s).exp()),
+            left: (-time_s / self.tau_s).exp(),
         }
     }
 }
@@ -246,8 +246,8 @@ impl AmplifierLag {
 struct Held {
     lag: AmplifierLag,
     time_s: f64,
-    /// The share of the way that is left, where it does not grow with the voltage.
-    left: Option<f64>,
+    /// The share of the way that is left where the time constant has not grown.
+    left: f64,
 }
 
 impl Held {
@@ -257,14 +257,16 @@ impl Held {
         if tau_s <= 0.0 {
             return to_v;
         }
-        if let Some(left) = self.left {
-            return to_v + (from_v - to_v) * left;
+        let straight_v = to_v + (from_v - to_v) * self.left;
+        if per_v == 0.0 {
+            return straight_v;
         }
-        let with = |at_v: f64| {
-            let grown = (1.0 + per_v * (at_v - about_v)).max(AmplifierLag::LEAST);
-            to_v + (from_v - to_v) * (-self.time_s / (tau_s * grown)).exp()
-        };
-        with(0.5 * (from_v + with(from_v)))
+        let grown = |at_v: f64| (1.0 + per_v * (at_v - about_v)).max(AmplifierLag::LEAST);
+        let times = self.time_s / tau_s;
+        // With the time constant where it begins: the exponential of what that differs by, to its square.
+        let more = times * (1.0 - 1.0 / grown(from_v));
+        let arrives_v = to_v + (straight_v - to_v) * (1.0 + more * (1.0 + 0.5 * more));
+        to_v + (from_v - to_v) * (-times / grown(0.5 * (from_v + arrives_v))).exp()
     }
 }
 
@@ -306,6 +308,20 @@ impl Problem {
             high_um: all().fold(f64::NEG_INFINITY, f64::max),
         };
         let thresholds = thresholds(scale);
+        let of_record = |(series, factor): (&&[f64], &f64)| {
+            let stride = series.len().div_ceil(ROWS_A_RECORD).max(1);
+            let mut plays = [0.0; PLAYS];
+            let mut rows = Vec::with_capacity(ROWS_A_RECORD);
+            for (k, &x) in series.iter().enumerate() {
+                play::advance(&thresholds, &mut plays, x, x);
+                if k % stride == 0 {
+                    rows.push((k, row(scale, x, &plays).map(|cell| factor * cell)));
+                }
+            }
+            let columns = DMatrix::from_fn(rows.len(), COLUMNS, |i, j| rows[i].1[j]);
+            (Normal::of_columns(&columns, &DVector::zeros(rows.len())), rows)
+        };
+        let each: Vec<(Normal, Vec<_>)> = inputs.par_iter().zip(factors).map(of_record).collect();
         let mut problem = Self {
             rows: Vec::new(),
             places: Vec::new(),
@@ -313,18 +329,10 @@ impl Problem {
             normal: Normal::new(COLUMNS),
             scale,
         };
-        for (number, (series, factor)) in inputs.iter().zip(factors).enumerate() {
-            let stride = series.len().div_ceil(ROWS_A_RECORD).max(1);
-            let mut plays = [0.0; PLAYS];
-            for (k, &x) in series.iter().enumerate() {
-                play::advance(&thresholds, &mut plays, x, x);
-                if k % stride == 0 {
-                    let row = row(scale, x, &plays).map(|cell| factor * cell);
-                    problem.normal.add_row(&row, 0.0);
-                    problem.rows.push(row);
-                    problem.places.push((number, k));
-                }
-            }
+        for (number, (normal, rows)) in each.into_iter().enumerate() {
+            problem.normal.add_scaled(&normal, 1.0);
+            problem.places.extend(rows.iter().map(|&(k, _)| (number, k)));
+            problem.rows.extend(rows.into_iter().map(|(_, row)| row));
         }
         problem
     }
