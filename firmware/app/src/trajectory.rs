@@ -199,29 +199,6 @@ impl Trajectory {
 mod tests {
     use super::*;
 
-    /// Why references come from a table: as a share of the amplitude the table's cosine is 5e-6 off, micromath's 1.1e-3, which is more of the
-    /// stroke than a controller leaves.
-    #[test]
-    fn val_the_cosine_of_the_table_and_that_of_micromath() {
-        let turn = |phase: u32| f64::from(phase) / 4_294_967_296.0 * core::f64::consts::TAU;
-        let most_off = |cosine: fn(u32) -> f32| {
-            let phases = (0..1_000_000_u32).map(|k| k.wrapping_mul(4_294_967));
-            phases.fold(0.0_f64, |most, phase| {
-                most.max((f64::from(cosine(phase)) - turn(phase).cos()).abs())
-            })
-        };
-        let (own, small) = (
-            most_off(cosine),
-            most_off(|phase| {
-                micromath::F32(phase as f32 * (core::f32::consts::TAU / 4_294_967_296.0))
-                    .cos()
-                    .0
-            }),
-        );
-        assert!((4e-6..5e-6).contains(&own), "{own}");
-        assert!((1e-3..1.2e-3).contains(&small), "{small}");
-    }
-
     /// 0 at both ends of the period, the highest code in its middle.
     fn parabola(i: usize) -> u16 {
         (4 * 65_535 * i * (TABLE_POINTS - i) / (TABLE_POINTS * TABLE_POINTS)) as u16
