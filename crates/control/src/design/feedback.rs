@@ -1,6 +1,7 @@
 //! Feedback on what the feedforward leaves, designed for a stated robustness on the identified linear part.
 
 use super::evolution;
+use super::preview::fraction;
 use hysteron_core::biquad::Biquad;
 use hysteron_core::law_numbers::FeedbackNumbers;
 use hysteron_identify::control::{ControlModel, LinearPart, ModeOfStage};
@@ -212,12 +213,8 @@ impl Blocks {
     /// Its response where a sample's delay is `z`.
     fn response(&self, z: Complex64) -> Complex64 {
         // Over one denominator: a division takes as long as all the rest.
-        let over = |biquad: &Biquad<f64>| {
-            let (b, a) = biquad.coefficients();
-            (b[0] + (b[1] + b[2] * z) * z, 1.0 + (a[0] + a[1] * z) * z)
-        };
-        let [(first, below_first), (second, below_second)] = self.series.each_ref().map(over);
-        let (damping, below_damping) = over(&self.damping);
+        let [(first, below_first), (second, below_second)] = self.series.each_ref().map(|part| fraction(part, z));
+        let (damping, below_damping) = fraction(&self.damping, z);
         let below = (1.0 - z) * below_first * below_second;
         (self.integral_a_sample * first * second * below_damping + damping * below) / (below * below_damping)
     }

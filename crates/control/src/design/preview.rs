@@ -49,9 +49,15 @@ impl Undone<'_> {
 }
 
 /// `H` of a second-order section where a sample's delay is `z`, `e^(-j w T)`.
-pub fn section(biquad: &Biquad<f64>, z: Complex64) -> Complex64 {
+fn section(biquad: &Biquad<f64>, z: Complex64) -> Complex64 {
+    let (above, below) = fraction(biquad, z);
+    above / below
+}
+
+/// Numerator and denominator of that.
+pub(super) fn fraction(biquad: &Biquad<f64>, z: Complex64) -> (Complex64, Complex64) {
     let (b, a) = biquad.coefficients();
-    (b[0] + z * (b[1] + z * b[2])) / (1.0 + z * (a[0] + z * a[1]))
+    (b[0] + z * (b[1] + z * b[2]), 1.0 + z * (a[0] + z * a[1]))
 }
 
 /// Designs `H(z)` so that `H(e^(j w T)) B(e^(j w T)) M(j w) = e^(j w a)`, with `a` the time by which the inverse has to come
