@@ -11,7 +11,7 @@ use hysteron_core::model::{AtRest as _, Hysteresis as _};
 use hysteron_core::play;
 use hysteron_core::play_polynomial::INPUT_DEGREE;
 use hysteron_data::Record;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 use realfft::num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
@@ -366,8 +366,9 @@ impl Problem {
             .collect();
         let right = DVector::from_fn(COLUMNS, |i, _| parts.iter().map(|part| part[i]).sum());
         let coefficients = self.normal.solve_for(&right, ridge);
+        let by = DVectorView::from_slice(&coefficients, COLUMNS);
         let rows = self.rows.par_iter().zip(&self.places).with_min_len(1000);
-        let left = rows.map(|(row, place)| target(place) - product(row, &coefficients));
+        let left = rows.map(|(row, place)| target(place) - DVectorView::from_slice(row, COLUMNS).dot(&by));
         let left = left.collect();
         (coefficients, left)
     }
@@ -499,21 +500,6 @@ pub(super) const MOST_OFF: f64 = 1.5;
 fn thresholds(scale: Scale) -> [f64; PLAYS] {
     let range = scale.high_um - scale.low_um;
     core::array::from_fn(|i| range * ((i as f64 + 0.5) / PLAYS as f64).powi(2))
-}
-
-/// A row by the coefficients, in eight sums: in one each product would wait for the one before it.
-fn product(row: &[f64; COLUMNS], coefficients: &[f64]) -> f64 {
-    const SUMS: usize = 8;
-    let (rows, row_end) = row.as_chunks::<SUMS>();
-    let (by, by_end) = coefficients.as_chunks::<SUMS>();
-    let mut sums = [0.0; SUMS];
-    for (row, by) in rows.iter().zip(by) {
-        for l in 0..SUMS {
-            sums[l] += row[l] * by[l];
-        }
-    }
-    let end: f64 = row_end.iter().zip(by_end).map(|(x, c)| x * c).sum();
-    sums.iter().sum::<f64>() + end
 }
 
 fn row(scale: Scale, x: f64, plays: &[f64; PLAYS]) -> [f64; COLUMNS] {

@@ -380,14 +380,14 @@ impl Search<'_> {
                 if !start_in(records, &chosen) {
                     break;
                 }
-                let error = self.descent_on(records, effort).error(&best.fitted);
+                let (error, strokes) = self.descent_on(records, effort).answered(&best.fitted);
                 best = self.to_the_end(
                     records,
                     Standing {
+                        fitted: best.fitted,
                         error,
                         linear: None,
-                        strokes: None,
-                        ..best
+                        strokes: Some(strokes),
                     },
                     effort,
                 );

@@ -130,16 +130,15 @@ impl Fitted {
         let rows = look.rows(record);
         let trace = record.trace(self.chain.dynamic());
         let own = &self.own[i];
-        let (stroke, linear) = match (known.stroke, known.linear) {
-            (Some(stroke), Some(linear)) => (Cow::Borrowed(stroke), linear.clone()),
-            (None, Some(linear)) => (
-                Cow::Owned(self.chain.stroke(&self.coefficients, trace, own)),
-                linear.clone(),
-            ),
-            (stroke, None) => {
-                let (stroke, columns) =
-                    self.chain
-                        .stroke_and_columns(&self.coefficients, trace, own, rows, stroke.cloned());
+        let stroke = known.stroke.map(Cow::Borrowed);
+        let (stroke, linear) = match known.linear {
+            Some(linear) => {
+                let run = || Cow::Owned(self.chain.stroke(&self.coefficients, trace, own));
+                (stroke.unwrap_or_else(run), linear.clone())
+            }
+            None => {
+                let (chain, stroke) = (&self.chain, stroke.map(Cow::into_owned));
+                let (stroke, columns) = chain.stroke_and_columns(&self.coefficients, trace, own, rows, stroke);
                 (Cow::Owned(stroke), columns)
             }
         };
@@ -332,13 +331,8 @@ impl Descent<'_> {
         }
     }
 
-    /// The sum of logarithms at the rows of the search.
-    pub(super) fn error(&self, fitted: &Fitted) -> f64 {
-        self.answered(fitted).0
-    }
-
-    /// The same, and what the hysteresis answered.
-    fn answered(&self, fitted: &Fitted) -> (f64, Strokes) {
+    /// The sum of logarithms at the rows of the search, and what the hysteresis answered.
+    pub(super) fn answered(&self, fitted: &Fitted) -> (f64, Strokes) {
         let chain = &fitted.chain;
         let dynamic = chain.dynamic();
         let each = self.records.par_iter().zip(&fitted.own);
