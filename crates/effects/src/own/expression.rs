@@ -16,18 +16,54 @@ const MOST_NESTED: usize = 60;
 
 #[derive(Debug, Clone, Copy)]
 enum Step {
+    Leaf(Leaf),
+    Negate,
+    WholePower(i32),
+    Of1(fn(f64) -> f64),
+    /// Of the value before the last one and the last one.
+    Two(Two),
+    /// Of the last value and a leaf, which need not wait for its turn.
+    WithLeaf(Two, Leaf),
+    Of3(fn(f64, f64, f64) -> f64),
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Leaf {
     Number(f64),
     Variable(usize),
-    Negate,
+}
+
+/// What takes two values.
+#[derive(Debug, Clone, Copy)]
+enum Two {
     Add,
     Subtract,
     Multiply,
     Divide,
     Power,
-    WholePower(i32),
-    Of1(fn(f64) -> f64),
-    Of2(fn(f64, f64) -> f64),
-    Of3(fn(f64, f64, f64) -> f64),
+    Of(fn(f64, f64) -> f64),
+}
+
+impl Leaf {
+    fn value(self, values: &[f64]) -> f64 {
+        match self {
+            Self::Number(value) => value,
+            Self::Variable(index) => values[index],
+        }
+    }
+}
+
+impl Two {
+    fn of(self, a: f64, b: f64) -> f64 {
+        match self {
+            Self::Add => a + b,
+            Self::Subtract => a - b,
+            Self::Multiply => a * b,
+            Self::Divide => a / b,
+            Self::Power => a.powf(b),
+            Self::Of(f) => f(a, b),
+        }
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -93,7 +129,12 @@ pub(super) fn is_taken(name: &str) -> bool {
 #[derive(Debug, Clone)]
 pub(super) struct Expression {
     steps: Vec<Step>,
+    /// Values that wait at once below the last one.
+    waiting: usize,
 }
+
+/// As many values wait in most equations.
+const FEW: usize = 3;
 
 impl Expression {
     /// Parses; `names` are the variables, in the order of the values given to [`Self::eval`].
@@ -120,68 +161,84 @@ impl Expression {
         if let Some(c) = parser.peek() {
             return Err(parser.unexpected(c));
         }
-        Ok(Self { steps: parser.steps })
+        Ok(Self::of(parser.steps))
+    }
+
+    fn of(steps: Vec<Step>) -> Self {
+        let (mut values, mut most) = (0_usize, 1);
+        for step in &steps {
+            values = values + 1 - takes(step);
+            most = most.max(values);
+        }
+        Self {
+            steps,
+            waiting: most - 1,
+        }
     }
 
     /// Whether a variable stands in it.
     pub(super) fn uses(&self, variable: usize) -> bool {
-        self.steps
-            .iter()
-            .any(|step| matches!(step, Step::Variable(index) if *index == variable))
+        let is_it = |leaf: &Leaf| matches!(leaf, Leaf::Variable(index) if *index == variable);
+        let leaf = |step: &Step| matches!(step, Step::Leaf(leaf) | Step::WithLeaf(_, leaf) if is_it(leaf));
+        self.steps.iter().any(leaf)
     }
 
     /// The same with the values of some variables put in, and worked out as far as they reach.
     pub(super) fn with(&self, known: impl Fn(usize) -> Option<f64>) -> Self {
         let mut steps = Vec::with_capacity(self.steps.len());
+        let put_in = |leaf: Leaf| match leaf {
+            Leaf::Variable(index) => known(index).map_or(leaf, Leaf::Number),
+            Leaf::Number(_) => leaf,
+        };
         for &step in &self.steps {
             match step {
-                Step::Variable(index) => match known(index) {
-                    Some(value) => append(&mut steps, Step::Number(value)),
-                    None => append(&mut steps, step),
-                },
+                Step::Leaf(leaf) => append(&mut steps, Step::Leaf(put_in(leaf))),
+                Step::WithLeaf(two, leaf) => {
+                    append(&mut steps, Step::Leaf(put_in(leaf)));
+                    append(&mut steps, Step::Two(two));
+                }
                 _ => append(&mut steps, step),
             }
         }
-        Self { steps }
+        Self::of(steps)
     }
 
     /// The value; not finite where the arithmetic is not.
     pub(super) fn eval(&self, values: &[f64]) -> f64 {
-        // The parser has counted: never more than these wait, and each step finds what it takes.
-        let mut stack = [0.0; DEEPEST];
-        let mut top = 0;
-        for step in &self.steps {
+        if self.waiting <= FEW {
+            self.eval_beside(&mut [0.0; FEW], values)
+        } else {
+            self.eval_beside(&mut [0.0; DEEPEST], values)
+        }
+    }
+
+    fn eval_beside(&self, waiting: &mut [f64], values: &[f64]) -> f64 {
+        // The steps are counted: never more than these wait, and each step finds what it takes.
+        let (mut last, mut top) = (0.0, 0);
+        for (place, step) in self.steps.iter().enumerate() {
             match *step {
-                Step::Number(value) => {
-                    stack[top] = value;
-                    top += 1;
+                Step::Leaf(leaf) => {
+                    if place > 0 {
+                        waiting[top] = last;
+                        top += 1;
+                    }
+                    last = leaf.value(values);
                 }
-                Step::Variable(index) => {
-                    stack[top] = values[index];
-                    top += 1;
+                Step::Negate => last = -last,
+                Step::WholePower(n) => last = last.powi(n),
+                Step::Of1(f) => last = f(last),
+                Step::Two(two) => {
+                    top -= 1;
+                    last = two.of(waiting[top], last);
                 }
-                Step::Negate => stack[top - 1] = -stack[top - 1],
-                Step::WholePower(n) => stack[top - 1] = stack[top - 1].powi(n),
-                Step::Of1(f) => stack[top - 1] = f(stack[top - 1]),
+                Step::WithLeaf(two, leaf) => last = two.of(last, leaf.value(values)),
                 Step::Of3(f) => {
                     top -= 2;
-                    stack[top - 1] = f(stack[top - 1], stack[top], stack[top + 1]);
-                }
-                two => {
-                    top -= 1;
-                    let (a, b) = (stack[top - 1], stack[top]);
-                    stack[top - 1] = match two {
-                        Step::Add => a + b,
-                        Step::Subtract => a - b,
-                        Step::Multiply => a * b,
-                        Step::Divide => a / b,
-                        Step::Of2(f) => f(a, b),
-                        _ => a.powf(b),
-                    };
+                    last = f(waiting[top], waiting[top + 1], last);
                 }
             }
         }
-        stack[0]
+        last
     }
 }
 
@@ -250,30 +307,30 @@ impl<'a> Parser<'a> {
     fn sum(&mut self) -> Result<(), Misread> {
         self.product()?;
         loop {
-            let step = if self.take('+') {
-                Step::Add
+            let two = if self.take('+') {
+                Two::Add
             } else if self.take('-') {
-                Step::Subtract
+                Two::Subtract
             } else {
                 return Ok(());
             };
             self.product()?;
-            self.push(step)?;
+            self.push(Step::Two(two))?;
         }
     }
 
     fn product(&mut self) -> Result<(), Misread> {
         self.factor()?;
         loop {
-            let step = if self.take('*') {
-                Step::Multiply
+            let two = if self.take('*') {
+                Two::Multiply
             } else if self.take('/') {
-                Step::Divide
+                Two::Divide
             } else {
                 return Ok(());
             };
             self.factor()?;
-            self.push(step)?;
+            self.push(Step::Two(two))?;
         }
     }
 
@@ -290,7 +347,7 @@ impl<'a> Parser<'a> {
         if self.take('^') {
             // From the right: 2^3^2 is 2^9.
             self.deeper(Self::factor)?;
-            self.push(Step::Power)?;
+            self.push(Step::Two(Two::Power))?;
         }
         Ok(())
     }
@@ -339,7 +396,7 @@ impl<'a> Parser<'a> {
         match written.parse::<f64>() {
             Ok(value) if value.is_finite() => {
                 self.at += end;
-                self.push(Step::Number(value))
+                self.push(Step::Leaf(Leaf::Number(value)))
             }
             _ => Err(self.here(format!("`{written}` is no number"))),
         }
@@ -353,10 +410,10 @@ impl<'a> Parser<'a> {
         let (name, column) = (&rest[..end], self.column());
         self.at += end;
         if let Some(index) = self.names.iter().position(|known| *known == name) {
-            return self.push(Step::Variable(index));
+            return self.push(Step::Leaf(Leaf::Variable(index)));
         }
         if name == "pi" {
-            return self.push(Step::Number(std::f64::consts::PI));
+            return self.push(Step::Leaf(Leaf::Number(std::f64::consts::PI)));
         }
         let Some((_, function)) = FUNCTIONS.iter().find(|(known, _)| *known == name) else {
             return Err(at(column, self.unknown(name)));
@@ -366,7 +423,7 @@ impl<'a> Parser<'a> {
         }
         let (arguments, step) = match *function {
             Function::Of1(f) => (1, Step::Of1(f)),
-            Function::Of2(f) => (2, Step::Of2(f)),
+            Function::Of2(f) => (2, Step::Two(Two::Of(f))),
             Function::Of3(f) => (3, Step::Of3(f)),
         };
         for number in 1..=arguments {
@@ -417,19 +474,19 @@ fn at(character: usize, why: impl Into<String>) -> Misread {
     }
 }
 
-/// How many values a step takes.
+/// How many waiting values a step takes.
 fn takes(step: &Step) -> usize {
     match step {
-        Step::Number(_) | Step::Variable(_) => 0,
-        Step::Negate | Step::WholePower(_) | Step::Of1(_) => 1,
+        Step::Leaf(_) => 0,
+        Step::Negate | Step::WholePower(_) | Step::Of1(_) | Step::WithLeaf(..) => 1,
+        Step::Two(_) => 2,
         Step::Of3(_) => 3,
-        _ => 2,
     }
 }
 
-/// Appends a step; what has numbers alone before it is worked out at once.
+/// Appends a step; what has numbers alone before it is worked out at once, and a leaf is taken by the step that follows it.
 fn append(steps: &mut Vec<Step>, step: Step) {
-    if let (Step::Power, Some(Step::Number(n))) = (step, steps.last())
+    if let (Step::Two(Two::Power), Some(Step::Leaf(Leaf::Number(n)))) = (step, steps.last())
         && n.fract() == 0.0
         && n.abs() <= WHOLE
     {
@@ -437,15 +494,20 @@ fn append(steps: &mut Vec<Step>, step: Step) {
         steps.pop();
         return append(steps, Step::WholePower(n));
     }
-    let takes = takes(&step);
-    let from = steps.len().saturating_sub(takes);
-    let numbers = takes > 0 && steps[from..].iter().all(|step| matches!(step, Step::Number(_)));
-    steps.push(step);
-    if numbers {
-        let constant = Expression {
-            steps: steps.split_off(from),
-        };
-        steps.push(Step::Number(constant.eval(&[])));
+    let from = steps.len().saturating_sub(takes(&step));
+    let before = &steps[from..];
+    let is_number = |step: &Step| matches!(step, Step::Leaf(Leaf::Number(_)));
+    if !before.is_empty() && before.iter().all(is_number) {
+        steps.push(step);
+        let constant = Expression::of(steps.split_off(from));
+        return steps.push(Step::Leaf(Leaf::Number(constant.eval(&[]))));
+    }
+    match (step, steps.last()) {
+        (Step::Two(two), Some(&Step::Leaf(leaf))) => {
+            steps.pop();
+            steps.push(Step::WithLeaf(two, leaf));
+        }
+        _ => steps.push(step),
     }
 }
 
@@ -496,7 +558,7 @@ mod tests {
     #[test]
     fn val_constants_are_worked_out_once() {
         let names = ["u"];
-        assert_eq!(Expression::parse("2*pi*3^2*u", &names).unwrap().steps.len(), 3);
+        assert_eq!(Expression::parse("2*pi*3^2*u", &names).unwrap().steps.len(), 2);
         assert!(Expression::parse("2*u", &names).unwrap().uses(0));
         assert!(!Expression::parse("2*pi", &names).unwrap().uses(0));
         let decay = Expression::parse(
@@ -505,7 +567,7 @@ mod tests {
         );
         let (values, decay) = ([3.0, 1.0, 0.2, 0.7, 2.0], decay.unwrap());
         let short = decay.with(|i| (i > 1).then(|| values[i]));
-        assert!(short.steps.len() == 8 && (short.eval(&values) - decay.eval(&values)).abs() < 1e-15);
+        assert!(short.steps.len() == 7 && (short.eval(&values) - decay.eval(&values)).abs() < 1e-15);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Effects of the user's own, from effect files; see `docs/effect-files.md`.
 
-use super::user_file::{DU, Definition, STARTS, TEMPERATURE, V, V2};
+use super::user_file::{DU, Definition, Equations, MOST_STATES, STARTS, TEMPERATURE, V, V2};
 use super::user_states::{Inputs, Machine, settle};
 use crate::compensator::Compensation;
 use crate::effect::{Acts, Bounds, Changes, Description, Effect, Facts, Place, Signals};
@@ -107,17 +107,17 @@ impl UserEffect {
     /// Runs over a record, in place.
     fn run(&self, parameters: &[f64], signals: &Signals<'_>, series: &mut [f64]) {
         let input = series.to_vec();
-        self.run_into(parameters, signals, &input, series, |machine, k| machine.output(k));
+        self.run_into(parameters, signals, &input, series, None);
     }
 
-    /// `at` says what is wanted of every sample.
+    /// The output at every sample, or its slope over so much of the input.
     fn run_into(
         &self,
         parameters: &[f64],
         signals: &Signals<'_>,
         input: &[f64],
         output: &mut [f64],
-        at: impl Fn(&mut Machine<'_>, usize) -> f64,
+        apart: Option<f64>,
     ) {
         let lacks_temperature = self.0.equations.uses(TEMPERATURE) && signals.temperature_c.is_none();
         if input.is_empty() || lacks_temperature {
@@ -134,15 +134,12 @@ impl UserEffect {
             voltage2_v: signals.voltage2_v,
         };
         let equations = self.0.equations.with(signals.period_s, parameters);
-        let mut machine = Machine::at_rest(&equations, inputs);
-        if inputs.run_in > 0 && !equations.motions.is_empty() {
-            settle(&mut machine);
-        }
-        for (k, output) in output.iter_mut().enumerate() {
-            *output = at(&mut machine, k);
-            if k + 1 < input.len() {
-                machine.advance(k);
-            }
+        match equations.motions.len() {
+            0 => over_record::<0>(&equations, inputs, output, apart),
+            1 => over_record::<1>(&equations, inputs, output, apart),
+            2 => over_record::<2>(&equations, inputs, output, apart),
+            3 => over_record::<3>(&equations, inputs, output, apart),
+            _ => over_record::<MOST_STATES>(&equations, inputs, output, apart),
         }
     }
 
@@ -158,9 +155,7 @@ impl UserEffect {
         }
         if self.is_pointwise() {
             let mut slope = vec![0.0; position_um.len()];
-            self.run_into(values, signals, position_um, &mut slope, |machine, k| {
-                machine.slope(k, APART * span)
-            });
+            self.run_into(values, signals, position_um, &mut slope, Some(APART * span));
             for column in columns {
                 column.iter_mut().zip(&slope).for_each(|(c, s)| *c *= s);
             }
@@ -179,6 +174,23 @@ impl UserEffect {
                 self.run(values, signals, column);
                 column.iter_mut().zip(&here).for_each(|(c, y)| *c = (*c - y) / share);
             }
+        }
+    }
+}
+
+/// Equations of `N` states over a record; as [`UserEffect::run_into`].
+fn over_record<const N: usize>(equations: &Equations, inputs: Inputs<'_>, output: &mut [f64], apart: Option<f64>) {
+    let mut machine: Machine<'_, N> = Machine::at_rest(equations, inputs);
+    if inputs.run_in > 0 && N > 0 {
+        settle(&mut machine);
+    }
+    for (k, output) in output.iter_mut().enumerate() {
+        *output = match apart {
+            Some(apart) => machine.slope(k, apart),
+            None => machine.output(k),
+        };
+        if k + 1 < inputs.input.len() {
+            machine.advance(k);
         }
     }
 }

@@ -30,22 +30,23 @@ pub(super) struct Inputs<'a> {
     pub voltage2_v: Option<&'a [f64]>,
 }
 
-/// The values of all variables of a definition's expressions, and its states, at one instant.
+/// The values of all variables of a definition's expressions, and its `N` states, at one instant.
 #[derive(Clone)]
-pub(super) struct Machine<'a> {
+pub(super) struct Machine<'a, const N: usize> {
     equations: &'a Equations,
     inputs: Inputs<'a>,
-    values: Vec<f64>,
+    values: [f64; VARIABLES.len() + MOST_STATES],
+    /// Which states have a rate.
+    moves: [bool; N],
 }
 
-type States = [f64; MOST_STATES];
-
-impl<'a> Machine<'a> {
+impl<'a, const N: usize> Machine<'a, N> {
     /// At the first sample, after a long rest there.
-    /// `equations` have the parameters put in.
+    /// `equations` have `N` motions, and the parameters put in.
     pub(super) fn at_rest(equations: &'a Equations, inputs: Inputs<'a>) -> Self {
         let mut machine = Self {
-            values: vec![0.0; VARIABLES.len() + equations.motions.len()],
+            values: [0.0; VARIABLES.len() + MOST_STATES],
+            moves: std::array::from_fn(|i| matches!(equations.motions.get(i), Some(Motion::Rate(_)))),
             equations,
             inputs,
         };
@@ -56,17 +57,12 @@ impl<'a> Machine<'a> {
         machine
     }
 
-    fn count(&self) -> usize {
-        self.equations.motions.len()
+    fn states(&self) -> [f64; N] {
+        std::array::from_fn(|i| self.values[VARIABLES.len() + i])
     }
 
-    pub(super) fn states(&self) -> &[f64] {
-        &self.values[VARIABLES.len()..VARIABLES.len() + self.count()]
-    }
-
-    pub(super) fn states_mut(&mut self) -> &mut [f64] {
-        let count = self.count();
-        &mut self.values[VARIABLES.len()..VARIABLES.len() + count]
+    fn set(&mut self, states: &[f64; N]) {
+        self.values[VARIABLES.len()..][..N].copy_from_slice(states);
     }
 
     /// The inputs at a sample.
@@ -117,28 +113,22 @@ impl<'a> Machine<'a> {
 
     /// States with `next`, all from their old values.
     fn renew(&mut self) {
-        let mut new: States = [0.0; MOST_STATES];
-        let mut any = false;
+        if self.moves.iter().all(|moves| *moves) {
+            return;
+        }
+        let mut new = self.states();
         for (new, motion) in new.iter_mut().zip(&self.equations.motions) {
             if let Motion::Next(next) = motion {
                 *new = sound(next.eval(&self.values));
-                any = true;
             }
         }
-        if any {
-            for (i, motion) in self.equations.motions.iter().enumerate() {
-                if let Motion::Next(_) = motion {
-                    self.values[VARIABLES.len() + i] = new[i];
-                }
-            }
-        }
+        self.set(&new);
     }
 
     /// Rates at the given states; 0 for those that have none.
-    fn rates(&mut self, states: &States) -> States {
-        let count = self.count();
-        self.values[VARIABLES.len()..VARIABLES.len() + count].copy_from_slice(&states[..count]);
-        let mut rates = [0.0; MOST_STATES];
+    fn rates(&mut self, states: &[f64; N]) -> [f64; N] {
+        self.set(states);
+        let mut rates = [0.0; N];
         for (rate, motion) in rates.iter_mut().zip(&self.equations.motions) {
             if let Motion::Rate(expression) = motion {
                 let value = expression.eval(&self.values);
@@ -158,14 +148,11 @@ impl<'a> Machine<'a> {
     /// R. Alexander, "Diagonally implicit Runge-Kutta methods for stiff O.D.E.'s", SIAM J. Numer. Anal. 14 (1977), 1006-1021;
     /// E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", section IV.6.
     pub(super) fn advance(&mut self, k: usize) {
-        let is_rate = |motion: &Motion| matches!(motion, Motion::Rate(_));
-        if !self.equations.motions.iter().any(is_rate) {
+        if !self.moves.contains(&true) {
             return;
         }
-        let period_s = self.inputs.period_s;
-        let step = GAMMA * period_s;
-        let mut start: States = [0.0; MOST_STATES];
-        start[..self.count()].copy_from_slice(self.states());
+        let step = GAMMA * self.inputs.period_s;
+        let start = self.states();
         self.stand_between(k, GAMMA);
         let first = self.rates(&start);
         let newton = Newton::new(self, &start, &first, step);
@@ -174,51 +161,45 @@ impl<'a> Machine<'a> {
         let rates = self.rates(&inner);
         newton.correct(&mut inner, &start, &rates, step);
         // The rate that the first stage came out with.
-        let base: States = std::array::from_fn(|i| start[i] + (1.0 - GAMMA) / GAMMA * (inner[i] - start[i]));
-        let mut end: States = std::array::from_fn(|i| start[i] + (inner[i] - start[i]) / GAMMA);
+        let base: [f64; N] = std::array::from_fn(|i| start[i] + (1.0 - GAMMA) / GAMMA * (inner[i] - start[i]));
+        let mut end: [f64; N] = std::array::from_fn(|i| start[i] + (inner[i] - start[i]) / GAMMA);
         self.stand_between(k, 1.0);
         for _ in 0..2 {
             let rates = self.rates(&end);
             newton.correct(&mut end, &base, &rates, step);
         }
-        let moves: [bool; MOST_STATES] = std::array::from_fn(|i| self.equations.motions.get(i).is_some_and(is_rate));
-        for (i, state) in self.states_mut().iter_mut().enumerate() {
-            *state = if moves[i] { sound(end[i]) } else { start[i] };
-        }
+        let moved = std::array::from_fn(|i| if self.moves[i] { sound(end[i]) } else { start[i] });
+        self.set(&moved);
     }
 }
 
 /// `1 - step x Jacobian` in triangular factors; as good as 1 where it cannot be solved.
-struct Newton {
-    rows: [States; MOST_STATES],
-    order: [usize; MOST_STATES],
-    count: usize,
+struct Newton<const N: usize> {
+    rows: [[f64; N]; N],
+    order: [usize; N],
 }
 
-impl Newton {
-    fn new(machine: &mut Machine<'_>, at: &States, rates: &States, step: f64) -> Self {
-        let count = machine.count();
-        let mut rows = [[0.0; MOST_STATES]; MOST_STATES];
-        for j in 0..count {
+impl<const N: usize> Newton<N> {
+    fn new(machine: &mut Machine<'_, N>, at: &[f64; N], rates: &[f64; N], step: f64) -> Self {
+        let mut rows = [[0.0; N]; N];
+        for j in 0..N {
             // A thousandth of what the state moves in a step, or rounding's cube root of itself: whichever is larger.
             let apart = (6e-6 * at[j].abs()).max(1e-3 * step * rates[j].abs()).max(1e-9);
             let mut beside = *at;
             beside[j] += apart;
             let there = machine.rates(&beside);
-            for (i, row) in rows.iter_mut().enumerate().take(count) {
+            for (i, row) in rows.iter_mut().enumerate() {
                 row[j] = f64::from(u8::from(i == j)) - step * (there[i] - rates[i]) / apart;
             }
         }
-        Self::factored(rows, count)
+        Self::factored(rows)
     }
 
     /// Gaussian elimination with row pivots.
-    fn factored(mut rows: [States; MOST_STATES], count: usize) -> Self {
-        let mut order: [usize; MOST_STATES] = std::array::from_fn(|i| i);
-        let whole: [States; MOST_STATES] =
-            std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
-        for column in 0..count {
-            let best = (column..count)
+    fn factored(mut rows: [[f64; N]; N]) -> Self {
+        let mut order: [usize; N] = std::array::from_fn(|i| i);
+        for column in 0..N {
+            let best = (column..N)
                 .max_by(|&a, &b| rows[a][column].abs().total_cmp(&rows[b][column].abs()))
                 .unwrap_or(column);
             rows.swap(column, best);
@@ -226,12 +207,11 @@ impl Newton {
             let pivot = rows[column][column];
             if !(pivot.is_normal() && pivot.abs() > 1e-12) {
                 return Self {
-                    rows: whole,
+                    rows: std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j)))),
                     order: std::array::from_fn(|i| i),
-                    count,
                 };
             }
-            for row in column + 1..count {
+            for row in column + 1..N {
                 let factor = rows[row][column] / pivot;
                 rows[row][column] = factor;
                 let above = rows[column];
@@ -240,20 +220,20 @@ impl Newton {
                 }
             }
         }
-        Self { rows, order, count }
+        Self { rows, order }
     }
 
     /// One Newton step towards `z = base + step x rate(z)`.
-    fn correct(&self, states: &mut States, base: &States, rates: &States, step: f64) {
-        let off: States = std::array::from_fn(|i| states[i] - base[i] - step * rates[i]);
-        let mut x: States = std::array::from_fn(|i| off[self.order[i]]);
-        for i in 1..self.count {
+    fn correct(&self, states: &mut [f64; N], base: &[f64; N], rates: &[f64; N], step: f64) {
+        let off: [f64; N] = std::array::from_fn(|i| states[i] - base[i] - step * rates[i]);
+        let mut x: [f64; N] = std::array::from_fn(|i| off[self.order[i]]);
+        for i in 1..N {
             for j in 0..i {
                 x[i] -= self.rows[i][j] * x[j];
             }
         }
-        for i in (0..self.count).rev() {
-            for j in i + 1..self.count {
+        for i in (0..N).rev() {
+            for j in i + 1..N {
                 x[i] -= self.rows[i][j] * x[j];
             }
             x[i] /= self.rows[i][i];
@@ -266,46 +246,42 @@ impl Newton {
 
 /// Steady periodic states before the run-in: shooting over one period (T. J. Aprille, T. N. Trick, 1972, Proc. IEEE 60, 108),
 /// one Newton step from where a period at rest leads; exact where the states are linear. `machine` stands at the first sample.
-pub(super) fn settle(machine: &mut Machine<'_>) {
-    let count = machine.count();
+pub(super) fn settle<const N: usize>(machine: &mut Machine<'_, N>) {
     let run_in = machine.inputs.run_in;
-    let over_a_period = |machine: &Machine<'_>, from: &[f64]| -> States {
+    let over_a_period = |machine: &Machine<'_, N>, from: &[f64; N]| -> [f64; N] {
         let mut other = machine.clone();
-        other.states_mut().copy_from_slice(&from[..count]);
+        other.set(from);
         for k in 0..run_in {
             other.stand_at(k);
             other.renew();
             other.advance(k);
         }
-        let mut states = [0.0; MOST_STATES];
-        states[..count].copy_from_slice(other.states());
-        states
+        other.states()
     };
-    let rest: Vec<f64> = machine.states().to_vec();
-    let from = over_a_period(machine, &rest);
+    let from = over_a_period(machine, &machine.states());
     let to = over_a_period(machine, &from);
-    let off = |a: &States, b: &States| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+    let off = |a: &[f64; N], b: &[f64; N]| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
     let mut best = to;
     // What still moves by a millionth from period to period has settled: no reading shows it.
     if off(&from, &to) > 1e-12 * from.iter().map(|z| z * z).sum::<f64>() {
-        let mut rows = [[0.0; MOST_STATES]; MOST_STATES];
-        for j in 0..count {
+        let mut rows = [[0.0; N]; N];
+        for j in 0..N {
             let apart = (1e-4 * from[j].abs()).max(0.1 * (to[j] - from[j]).abs()).max(1e-9);
             let mut beside = from;
             beside[j] += apart;
             let there = over_a_period(machine, &beside);
-            for i in 0..count {
+            for i in 0..N {
                 rows[i][j] = f64::from(u8::from(i == j)) - (there[i] - to[i]) / apart;
             }
         }
         let mut steady = from;
         // The same linear equations as an implicit step of length 1 with the change over a period as the rate.
-        let change: States = std::array::from_fn(|i| to[i] - from[i]);
-        Newton::factored(rows, count).correct(&mut steady, &from, &change, 1.0);
+        let change: [f64; N] = std::array::from_fn(|i| to[i] - from[i]);
+        Newton::factored(rows).correct(&mut steady, &from, &change, 1.0);
         let again = over_a_period(machine, &steady);
         if off(&steady, &again) < off(&from, &to) {
             best = again;
         }
     }
-    machine.states_mut().copy_from_slice(&best[..count]);
+    machine.set(&best);
 }
