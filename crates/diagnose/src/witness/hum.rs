@@ -68,7 +68,7 @@ pub(crate) fn find(traces: &Traces, residuals: &[Vec<f64>], noise_um: f64) -> Op
         let taken = lines(i, frequency_hz).of_the_mains();
         let length_s = (t.len() - t.from) as f64 * t.period_s;
         let aside =
-            |shift_hz: f64| Lines::fit_aside(&residuals[i][t.from..], t.period_s, frequency_hz, shift_hz).taken();
+            |shift_hz: f64| Lines::fit_aside(&residuals[i][t.from..], t.period_s, frequency_hz, shift_hz).taken_um2;
         let beside = beside(aside, frequency_hz, length_s);
         let ratio = taken / beside.max(1e-3 * noise_um * noise_um);
         if ratio > CONTRAST {
@@ -119,11 +119,14 @@ struct Lines {
     shift: f64,
     /// Cosine and sine of each harmonic.
     amplitudes: Vec<f64>,
-    rows: usize,
-    stride: usize,
+    /// Mean square that the lines take.
+    taken_um2: f64,
     /// Mean square of the series about its mean.
     all_um2: f64,
 }
+
+/// Columns of the straight line.
+const LINE: usize = 2;
 
 impl Lines {
     fn fit(own: &[f64], period_s: f64, f: f64) -> Self {
@@ -131,41 +134,75 @@ impl Lines {
     }
 
     /// As [`Self::fit`], every line moved by the same frequency.
+    ///
+    /// # Cost
+    /// One pass over some 4000 rows: products of the waves with each other are known in closed form.
     fn fit_aside(own: &[f64], period_s: f64, f: f64, shift_hz: f64) -> Self {
         // No more than 4000 rows, but at least 12 samples a period of the fundamental.
         let stride = (own.len() / 4000).clamp(1, ((1.0 / (12.0 * 60.0)) / period_s).max(1.0) as usize);
-        let rows: Vec<usize> = (0..own.len()).step_by(stride).collect();
-        let y = DVector::from_iterator(rows.len(), rows.iter().map(|&k| own[k]));
-        let mean = y.mean();
+        let rows = || own.iter().step_by(stride);
+        let count = rows().len();
+        let mean = rows().sum::<f64>() / count as f64;
         let mut lines = Self {
             omega: std::f64::consts::TAU * f * period_s,
             shift: std::f64::consts::TAU * shift_hz * period_s,
             amplitudes: Vec::new(),
-            rows: rows.len(),
-            stride,
-            all_um2: y.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / rows.len() as f64,
+            taken_um2: 0.0,
+            all_um2: rows().map(|v| (v - mean).powi(2)).sum::<f64>() / count as f64,
         };
         // Above half the sampling rate they come back folded, at frequencies as well known.
-        if rows.len() < 4 * HARMONICS + 4 {
+        if count < 4 * HARMONICS + 4 {
             return lines;
         }
-        let mut columns = DMatrix::zeros(rows.len(), 2 * HARMONICS + 2);
-        for (r, &k) in rows.iter().enumerate() {
-            let line = [1.0, k as f64 / own.len() as f64 - 0.5];
-            let row = line.into_iter().chain(lines.waves(k as f64));
-            columns
-                .row_mut(r)
-                .iter_mut()
-                .zip(row)
-                .for_each(|(cell, value)| *cell = value);
+        let apart = stride as f64 / own.len() as f64;
+        let mut gram = lines.products(count, stride as f64);
+        let mut with_series = DVector::zeros(LINE + 2 * HARMONICS);
+        for (r, &y) in rows().enumerate() {
+            let k = (r * stride) as f64;
+            let line = [1.0, r as f64 * apart - 0.5];
+            for (i, &x) in line.iter().enumerate() {
+                with_series[i] += x * y;
+                line.iter().enumerate().for_each(|(j, other)| gram[(j, i)] += x * other);
+            }
+            for (j, wave) in lines.waves(k).enumerate() {
+                with_series[LINE + j] += wave * y;
+                gram[(LINE + j, 0)] += wave;
+                gram[(LINE + j, 1)] += wave * line[1];
+            }
         }
         // Folded harmonics may lie on one another (50 Hz in 100 samples a second), or on the straight line.
-        let ridge = DMatrix::identity(columns.ncols(), columns.ncols()) * (1e-6 * rows.len() as f64);
-        let gram = columns.transpose() * &columns + ridge;
-        if let Some(factor) = gram.cholesky() {
-            lines.amplitudes = factor.solve(&columns.tr_mul(&y)).iter().skip(2).copied().collect();
+        let ridge = DMatrix::identity(gram.ncols(), gram.ncols()) * (1e-6 * count as f64);
+        if let Some(factor) = (&gram + ridge).cholesky() {
+            let solution = factor.solve(&with_series);
+            let amplitudes = solution.rows_range(LINE..);
+            let of_waves = gram.view_range(LINE.., LINE..);
+            lines.taken_um2 = (of_waves * amplitudes).dot(&amplitudes).max(0.0) / count as f64;
+            lines.amplitudes = amplitudes.iter().copied().collect();
         }
         lines
+    }
+
+    /// Sums of products of the waves over rows so many samples apart: cosines and sines of sums and of differences of angles.
+    fn products(&self, count: usize, stride: f64) -> DMatrix<f64> {
+        let of = |angle: f64| turns(angle * stride, count);
+        let apart = |lines: usize| of(lines as f64 * self.omega);
+        let together = |lines: usize| of(lines as f64 * self.omega + 2.0 * self.shift);
+        let differences: [[f64; 2]; HARMONICS] = std::array::from_fn(apart);
+        let sums: [[f64; 2]; 2 * HARMONICS + 1] = std::array::from_fn(together);
+        let mut products = DMatrix::zeros(LINE + 2 * HARMONICS, LINE + 2 * HARMONICS);
+        for a in 0..HARMONICS {
+            for b in 0..HARMONICS {
+                let [cos_apart, sin_apart] = differences[a.abs_diff(b)];
+                let sin_apart = if a < b { -sin_apart } else { sin_apart };
+                let [cos, sin] = sums[a + b + 2];
+                let (row, column) = (LINE + 2 * a, LINE + 2 * b);
+                products[(row, column)] = 0.5 * (cos_apart + cos);
+                products[(row + 1, column + 1)] = 0.5 * (cos_apart - cos);
+                products[(row + 1, column)] = 0.5 * (sin + sin_apart);
+                products[(row, column + 1)] = 0.5 * (sin - sin_apart);
+            }
+        }
+        products
     }
 
     /// Cosine and sine of each harmonic at a sample, each from the one before it.
@@ -179,37 +216,95 @@ impl Lines {
         .flat_map(|(c, s)| [c, s])
     }
 
-    /// The lines at a sample.
-    fn at(&self, k: f64) -> f64 {
-        self.amplitudes
-            .iter()
-            .zip(self.waves(k))
-            .map(|(a, wave)| a * wave)
-            .sum()
-    }
-
     /// Mean square that the lines take, nothing where they are not the mains'.
     fn of_the_mains(&self) -> f64 {
         let power = |lines: &[f64]| lines.iter().map(|a| a * a).sum::<f64>();
         let lowest = self.amplitudes.get(..4).map_or(0.0, power);
         if lowest > LOWEST_TWO * power(&self.amplitudes) {
-            self.taken()
+            self.taken_um2
         } else {
             0.0
         }
     }
+}
 
-    /// Mean square that the lines take.
-    fn taken(&self) -> f64 {
-        let at = |r: usize| self.at((r * self.stride) as f64).powi(2);
-        (0..self.rows).map(at).sum::<f64>() / self.rows.max(1) as f64
-    }
+/// Sums of the cosines and of the sines of the first multiples of an angle, from 0 on (Dirichlet's kernel).
+fn turns(angle: f64, count: usize) -> [f64; 2] {
+    let n = count as f64;
+    // About the nearest whole turn, where the sum is as large as can be.
+    let half = 0.5 * (angle - std::f64::consts::TAU * (angle / std::f64::consts::TAU).round());
+    let size = if half.abs() < 1e-12 {
+        n
+    } else {
+        (n * half).sin() / half.sin()
+    };
+    let (sin, cos) = ((n - 1.0) * half).sin_cos();
+    [size * cos, size * sin]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::f64::consts::TAU;
+
+    impl Lines {
+        /// The lines at a sample.
+        fn at(&self, k: f64) -> f64 {
+            self.amplitudes
+                .iter()
+                .zip(self.waves(k))
+                .map(|(a, wave)| a * wave)
+                .sum()
+        }
+    }
+
+    /// The closed form against sums term by term: any angle, one near a whole turn, harmonics that fold onto one another.
+    #[test]
+    fn val_products_of_waves_are_those_of_their_rows() {
+        for (omega, shift, count, stride) in [
+            (0.0628, 0.0, 4000, 1.0),
+            (0.31, 0.0071, 700, 3.0),
+            (std::f64::consts::PI, 0.0, 100, 1.0),
+            (TAU / 4.0 + 1e-7, -1e-5, 480, 1.0),
+        ] {
+            let lines = Lines {
+                omega,
+                shift,
+                amplitudes: Vec::new(),
+                taken_um2: 0.0,
+                all_um2: 0.0,
+            };
+            let rows: Vec<Vec<f64>> = (0..count)
+                .map(|r| lines.waves(f64::from(r) * stride).collect())
+                .collect();
+            let products = lines.products(count as usize, stride);
+            for a in 0..2 * HARMONICS {
+                for b in 0..2 * HARMONICS {
+                    let sum: f64 = rows.iter().map(|row| row[a] * row[b]).sum();
+                    let closed = products[(LINE + a, LINE + b)];
+                    assert!(
+                        (sum - closed).abs() < 1e-8 * f64::from(count),
+                        "{a} {b}: {sum} {closed}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// What the lines take is the mean square of the lines at the rows.
+    #[test]
+    fn val_what_is_taken_is_what_the_lines_are() {
+        let own: Vec<f64> = (0..2500)
+            .map(|k| (f64::from(k) * 0.07).sin() + f64::from(k % 17) * 0.01)
+            .collect();
+        let lines = Lines::fit_aside(&own, 2e-4, 50.1, 3.0);
+        let mean = (0..2500).map(|k| lines.at(f64::from(k)).powi(2)).sum::<f64>() / 2500.0;
+        assert!(
+            (lines.taken_um2 - mean).abs() < 1e-9 * mean,
+            "{} {mean}",
+            lines.taken_um2
+        );
+    }
 
     /// Takes lines at a frequency and its harmonics out of a series that has them.
     fn take_out(own: &mut [f64], period_s: f64, frequency_hz: f64) {
@@ -218,7 +313,7 @@ mod tests {
             return;
         }
         let lines = Lines::fit(own, period_s, frequency_hz);
-        let aside = |shift_hz: f64| Lines::fit_aside(own, period_s, frequency_hz, shift_hz).taken();
+        let aside = |shift_hz: f64| Lines::fit_aside(own, period_s, frequency_hz, shift_hz).taken_um2;
         if lines.of_the_mains() > CONTRAST * beside(aside, frequency_hz, length_s) {
             own.iter_mut().enumerate().for_each(|(k, y)| *y -= lines.at(k as f64));
         }
