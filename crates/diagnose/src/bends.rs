@@ -51,12 +51,18 @@ pub(crate) fn bends(model: &Model, investigation: &Investigation<'_>) -> Bends {
 /// (Mayergoyz 1991, section 1.3), also behind a bent voltage; a sensor's bend stretches each by its slope there.
 fn not_congruent(search: &Search<'_>) -> Option<Candidate> {
     let effect = find(EffectId::SensorNonlinearity);
-    let trial = search.candidate(&effect).ok()?;
+    let trial = tried(search, &effect)?;
     let same_ridge = search.under_ridge_of(&trial);
     let scale = Scale::of(search);
     let each = [Some(search.standing()), same_ridge.as_ref()].into_iter().flatten();
     let candidates = each.map(|without| scale.candidate(search, &effect.name(), (without, &trial), None));
     candidates.min_by(|a, b| a.statistic.total_cmp(&b.statistic))
+}
+
+/// An effect as a round tries it: how much of an error it takes is asked here, not its numbers.
+fn tried(search: &Search<'_>, effect: &Arc<dyn Effect>) -> Option<Trial> {
+    let trials = search.candidates(std::slice::from_ref(effect), None, &|_, _| ());
+    trials.into_iter().next()?.ok()
 }
 
 /// Fine plays that lack less of the free shape have no bend, percent.
@@ -99,7 +105,7 @@ fn beside(evidence: &mut Bends, mut fine: Search<'_>, free: &Trial) {
         of_voltage.and_then(|k| trials[k].clone()),
     ) {
         fine.stand_on(trial);
-        if let Ok(trial) = fine.candidate(position) {
+        if let Some(trial) = tried(&fine, position) {
             evidence.both = Some(judged(&fine, position, &trial));
         }
     }

@@ -113,7 +113,7 @@ pub struct Bounds {
 
 impl Bounds {
     /// A fitted parameter.
-    pub fn new(min: f64, max: f64, scale: f64, neutral: f64) -> Self {
+    pub const fn new(min: f64, max: f64, scale: f64, neutral: f64) -> Self {
         Self {
             min,
             max,

@@ -72,7 +72,8 @@ impl Effort {
 /// Times that the space about the best start is halved in a quick look.
 const HALVED: usize = 3;
 
-/// Starts that are looked at behind a mode with a bent spring or friction, whose every answer is an integration.
+/// Starts that are looked at of a wider form of an effect, or behind one: every answer of a mode with a bent spring or friction is an
+/// integration.
 const LOOKED_AT: usize = 12;
 
 /// A candidate whose first steps take less than this of the sum of logarithms is not followed further: the squared error of one record
@@ -334,7 +335,7 @@ impl Search<'_> {
             .links
             .iter()
             .any(|link| link.effect.widens().is_some());
-        if costly && starts.len() > LOOKED_AT {
+        if (costly || rival.is_some()) && starts.len() > LOOKED_AT {
             let every = starts.len().div_ceil(LOOKED_AT);
             starts = starts.into_iter().step_by(every).collect();
         }
@@ -343,6 +344,14 @@ impl Search<'_> {
         }
         let behind =
             |error: f64, times: f64| rival.is_some_and(|rival| error > rival + self.taking_part() * times.powi(2).ln());
+        if rival.is_some() {
+            // To begin a start takes some ten answers; what it leaves by the tangents of the chain without it takes one.
+            let left = |values: &Vec<f64>| basis.left(self, &with_values(&point, link, values), link, &point, WHOLE);
+            let hopeful = starts
+                .into_par_iter()
+                .filter(|values| !behind(left(values), BEGUN_HOPELESS));
+            starts = hopeful.collect();
+        }
         let mut begun = self.begun(&self.records, (&point, link, &starts), look);
         if rival.is_some() {
             begun.retain(|at| !behind(at.error, BEGUN_HOPELESS));
@@ -631,11 +640,7 @@ impl Search<'_> {
         basis: &Basis,
         effort: Effort,
     ) -> Vec<Vec<f64>> {
-        let left = |values: &Vec<f64>| {
-            let mut chain = point.chain.clone();
-            chain.links[link].values.clone_from(values);
-            basis.left(self, &chain, link, point)
-        };
+        let left = |values: &Vec<f64>| basis.left(self, &with_values(point, link, values), link, point, SOME);
         let scored: Vec<f64> = starts.par_iter().map(left).collect();
         let mut order: Vec<usize> = (0..starts.len()).collect();
         order.sort_by(|&a, &b| scored[a].total_cmp(&scored[b]));
@@ -681,8 +686,8 @@ fn between(a: &[f64], b: &[f64]) -> Vec<f64> {
 }
 
 impl Basis {
-    /// The sum of logarithms that a change of the chain leaves, up to a factor, with what the hysteresis could take of it.
-    fn left(&self, search: &Search<'_>, chain: &Chain, link: usize, point: &Fitted) -> f64 {
+    /// The sum of logarithms that so many times a change of the chain leaves, with what the hysteresis could take of it.
+    fn left(&self, search: &Search<'_>, chain: &Chain, link: usize, point: &Fitted, times: Bounds) -> f64 {
         let dynamic = chain.dynamic();
         let of_standing = search.standing.fitted.chain.dynamic();
         let systems: Vec<Normal> = self
@@ -705,15 +710,23 @@ impl Basis {
             })
             .collect();
         let n = point.coefficients.len();
-        let factor = [(Bounds::new(0.0, MOST_TIMES, 1.0, 0.0), 0.0)];
+        let factor = [(times, 0.0)];
         let solve = |sum: &Normal| within_bounds(sum, n, point.held(), 0.0, &factor);
         let stay = vec![0.0; n + 1];
         reweighed(&systems, search.noise_um, Some(&stay), 2, solve).map_or(f64::INFINITY, |(_, error)| error)
     }
 }
 
-/// A start's change counts up to so many times.
-const MOST_TIMES: f64 = 3.0;
+/// A start's change counts up to three times, or as it is.
+const SOME: Bounds = Bounds::new(0.0, 3.0, 1.0, 0.0);
+const WHOLE: Bounds = Bounds::new(1.0, 1.0, 1.0, 1.0);
+
+/// The chain with such values of a link.
+fn with_values(point: &Fitted, link: usize, values: &[f64]) -> Chain {
+    let mut chain = point.chain.clone();
+    chain.links[link].values.copy_from_slice(values);
+    chain
+}
 
 /// The wider form of an effect that a chain has.
 fn wider_form(chain: &Chain, narrower: EffectId) -> Option<EffectName> {
