@@ -5,13 +5,16 @@
 
 mod accept;
 mod candidate;
+mod effort;
 mod expected;
 mod fitted;
+mod look;
+mod plan;
 mod records;
 mod system;
 mod trial;
 
-pub use candidate::Refused;
+pub use plan::Refused;
 pub use trial::{Part, Trial};
 
 use crate::any_state;
