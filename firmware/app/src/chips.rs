@@ -6,7 +6,9 @@
 pub struct Chip {
     /// The board.
     pub board: &'static str,
-    /// The PLL's source: the ST-LINK's 8 MHz, or the internal 16 MHz.
+    /// The oscillator that a reset starts by itself.
+    pub internal_hz: u32,
+    /// The PLL's source: the ST-LINK's 8 MHz, or the internal oscillator.
     pub oscillator_hz: u32,
     /// M: divides the source.
     pub pll_m: u32,
@@ -42,14 +44,10 @@ pub struct Chip {
     pub spi_divider: u32,
 }
 
-/// M where the PLL runs on the H743's internal oscillator of 64 MHz, for a way down without the ST-LINK's clock: the same frequencies, to
-/// its 1 %.
-pub const H743_PLL_M_INTERNAL: u32 = 16;
-const _: () = assert!(64_000_000 / H743_PLL_M_INTERNAL == H743.pll_input_hz());
-
 /// STM32H743ZI. 400 MHz and not 480, which only revision V reaches (DS12110, general operating conditions).
 pub const H743: Chip = Chip {
     board: "nucleo-h743zi",
+    internal_hz: 64_000_000,
     oscillator_hz: 8_000_000,
     pll_m: 2,
     pll_n: 200,
@@ -77,6 +75,7 @@ pub const H743: Chip = Chip {
 /// STM32G474RE at its highest clock.
 pub const G474: Chip = Chip {
     board: "nucleo-g474re",
+    internal_hz: 16_000_000,
     oscillator_hz: 16_000_000,
     pll_m: 4,
     pll_n: 85,

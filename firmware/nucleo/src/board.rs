@@ -20,6 +20,33 @@ use hysteron_firmware::start::Cause;
 #[cfg(not(feature = "two-axes"))]
 use hysteron_slot::Slots;
 
+/// What the chip runs on.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Clock {
+    /// The PLL, as [`CHIP`] says.
+    Pll,
+    /// The oscillator that a reset starts by itself: for the way down, where nothing else has come.
+    Internal,
+}
+
+impl Clock {
+    /// What the processor counts.
+    pub fn processor_hz(self) -> u32 {
+        match self {
+            Self::Pll => CHIP.processor_hz(),
+            Self::Internal => CHIP.internal_hz,
+        }
+    }
+
+    /// The DAC's bus, whose divider is the same on either.
+    fn bus_hz(self) -> u32 {
+        match self {
+            Self::Pll => CHIP.bus_hz(),
+            Self::Internal => CHIP.internal_hz / CHIP.spi_divider,
+        }
+    }
+}
+
 /// What main has of the board first.
 pub struct Outputs {
     pub dac: Dac,
@@ -38,6 +65,8 @@ pub struct Parts {
 /// Looks at the ST-LINK's clock: 2 ms and more at 64 MHz, of a signal that is there from power-on or not at all.
 #[cfg(feature = "h743zi")]
 const CLOCK_LOOKS: u32 = 50_000;
+/// Looks at the PLL, at 64 MHz 300 us and more: it locks within 150 us (DS12110 and DS12288, PLL characteristics).
+const PLL_LOOKS: u32 = 10_000;
 /// Looks at the watchdog's registers, which take five of its clocks (RM0433 and RM0440, IWDG_SR): 160 us, at 64 MHz 10 000 cycles.
 const WATCHDOG_LOOKS: u32 = 10_000;
 
@@ -84,10 +113,10 @@ const MODE: spi::Mode = spi::MODE_1;
 const _: () = assert!(matches!(MODE.polarity, spi::Polarity::IdleHigh) == CLOCK_POLARITY);
 const _: () = assert!(matches!(MODE.phase, spi::Phase::CaptureOnSecondTransition) == CLOCK_PHASE);
 
-fn bus_config() -> spi::Config {
+fn bus_config(clock: Clock) -> spi::Config {
     let mut config = spi::Config::default();
     config.mode = MODE;
-    config.frequency = Hertz(CHIP.bus_hz());
+    config.frequency = Hertz(clock.bus_hz());
     config
 }
 
@@ -110,8 +139,8 @@ fn check(rcc: &Peri<'static, peripherals::RCC>, timer: &Timer<'static, periphera
 mod chip {
     use super::*;
     use embassy_stm32::pac::adc::vals::Pcsel;
+    use embassy_stm32::pac::rcc::vals::{Pllrge, Pllvcosel};
     use embassy_stm32::rcc;
-    use hysteron_firmware::chips::H743_PLL_M_INTERNAL;
 
     pub const INTERRUPT: Interrupt = Interrupt::ADC;
     pub const CHIP: Chip = hysteron_firmware::chips::H743;
@@ -144,24 +173,48 @@ mod chip {
         (0..CLOCK_LOOKS).any(|_| pac::RCC.cr().read().hserdy())
     }
 
-    /// From the ST-LINK's 8 MHz, which every revision of the chip takes, or without it, for the way down alone, from the internal oscillator;
-    /// the ADC from the 64 MHz oscillator.
-    fn config(clocked: bool) -> Config {
+    // DIVM1 is M, DIVN1, DIVP1 and DIVQ1 are one less than N, P and Q (RM0433, RCC_PLLCKSELR and RCC_PLL1DIVR).
+    const DIVM1: rcc::PllPreDiv = rcc::PllPreDiv::from_bits(CHIP.pll_m as u8);
+    const DIVN1: rcc::PllMul = rcc::PllMul::from_bits(CHIP.pll_n as u16 - 1);
+    // What `locks` says of the phase detector's frequency.
+    const _: () = assert!(CHIP.pll_input_hz() >= 4_000_000 && CHIP.pll_input_hz() < 8_000_000);
+
+    /// Whether the PLL comes to its frequency; embassy would wait for it.
+    fn locks() -> bool {
+        let registers = pac::RCC;
+        registers.pllckselr().modify(|w| {
+            w.set_divm(0, DIVM1);
+            w.set_pllsrc(rcc::PllSource::HSE);
+        });
+        registers.pllcfgr().modify(|w| {
+            w.set_pllvcosel(0, Pllvcosel::WIDE_VCO);
+            w.set_pllrge(0, Pllrge::RANGE4);
+        });
+        registers.plldivr(0).modify(|w| w.set_plln(DIVN1));
+        registers.cr().modify(|w| w.set_pllon(0, true));
+        let locks = (0..PLL_LOOKS).any(|_| registers.cr().read().pllrdy(0));
+        // Its dividers are set while it is off.
+        registers.cr().modify(|w| w.set_pllon(0, false));
+        locks
+    }
+
+    /// From the ST-LINK's 8 MHz, which every revision of the chip takes, or from the internal oscillator; the ADC from the latter.
+    fn config(clock: Clock) -> Config {
         let mut config = Config::default();
-        config.rcc.hse = clocked.then_some(rcc::Hse {
+        config.rcc.voltage_scale = rcc::VoltageScale::Scale1;
+        config.rcc.mux.adcsel = rcc::mux::Adcsel::PER;
+        if clock == Clock::Internal {
+            config.rcc.mux.spi123sel = rcc::mux::Saisel::PER;
+            return config;
+        }
+        config.rcc.hse = Some(rcc::Hse {
             freq: Hertz(CHIP.oscillator_hz),
             mode: rcc::HseMode::Bypass,
         });
-        let (source, divider) = if clocked {
-            (rcc::PllSource::HSE, CHIP.pll_m)
-        } else {
-            (rcc::PllSource::HSI, H743_PLL_M_INTERNAL)
-        };
-        // DIVM1 is M, DIVN1, DIVP1 and DIVQ1 are one less than N, P and Q (RM0433, RCC_PLLCKSELR and RCC_PLL1DIVR).
         config.rcc.pll1 = Some(rcc::Pll {
-            source,
-            prediv: rcc::PllPreDiv::from_bits(divider as u8),
-            mul: rcc::PllMul::from_bits(CHIP.pll_n as u16 - 1),
+            source: rcc::PllSource::HSE,
+            prediv: DIVM1,
+            mul: DIVN1,
             fracn: None,
             divp: Some(rcc::PllDiv::from_bits(CHIP.pll_system as u8 - 1)),
             divq: Some(rcc::PllDiv::from_bits(CHIP.pll_q as u8 - 1)),
@@ -173,8 +226,6 @@ mod chip {
         config.rcc.apb2_pre = const { apb(CHIP.apb_divider) };
         config.rcc.apb3_pre = const { apb(CHIP.apb_divider) };
         config.rcc.apb4_pre = const { apb(CHIP.apb_divider) };
-        config.rcc.voltage_scale = rcc::VoltageScale::Scale1;
-        config.rcc.mux.adcsel = rcc::mux::Adcsel::PER;
         config
     }
 
@@ -211,7 +262,7 @@ mod chip {
 
     /// What is left to start once the outputs are safe.
     pub struct Rest {
-        clocked: bool,
+        pub clock: Clock,
         rcc: Peri<'static, peripherals::RCC>,
         #[cfg(not(feature = "two-axes"))]
         flash: Peri<'static, peripherals::FLASH>,
@@ -223,15 +274,19 @@ mod chip {
         of_y: (Peri<'static, peripherals::ADC2>, Peri<'static, peripherals::PC0>),
     }
 
-    /// Clocks, supervision of the supply, and the way to the outputs. What embassy waits for here (oscillator, PLL, flash) the watchdog bounds.
+    /// Clocks, supervision of the supply, and the way to the outputs. What embassy waits for here has been there, or the watchdog bounds it.
     pub fn start() -> (Outputs, Rest) {
-        let clocked = is_clocked();
-        let p = embassy_stm32::init(config(clocked));
+        let clock = if is_clocked() && locks() {
+            Clock::Pll
+        } else {
+            Clock::Internal
+        };
+        let p = embassy_stm32::init(config(clock));
         pac::PWR.cr1().modify(|w| {
             w.set_pls(SUPPLY);
             w.set_pvde(true);
         });
-        let bus = Spi::new_blocking_txonly(p.SPI1, p.PA5, p.PB5, bus_config());
+        let bus = Spi::new_blocking_txonly(p.SPI1, p.PA5, p.PB5, bus_config(clock));
         let outputs = Outputs {
             dac: Ad5683r::new(
                 bus,
@@ -244,7 +299,7 @@ mod chip {
             fault: Output::new(p.PB14, Level::Low, Speed::Low),
         };
         let rest = Rest {
-            clocked,
+            clock,
             rcc: p.RCC,
             #[cfg(not(feature = "two-axes"))]
             flash: p.FLASH,
@@ -264,8 +319,8 @@ mod chip {
         /// # Errors
         /// The first register that is not what `chips` says.
         pub fn start(self) -> Result<Parts, &'static str> {
-            if !self.clocked {
-                return Err("the ST-LINK's clock");
+            if self.clock == Clock::Internal {
+                return Err("the clock of the ST-LINK or the PLL");
             }
             // Set up and calibrated by embassy; what it leaves to software conversions is set in `converter`.
             core::mem::forget(Adc::new(self.adc));
@@ -328,15 +383,35 @@ mod chip {
     // What `config` leaves at its reset value.
     const _: () = assert!(CHIP.ahb_divider == 1 && CHIP.apb_divider == 1 && CHIP.pll_system == 2);
 
-    /// From the 16 MHz oscillator.
-    fn config() -> Config {
+    // PLLM is one less than M, PLLN is N (RM0440, RCC_PLLCFGR).
+    const PLLM: rcc::PllPreDiv = rcc::PllPreDiv::from_bits(CHIP.pll_m as u8 - 1);
+    const PLLN: rcc::PllMul = rcc::PllMul::from_bits(CHIP.pll_n as u8);
+
+    /// As the other board's.
+    fn locks() -> bool {
+        let registers = pac::RCC;
+        registers.pllcfgr().modify(|w| {
+            w.set_pllsrc(pac::rcc::vals::Pllsrc::HSI);
+            w.set_pllm(PLLM);
+            w.set_plln(PLLN);
+        });
+        registers.cr().modify(|w| w.set_pllon(true));
+        let locks = (0..PLL_LOOKS).any(|_| registers.cr().read().pllrdy());
+        registers.cr().modify(|w| w.set_pllon(false));
+        locks
+    }
+
+    /// From the 16 MHz oscillator, or that itself.
+    fn config(clock: Clock) -> Config {
         let mut config = Config::default();
         config.rcc.hsi = true;
-        // PLLM is one less than M, PLLN is N (RM0440, RCC_PLLCFGR).
+        if clock == Clock::Internal {
+            return config;
+        }
         config.rcc.pll = Some(rcc::Pll {
             source: rcc::PllSource::HSI,
-            prediv: rcc::PllPreDiv::from_bits(CHIP.pll_m as u8 - 1),
-            mul: rcc::PllMul::from_bits(CHIP.pll_n as u8),
+            prediv: PLLM,
+            mul: PLLN,
             divp: None,
             divq: None,
             divr: Some(rcc::PllRDiv::DIV2),
@@ -379,6 +454,7 @@ mod chip {
 
     /// What is left to start once the outputs are safe.
     pub struct Rest {
+        pub clock: Clock,
         rcc: Peri<'static, peripherals::RCC>,
         #[cfg(not(feature = "two-axes"))]
         flash: Peri<'static, peripherals::FLASH>,
@@ -390,17 +466,19 @@ mod chip {
 
     /// As the other board's; it has no clock from outside.
     pub fn start() -> (Outputs, Rest) {
-        let p = embassy_stm32::init(config());
+        let clock = if locks() { Clock::Pll } else { Clock::Internal };
+        let p = embassy_stm32::init(config(clock));
         pac::PWR.cr2().modify(|w| {
             w.set_pls(SUPPLY);
             w.set_pvde(true);
         });
-        let bus = Spi::new_blocking_txonly(p.SPI1, p.PA5, p.PA7, bus_config());
+        let bus = Spi::new_blocking_txonly(p.SPI1, p.PA5, p.PA7, bus_config(clock));
         let outputs = Outputs {
             dac: Ad5683r::new(bus, [Output::new(p.PB6, Level::High, Speed::VeryHigh)]),
             fault: Output::new(p.PC7, Level::Low, Speed::Low),
         };
         let rest = Rest {
+            clock,
             rcc: p.RCC,
             #[cfg(not(feature = "two-axes"))]
             flash: p.FLASH,
@@ -418,6 +496,9 @@ mod chip {
         /// # Errors
         /// The first register that is not what `chips` says.
         pub fn start(self) -> Result<Parts, &'static str> {
+            if self.clock == Clock::Internal {
+                return Err("the PLL");
+            }
             core::mem::forget(Adc::new(self.adc, Default::default()));
             let _pin: AnyAdcChannel<'_, peripherals::ADC1> = self.sensor.degrade_adc();
             let (register, place) = smp_place(CHIP.adc_channel);

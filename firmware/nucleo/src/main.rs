@@ -222,7 +222,7 @@ fn main() -> ! {
     let Some(clock) = CHIP.sample_clock(table::SAMPLE_RATE_HZ) else {
         defmt::panic!("TIM6 cannot make {=f32} Hz", table::SAMPLE_RATE_HZ);
     };
-    let sample_cycles = (CHIP.processor_hz() as f32 / table::SAMPLE_RATE_HZ) as u32;
+    let sample_cycles = (rest.clock.processor_hz() as f32 / table::SAMPLE_RATE_HZ) as u32;
     let mut beginning = Beginning {
         dac: &mut outputs.dac,
         cause,

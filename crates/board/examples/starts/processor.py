@@ -4,7 +4,7 @@
 
 It has what the image touches and nothing that judges: oscillators and PLL as ready flags, reset causes, watchdog, supply detector,
 cycle counter, converters, bus, pins, the timer that triggers, the interrupt's enable bit, and the debugger's view of memory. Every
-answer is a line. Time is counted in processor cycles, three for two instructions.
+answer is a line. Time is counted in cycles of the processor at its full clock; two instructions take three of its own.
 """
 
 import dataclasses
@@ -38,6 +38,8 @@ class Board:
     mode: int
     memories: tuple
     processor_hz: int
+    # Of the oscillator that a reset starts, which the processor runs on until it is switched to the PLL.
+    internal_hz: int
     # Of the timer, in one of the processor's.
     timer_cycles: int
     adcs: tuple
@@ -62,7 +64,7 @@ class Board:
     ready: tuple
     pll: tuple
     outer: tuple
-    # Switch of the system's clock: register, mask, shift.
+    # Switch of the system's clock: register, mask, shift. The PLL is 3 on both boards.
     switch: tuple
     # Bits that are always set.
     always: tuple
@@ -73,6 +75,7 @@ G474 = Board(
     mode=unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS,
     memories=((0x08000000, 0x80000), (0x10000000, 0x8000), (0x20000000, 0x18000), (0x1FFF0000, 0x10000)),
     processor_hz=170_000_000,
+    internal_hz=16_000_000,
     timer_cycles=1,
     adcs=(0x50000000, 0x50000100),
     adc_common=0x50000308,
@@ -100,6 +103,7 @@ H743 = Board(
     mode=unicorn.UC_MODE_THUMB,
     memories=((0x08000000, 0x200000), (0x00000000, 0x10000), (0x20000000, 0x20000), (0x1FF00000, 0x100000)),
     processor_hz=400_000_000,
+    internal_hz=64_000_000,
     timer_cycles=2,
     adcs=(0x40022000, 0x40022100),
     adc_common=0x40022308,
@@ -172,6 +176,8 @@ class Processor:
         self.words = []
         self.axes = len(board.syncs)
         self.cycles = 0
+        # Cycles that the processor was behind its full clock.
+        self.behind = 0
         self.flags = 0
         self.fresh = self.uc.context_save()
         self.reset("power")
@@ -288,7 +294,7 @@ class Processor:
     def _cycle_count(self):
         if not (self.core.get(DWT_CTRL, 0) & 1 and self.core.get(DEMCR, 0) & 1 << 24):
             return 0
-        return self.cycles & 0xFFFFFFFF
+        return self.cycles - self.behind & 0xFFFFFFFF
 
     def _feed(self):
         self.watched_since = self.cycles
@@ -368,7 +374,7 @@ class Processor:
             instructions -= SLICE
             self.waited = self.waited + 1 if len(self.touched) == 1 else 0
             if self.waited > WAITING:
-                self.cycles += (TIMES - 1) * 3 * SLICE // 2
+                self._spend((TIMES - 1) * SLICE)
             self.touched.clear()
             if self.started():
                 break
@@ -399,7 +405,16 @@ class Processor:
             except unicorn.UcError:
                 # A hard fault's handler does not come back.
                 self.stuck = True
-        self.cycles += 3 * instructions // 2
+        self._spend(instructions)
+
+    def _spend(self, instructions):
+        """Time goes by, more of it on the slower clock."""
+        own = took = 3 * instructions // 2
+        switch, mask, _ = self.board.switch
+        if self.registers.get(switch, 0) & mask != 3:
+            took = own * self.board.processor_hz // self.board.internal_hz
+        self.cycles += took
+        self.behind += took - own
 
     def _interrupt(self):
         if self.stuck or self.spun:
