@@ -19,6 +19,20 @@ pub const POWER_ON: DacCode = DacCode(0);
 /// Command 3: write the input register and the output at once.
 const WRITE_AND_UPDATE: u8 = 0b0011;
 
+/// Command 5: the next word from SDO is the input register's. Not all models have that pin.
+const READ_BACK: u8 = 0b0101;
+
+/// What asks a converter for its code.
+pub const ASK: [u8; 3] = [READ_BACK << 4, 0, 0];
+/// What a converter is sent while it answers: no operation.
+pub const WHILE_IT_ANSWERS: [u8; 3] = [0; 3];
+
+/// The code of an answer, which lies as in a word that writes it.
+pub const fn answered(answer: [u8; 3]) -> DacCode {
+    let [high, middle, low] = answer;
+    DacCode(u16::from_be_bytes([high << 4 | middle >> 4, middle << 4 | low >> 4]))
+}
+
 /// The 24 bits of a code: command, code, four that do not matter ("Input Shift Register").
 #[inline(always)]
 pub const fn word(code: DacCode) -> [u8; 3] {

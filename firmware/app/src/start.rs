@@ -23,6 +23,8 @@ pub trait Hardware<const N: usize> {
     fn forget_cause(&mut self);
     /// Whether the supply is what the chip and the converters need.
     fn supplied(&self) -> bool;
+    /// The codes that the converters say they hold; `None` where nothing connects their answers.
+    fn held(&self) -> Option<[DacCode; N]>;
     /// The kept words of the outputs, see [`kept`].
     fn kept(&self) -> [u32; N];
     /// Sets the outputs, then keeps their codes.
@@ -39,9 +41,9 @@ const SUPPLY_SAMPLES: u32 = 5000;
 /// Brings the outputs to their safe levels from what the converters hold, as slowly as the tables' ramps: `ways` are each one's safe code
 /// and the codes that it may go a sample. Returns what is to be latched.
 ///
-/// After a loss of power the converters begin at their own zero; after any other reset they hold what memory says. Where memory says
-/// nothing (another image ran before), no register knows, and the first word is the safe level's. So is a loss of a converter's power
-/// that the chip's own does not share: the first word is then a step.
+/// Converters that do not answer are taken to begin at their own zero after a loss of power, and to hold what memory says after any other
+/// reset. Where memory says nothing (another image ran before), the first word is the safe level's. A loss of such a converter's power that
+/// the chip's own does not share, or the other way about, makes the first word a step.
 #[cold]
 pub fn settle<const N: usize>(
     board: &mut impl Hardware<N>,
@@ -57,14 +59,16 @@ pub fn settle<const N: usize>(
         supplied
     });
     let safe = ways.map(|(safe, _)| safe);
-    let mut codes = if cause.power {
-        [ad5683r::POWER_ON; N]
-    } else {
-        let mut codes = safe;
-        for (code, word) in codes.iter_mut().zip(board.kept()) {
-            *code = kept::unpack(word).map_or(*code, DacCode);
+    let mut codes = match board.held() {
+        Some(held) => held,
+        None if cause.power => [ad5683r::POWER_ON; N],
+        None => {
+            let mut codes = safe;
+            for (code, word) in codes.iter_mut().zip(board.kept()) {
+                *code = kept::unpack(word).map_or(*code, DacCode);
+            }
+            codes
         }
-        codes
     };
     board.set(codes);
     // Only now: a reset before this line finds the same cause, one after it the words that have just been kept.

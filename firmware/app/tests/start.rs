@@ -16,6 +16,8 @@ struct Registers<const N: usize> {
     unwritten: bool,
     words: [u32; N],
     held: [u16; N],
+    /// Whether the converters say what they hold.
+    answers: bool,
     told: Vec<[u16; N]>,
     /// Cycles that a look at the counter takes; 0 where it is locked.
     cycles_a_look: u32,
@@ -37,6 +39,7 @@ impl<const N: usize> Registers<N> {
             unwritten: cause.power,
             words,
             held,
+            answers: false,
             told: Vec::new(),
             cycles_a_look: 10,
             // The counter goes over its end on the way.
@@ -75,6 +78,10 @@ impl<const N: usize> Hardware<N> for Registers<N> {
         let left = self.low_for.get();
         self.low_for.set(left.saturating_sub(1));
         left == 0
+    }
+
+    fn held(&self) -> Option<[DacCode; N]> {
+        self.answers.then(|| self.held.map(DacCode))
     }
 
     fn kept(&self) -> [u32; N] {
@@ -126,6 +133,18 @@ fn val_a_cold_start() {
     assert_eq!((board.told.len(), board.told[1], board.told[134]), (136, [65], [8710]));
     assert_eq!((board.told[135], board.largest_step(0), board.fed), ([8738], 65, 135));
     assert_eq!(board.forgot_after, Some(1));
+}
+
+/// Converters that answer are believed before memory and before the reset's cause: the chip's power failed alone, and theirs alone.
+#[test]
+fn val_converters_that_answer_are_believed() {
+    for (cause, held, kept_word) in [(COLD, 60_000, 0xdead_beef), (BITTEN, 0, kept::pack(60_000))] {
+        let mut board = Registers::new(cause, [held], [kept_word]);
+        board.answers = true;
+        settle(&mut board, [(DacCode(8738), 65)], SAMPLE_CYCLES);
+        assert_eq!((board.told[0], board.told.last().copied()), ([held], Some([8738])));
+        assert_eq!((board.largest_step(0), board.forgot_after), (65, Some(1)));
+    }
 }
 
 /// The watchdog bit at a high output: from there down, whether the cycle counter runs or is locked; the fault is to be latched.

@@ -3,7 +3,7 @@
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiBus;
 use hysteron_core::codes::DacCode;
-use hysteron_firmware::ad5683r::word;
+use hysteron_firmware::ad5683r::{ASK, WHILE_IT_ANSWERS, answered, word};
 
 /// The converters of `N` axes on one bus: mode 1, at most [`hysteron_firmware::ad5683r::MOST_HZ`].
 pub struct Ad5683r<B, P, const N: usize> {
@@ -32,4 +32,26 @@ impl<B: SpiBus, P: OutputPin, const N: usize> Ad5683r<B, P, N> {
         }
         Ok(())
     }
+}
+
+/// The codes that converters hold, by a bus that reads their SDO, one after the other.
+///
+/// # Errors
+/// What the bus says.
+pub fn held<B: SpiBus, P: OutputPin, const N: usize>(
+    bus: &mut B,
+    syncs: &mut [P; N],
+) -> Result<[DacCode; N], B::Error> {
+    let mut codes = [DacCode(0); N];
+    for (sync, code) in syncs.iter_mut().zip(&mut codes) {
+        let mut answer = [0; 3];
+        for word in [ASK, WHILE_IT_ANSWERS] {
+            let _ = sync.set_low();
+            let read = bus.transfer(&mut answer, &word).and_then(|()| bus.flush());
+            let _ = sync.set_high();
+            read?;
+        }
+        *code = answered(answer);
+    }
+    Ok(codes)
 }

@@ -1,9 +1,10 @@
 //! Clocks and pins of the two boards, from the figures of [`hysteron_firmware::chips`].
 
 use crate::Dac;
-use crate::ad5683r::Ad5683r;
+use crate::ad5683r::{self, Ad5683r};
 #[cfg(not(feature = "two-axes"))]
 use crate::flash::Memory;
+use crate::image::AXES;
 use embassy_stm32::adc::{Adc, AdcChannel, AnyAdcChannel};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::Interrupt;
@@ -12,6 +13,7 @@ use embassy_stm32::spi::{self, Spi};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::Timer;
 use embassy_stm32::{Config, Peri, pac, peripherals};
+use hysteron_core::codes::DacCode;
 use hysteron_firmware::ad5683r::{CLOCK_PHASE, CLOCK_POLARITY};
 #[cfg(not(feature = "two-axes"))]
 use hysteron_firmware::chips::WATCHDOG_FLASH_US;
@@ -51,6 +53,8 @@ impl Clock {
 pub struct Outputs {
     pub dac: Dac,
     pub fault: Output<'static>,
+    /// What the converters say they hold; nothing where their SDO is not connected.
+    pub held: Option<[DacCode; AXES]>,
 }
 
 /// What it has once the outputs are safe.
@@ -118,6 +122,24 @@ fn bus_config(clock: Clock) -> spi::Config {
     config.mode = MODE;
     config.frequency = Hertz(clock.bus_hz());
     config
+}
+
+/// Converters are read by a bus so much slower than the one that writes them.
+const READ_SLOWER: u32 = 32;
+/// Whichever way the line of the answers is pulled, converters that are connected answer alike.
+const PULLS: [Pull; 2] = [Pull::Up, Pull::Down];
+
+fn reading_config(clock: Clock, pull: Pull) -> spi::Config {
+    let mut config = bus_config(clock);
+    config.frequency = Hertz(clock.bus_hz() / READ_SLOWER);
+    config.miso_pull = pull;
+    config
+}
+
+/// What was answered under each of [`PULLS`], where that is the same.
+fn alike<E>([up, down]: [Result<[DacCode; AXES], E>; 2]) -> Option<[DacCode; AXES]> {
+    let (up, down) = (up.ok()?, down.ok()?);
+    (up == down).then_some(up)
 }
 
 /// Whether the registers that embassy works out by itself hold what `chips` says; names the first that does not. Those of the watchdog
@@ -286,16 +308,21 @@ mod chip {
             w.set_pls(SUPPLY);
             w.set_pvde(true);
         });
-        let bus = Spi::new_blocking_txonly(p.SPI1, p.PA5, p.PB5, bus_config(clock));
+        let mut syncs = [
+            Output::new(p.PD14, Level::High, Speed::VeryHigh),
+            #[cfg(feature = "two-axes")]
+            Output::new(p.PD15, Level::High, Speed::VeryHigh),
+        ];
+        let (mut spi, mut sck, mut mosi, mut miso) = (p.SPI1, p.PA5, p.PB5, p.PA6);
+        let held = alike(PULLS.map(|pull| {
+            let (sck, mosi, miso) = (sck.reborrow(), mosi.reborrow(), miso.reborrow());
+            let mut bus = Spi::new_blocking(spi.reborrow(), sck, mosi, miso, reading_config(clock, pull));
+            ad5683r::held(&mut bus, &mut syncs)
+        }));
+        let bus = Spi::new_blocking_txonly(spi, sck, mosi, bus_config(clock));
         let outputs = Outputs {
-            dac: Ad5683r::new(
-                bus,
-                [
-                    Output::new(p.PD14, Level::High, Speed::VeryHigh),
-                    #[cfg(feature = "two-axes")]
-                    Output::new(p.PD15, Level::High, Speed::VeryHigh),
-                ],
-            ),
+            held,
+            dac: Ad5683r::new(bus, syncs),
             fault: Output::new(p.PB14, Level::Low, Speed::Low),
         };
         let rest = Rest {
@@ -472,9 +499,17 @@ mod chip {
             w.set_pls(SUPPLY);
             w.set_pvde(true);
         });
-        let bus = Spi::new_blocking_txonly(p.SPI1, p.PA5, p.PA7, bus_config(clock));
+        let mut syncs = [Output::new(p.PB6, Level::High, Speed::VeryHigh)];
+        let (mut spi, mut sck, mut mosi, mut miso) = (p.SPI1, p.PA5, p.PA7, p.PA6);
+        let held = alike(PULLS.map(|pull| {
+            let (sck, mosi, miso) = (sck.reborrow(), mosi.reborrow(), miso.reborrow());
+            let mut bus = Spi::new_blocking(spi.reborrow(), sck, mosi, miso, reading_config(clock, pull));
+            ad5683r::held(&mut bus, &mut syncs)
+        }));
+        let bus = Spi::new_blocking_txonly(spi, sck, mosi, bus_config(clock));
         let outputs = Outputs {
-            dac: Ad5683r::new(bus, [Output::new(p.PB6, Level::High, Speed::VeryHigh)]),
+            held,
+            dac: Ad5683r::new(bus, syncs),
             fault: Output::new(p.PC7, Level::Low, Speed::Low),
         };
         let rest = Rest {

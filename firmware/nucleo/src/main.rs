@@ -224,6 +224,7 @@ fn main() -> ! {
     };
     let sample_cycles = (rest.clock.processor_hz() as f32 / table::SAMPLE_RATE_HZ) as u32;
     let mut beginning = Beginning {
+        held: outputs.held,
         dac: &mut outputs.dac,
         cause,
     };
@@ -365,6 +366,7 @@ fn setup([min_um, max_um]: [f32; 2]) -> Setup {
 /// What the way to the safe levels needs of this board.
 struct Beginning<'a> {
     dac: &'a mut Dac,
+    held: Option<[DacCode; AXES]>,
     cause: Cause,
 }
 
@@ -379,6 +381,10 @@ impl Hardware<AXES> for Beginning<'_> {
 
     fn supplied(&self) -> bool {
         board::supplied()
+    }
+
+    fn held(&self) -> Option<[DacCode; AXES]> {
+        self.held
     }
 
     fn kept(&self) -> [u32; AXES] {

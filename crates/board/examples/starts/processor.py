@@ -3,7 +3,8 @@
     processor.py IMAGE BOARD
 
 It has what the image touches and nothing that judges: oscillators and PLL as ready flags, reset causes, watchdog, supply detector,
-cycle counter, converters, bus, pins, the timer that triggers, the interrupt's enable bit, and the debugger's view of memory. Every
+cycle counter, converters, bus, pins, the timer that triggers, the interrupt's enable bit, and the debugger's view of memory; outside of
+the chip the input registers of the outputs' converters, which a readback answers. Every
 answer is a line. Time is counted in cycles of the processor at its full clock; two instructions take three of its own.
 """
 
@@ -28,6 +29,8 @@ NVIC_ISER0, VTOR = 0xE000E100, 0xE000ED08
 DEMCR, DWT_CTRL, DWT_CYCCNT, DWT_LAR = 0xE000EDFC, 0xE0001000, 0xE0001004, 0xE0001FB0
 TIM6 = 0x40001000
 SPI1 = 0x40013000
+# Commands of the outputs' converters.
+WRITE_AND_UPDATE, READ_BACK, NO_OPERATION = 0b0011, 0b0101, 0b0000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,8 +61,10 @@ class Board:
     supply: tuple
     # Options: their place; the highest brown-out level, and two banks of flash.
     options: tuple
-    # The bus: enable bit of CR1, status and data register.
+    # The bus: enable bit of CR1; status register, data out, data in.
     spi: tuple
+    # Where the converters' answers come in: the port, and the pin.
+    answers: tuple
     # Bits that follow others: (register, the one written, the one that says that it is so); the PLL, the outer clock.
     ready: tuple
     pll: tuple
@@ -89,7 +94,8 @@ G474 = Board(
     causes={"power": 1 << 27 | 1 << 26, "brown-out": 1 << 27 | 1 << 26, "watchdog": 1 << 29 | 1 << 26, "pin": 1 << 26},
     supply=(0x40007014, 11),
     options=(0x40022020, 0b100 << 8 | 1 << 22),
-    spi=(1 << 6, 0x08, 0x0C),
+    spi=(1 << 6, 0x08, 0x0C, 0x0C),
+    answers=(0x48000000, 6),
     ready=((0x40021000, 8, 10), (0x40021094, 0, 1), (0x40021098, 0, 1), (0x40021090, 0, 1)),
     pll=(0x40021000, 24, 25),
     outer=(0x40021000, 16, 17),
@@ -122,7 +128,8 @@ H743 = Board(
     },
     supply=(0x58024804, 4),
     options=(0x5200201C, 0b11 << 2),
-    spi=(1 << 0, 0x14, 0x20),
+    spi=(1 << 0, 0x14, 0x20, 0x30),
+    answers=(0x58020000, 6),
     ready=(
         (0x58024400, 0, 2),
         (0x58024400, 7, 8),
@@ -170,11 +177,16 @@ class Processor:
         self.rtt = next(symbol["st_value"] for symbol in symbols if symbol.name == "_SEGGER_RTT")
         self.uc.mmio_map(0x40000000, 0x20000000, self._read, None, self._write, None)
         self.uc.mmio_map(0xE0000000, 0x100000, self._read_core, None, self._write_core, None)
-        self.inputs = {"button": 0, "low": 0, "dwt-locked": 0, "no-pll": 0, "no-outer": 0, "no-adc": 0}
+        self.inputs = {"button": 0, "low": 0, "dwt-locked": 0, "no-pll": 0, "no-outer": 0, "no-adc": 0, "no-sdo": 0}
         # Outside of the chip: bytes since SYNC fell of each axis' converter, and the words that have ended.
         self.bytes = [bytearray() for _ in board.syncs]
         self.words = []
         self.axes = len(board.syncs)
+        # What each holds, and the word that it shifts out next.
+        self.held = [0] * self.axes
+        self.answers = [None] * self.axes
+        # Bytes that have come in.
+        self.received = bytearray()
         self.cycles = 0
         # Cycles that the processor was behind its full clock.
         self.behind = 0
@@ -213,7 +225,9 @@ class Processor:
         # Registers of the chip that main has touched in a slice; slices that it has waited for one of them.
         self.touched = set()
         self.waited = 0
-        for pending in self.bytes:
+        if cause == "power":
+            self.lose_converters()
+        for pending in (*self.bytes, self.received):
             pending.clear()
         self.selected = [False] * self.axes
         self.pins = {}
@@ -223,6 +237,11 @@ class Processor:
         self.uc.reg_write(arm.UC_ARM_REG_FPEXC, 0x40000000)
         stack, self.pc = struct.unpack("<II", self.uc.mem_read(0x08000000, 8))
         self.uc.reg_write(arm.UC_ARM_REG_SP, stack)
+
+    def lose_converters(self):
+        """Power of the outputs' converters comes anew."""
+        self.held = [0] * self.axes
+        self.answers = [None] * self.axes
 
     def _watch_kept(self):
         """After power: a look at the kept words before they were written would be a fault of their check bits."""
@@ -322,15 +341,46 @@ class Processor:
             return
         axis = self.board.syncs.index((port, pin))
         if high and self.selected[axis] and self.bytes[axis]:
-            self.words.append((axis, bytes(self.bytes[axis]), self.cycles))
+            self._told(axis, bytes(self.bytes[axis]))
         self.bytes[axis].clear()
         self.selected[axis] = not high
 
+    def _told(self, axis, word):
+        """A word has ended: a code, a question, or nothing; whatever else there is stands before the judge."""
+        command, self.answers[axis] = word[0] >> 4, None
+        if len(word) == 3 and command == READ_BACK:
+            self.answers[axis] = (self.held[axis] << 4).to_bytes(3, "big")
+            return
+        if len(word) == 3 and command == NO_OPERATION:
+            return
+        if command == WRITE_AND_UPDATE:
+            self.held[axis] = int.from_bytes(word, "big") >> 4 & 0xFFFF
+        self.words.append((axis, word, self.cycles))
+
     def _send(self, _place, value, size):
-        if self.registers.get(SPI1, 0) & self.board.spi[0]:
+        if not self.registers.get(SPI1, 0) & self.board.spi[0]:
+            return
+        for data in (value & (1 << 8 * size) - 1).to_bytes(size, "little"):
+            self._receive()
             for axis in range(self.axes):
                 if self.selected[axis]:
-                    self.bytes[axis] += (value & (1 << 8 * size) - 1).to_bytes(size, "little")
+                    self.bytes[axis].append(data)
+
+    def _receive(self):
+        """A byte comes in where the pin is the bus's: a converter's answer, or what the pin is pulled to."""
+        port, pin = self.board.answers
+        mode, pull = (self.registers.get(port + at, 0) >> 2 * pin & 0b11 for at in (0x00, 0x0C))
+        if mode != 0b10:
+            return
+        byte = 0xFF if pull == 0b01 else 0
+        for axis in range(self.axes):
+            answer, at = self.answers[axis], len(self.bytes[axis])
+            if self.selected[axis] and answer and at < len(answer) and not self.inputs["no-sdo"]:
+                byte = answer[at]
+        self.received.append(byte)
+
+    def _bus_data(self, _value):
+        return self.received.pop(0) if self.received else 0
 
     def _adc_control(self, place, value, _size):
         # Calibration and disabling end at once; ADDIS takes ADEN with it.
@@ -503,6 +553,8 @@ class Processor:
 
             def look(self, value):
                 for on, is_on, absent in follows:
+                    # Read alone, whatever was written there.
+                    value &= ~(1 << is_on)
                     if value >> on & 1 and not (absent and self.inputs[absent]):
                         value |= 1 << is_on
                 return value | always
@@ -523,7 +575,9 @@ class Processor:
             self._connect_adc(number, adc)
         self.LOOKS[board.button[0] + 0x10] = lambda self, value: self.inputs["button"] << board.button[1]
         # Always room, never busy, every transfer complete.
-        self.LOOKS[SPI1 + board.spi[1]] = lambda self, value: 0b10 if board is G474 else 1 << 1 | 1 << 3 | 1 << 12
+        free = 0b10 if board is G474 else 1 << 1 | 1 << 3 | 1 << 12
+        self.LOOKS[SPI1 + board.spi[1]] = lambda self, value: free | bool(self.received)
+        self.LOOKS[SPI1 + board.spi[3]] = Processor._bus_data
         self.ACTS[SPI1 + board.spi[2]] = Processor._send
         self.ACTS[board.watchdog] = Processor._key
         for port in {port for port, _ in (*board.syncs, board.fault)}:
@@ -567,6 +621,8 @@ def serve(processor):
             answer = "ok"
         elif word == "hang":
             answer = processor.hang(rest[0]) or "ok"
+        elif word == "lose":
+            answer = processor.lose_converters() or "ok"
         elif word == "telemetry":
             answer = processor.telemetry()
         elif word == "orders":

@@ -48,6 +48,8 @@ pub(crate) enum Line {
     NoOuterClock,
     /// The converter's calibration does not end.
     NoAdc,
+    /// The answers of the outputs' converters are not connected.
+    NoSdo,
 }
 
 /// What hangs.
@@ -169,8 +171,14 @@ impl Processor {
             Line::NoPll => "no-pll",
             Line::NoOuterClock => "no-outer",
             Line::NoAdc => "no-adc",
+            Line::NoSdo => "no-sdo",
         };
         self.obey(&format!("input {line} {}", u8::from(on)))
+    }
+
+    /// The power of the outputs' converters comes anew.
+    pub(crate) fn lose_converters(&mut self) -> Result<(), Failure> {
+        self.obey("lose")
     }
 
     /// Lets something hang.

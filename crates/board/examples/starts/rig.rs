@@ -188,6 +188,7 @@ impl Rig {
             Line::NoPll,
             Line::NoOuterClock,
             Line::NoAdc,
+            Line::NoSdo,
         ] {
             self.set(line, false)?;
         }
@@ -217,8 +218,9 @@ impl Rig {
     }
 
     /// The converters of the outputs lose their power for a moment, and hold their own zero again.
-    pub(crate) fn lose_converters(&mut self) {
+    pub(crate) fn lose_converters(&mut self) -> Result<(), Failure> {
         self.outputs.fill(0);
+        self.processor.lose_converters()
     }
 
     /// Sets a line.

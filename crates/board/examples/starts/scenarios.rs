@@ -11,12 +11,12 @@ use hysteron_firmware::wire::Order;
 const HIGH_V: f64 = 87.0;
 /// What a start may take before the way down: clocks, converters' calibration and tables (`firmware/app/src/chips.rs`).
 const START_MS: f64 = 20.0;
+/// The same on the oscillator that a reset starts: down to a tenth of the processor's clock.
+const SLOW_START_MS: f64 = 40.0;
 /// The ramp over the whole range, and a fall along the reference, as `hysteron export` and the controller have them.
 const RAMP_MS: f64 = 20.0;
 /// Without a tick, until the watchdog resets the chip.
 const WATCHDOG_MS: f64 = 2.0;
-/// The same while it starts.
-const WATCHDOG_START_MS: f64 = 200.0;
 /// Main's silence until a fault is latched.
 const HUNG_MS: f64 = 100.0;
 /// Where the cycle counter stands still, a wait of a sample counts looks at it instead of cycles; a look takes ten cycles at most.
@@ -121,12 +121,18 @@ const READY: End = End::Waiting(None);
 const BITTEN: End = End::Waiting(Some(Fault::Watchdog));
 
 /// All of both boards, in the table's order.
-pub(crate) const SCENARIOS: [Scenario; 23] = [
+pub(crate) const SCENARIOS: [Scenario; 26] = [
     Scenario::new("power comes", START_MS, READY, |rig| {
         rig.until("the loop", 1000, Rig::is_looping)
     }),
     Scenario::new("watchdog's reset at a high output", START_MS + RAMP_MS, BITTEN, |rig| {
         high(rig)?;
+        bite(rig)?;
+        back(rig)
+    }),
+    Scenario::new("the same, DAC's SDO not connected", START_MS + RAMP_MS, BITTEN, |rig| {
+        high(rig)?;
+        rig.set(Line::NoSdo, true)?;
         bite(rig)?;
         back(rig)
     }),
@@ -164,12 +170,17 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         },
     )
     .of(H743.board),
-    Scenario::new("the same, no PLL locks", START_MS + RAMP_MS, End::Resetting, |rig| {
-        high(rig)?;
-        rig.set(Line::NoPll, true)?;
-        bite(rig)?;
-        twice(rig)
-    }),
+    Scenario::new(
+        "the same, no PLL locks",
+        SLOW_START_MS + RAMP_MS,
+        End::Resetting,
+        |rig| {
+            high(rig)?;
+            rig.set(Line::NoPll, true)?;
+            bite(rig)?;
+            twice(rig)
+        },
+    ),
     Scenario::new("reset button at a high output", START_MS + RAMP_MS, READY, |rig| {
         high(rig)?;
         rig.mark();
@@ -178,7 +189,7 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
     }),
     Scenario::new("brown-out of the whole board", START_MS, READY, |rig| {
         high(rig)?;
-        rig.lose_converters();
+        rig.lose_converters()?;
         rig.mark();
         rig.reset(Reset::BrownOut)?;
         back(rig)
@@ -188,8 +199,15 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
         rig.mark();
         rig.reset(Reset::BrownOut)?;
         back(rig)
+    }),
+    Scenario::new("the same, DAC's SDO not connected", START_MS + RAMP_MS, READY, |rig| {
+        high(rig)?;
+        rig.set(Line::NoSdo, true)?;
+        rig.mark();
+        rig.reset(Reset::BrownOut)?;
+        back(rig)
     })
-    .open(&[Wrong::Step], "no register says what the DAC holds"),
+    .open(&[Wrong::Step], "nothing says what the DAC holds"),
     Scenario::new(
         "supply low while the loop runs",
         RAMP_MS + 1.0,
@@ -204,14 +222,21 @@ pub(crate) const SCENARIOS: [Scenario; 23] = [
     .steps(Steps::RampAfterLaw),
     Scenario::new("DAC off for a moment", RAMP_MS + 1.0, READY, |rig| {
         high(rig)?;
-        rig.lose_converters();
+        rig.lose_converters()?;
         rig.mark();
         rig.go(3000)
     })
     .open(&[Wrong::Unsafe, Wrong::Step, Wrong::End], "nothing tells the chip"),
     Scenario::new("DAC off during a watchdog's reset", START_MS + RAMP_MS, BITTEN, |rig| {
         high(rig)?;
-        rig.lose_converters();
+        rig.lose_converters()?;
+        bite(rig)?;
+        back(rig)
+    }),
+    Scenario::new("the same, DAC's SDO not connected", START_MS + RAMP_MS, BITTEN, |rig| {
+        high(rig)?;
+        rig.set(Line::NoSdo, true)?;
+        rig.lose_converters()?;
         bite(rig)?;
         back(rig)
     })
