@@ -130,12 +130,6 @@ pub(crate) const SCENARIOS: [Scenario; 26] = [
         bite(rig)?;
         back(rig)
     }),
-    Scenario::new("the same, DAC's SDO not connected", START_MS + RAMP_MS, BITTEN, |rig| {
-        high(rig)?;
-        rig.set(Line::NoSdo, true)?;
-        bite(rig)?;
-        back(rig)
-    }),
     Scenario::new(
         "the same, cycle counter locked",
         START_MS + LOCKED * RAMP_MS,
@@ -181,6 +175,17 @@ pub(crate) const SCENARIOS: [Scenario; 26] = [
             twice(rig)
         },
     ),
+    Scenario::new(
+        "watchdog's reset, DAC's SDO not connected",
+        START_MS + RAMP_MS,
+        BITTEN,
+        |rig| {
+            high(rig)?;
+            rig.set(Line::NoSdo, true)?;
+            bite(rig)?;
+            back(rig)
+        },
+    ),
     Scenario::new("reset button at a high output", START_MS + RAMP_MS, READY, |rig| {
         high(rig)?;
         rig.mark();
@@ -200,13 +205,18 @@ pub(crate) const SCENARIOS: [Scenario; 26] = [
         rig.reset(Reset::BrownOut)?;
         back(rig)
     }),
-    Scenario::new("the same, DAC's SDO not connected", START_MS + RAMP_MS, READY, |rig| {
-        high(rig)?;
-        rig.set(Line::NoSdo, true)?;
-        rig.mark();
-        rig.reset(Reset::BrownOut)?;
-        back(rig)
-    })
+    Scenario::new(
+        "brown-out of the chip alone, SDO not connected",
+        START_MS + RAMP_MS,
+        READY,
+        |rig| {
+            high(rig)?;
+            rig.set(Line::NoSdo, true)?;
+            rig.mark();
+            rig.reset(Reset::BrownOut)?;
+            back(rig)
+        },
+    )
     .open(&[Wrong::Step], "nothing says what the DAC holds"),
     Scenario::new(
         "supply low while the loop runs",
@@ -233,13 +243,18 @@ pub(crate) const SCENARIOS: [Scenario; 26] = [
         bite(rig)?;
         back(rig)
     }),
-    Scenario::new("the same, DAC's SDO not connected", START_MS + RAMP_MS, BITTEN, |rig| {
-        high(rig)?;
-        rig.set(Line::NoSdo, true)?;
-        rig.lose_converters()?;
-        bite(rig)?;
-        back(rig)
-    })
+    Scenario::new(
+        "DAC off during a reset, SDO not connected",
+        START_MS + RAMP_MS,
+        BITTEN,
+        |rig| {
+            high(rig)?;
+            rig.set(Line::NoSdo, true)?;
+            rig.lose_converters()?;
+            bite(rig)?;
+            back(rig)
+        },
+    )
     .open(&[Wrong::Step], "the DAC does not hold the kept code"),
     Scenario::new("main hangs", HUNG_MS + RAMP_MS + WATCHDOG_MS, BITTEN, |rig| {
         high(rig)?;
