@@ -4,8 +4,8 @@
 
 It has what the image touches and nothing that judges: oscillators and PLL as ready flags, reset causes, watchdog, supply detector,
 cycle counter, converters, bus, pins, the timer that triggers, the interrupt's enable bit, and the debugger's view of memory; outside of
-the chip the input registers of the outputs' converters, which a readback answers. Every
-answer is a line. Time is counted in cycles of the processor at its full clock; two instructions take three of its own.
+the chip the input registers of the outputs' converters, which a readback answers. Every answer is a line. Time is counted in cycles of
+the processor at its full clock; two instructions take three of its own.
 """
 
 import dataclasses
@@ -64,7 +64,7 @@ class Board:
     # The bus: enable bit of CR1; status register, data out, data in.
     spi: tuple
     # Where the converters' answers come in: the port, and the pin.
-    answers: tuple
+    miso: tuple
     # Bits that follow others: (register, the one written, the one that says that it is so); the PLL, the outer clock.
     ready: tuple
     pll: tuple
@@ -95,7 +95,7 @@ G474 = Board(
     supply=(0x40007014, 11),
     options=(0x40022020, 0b100 << 8 | 1 << 22),
     spi=(1 << 6, 0x08, 0x0C, 0x0C),
-    answers=(0x48000000, 6),
+    miso=(0x48000000, 6),
     ready=((0x40021000, 8, 10), (0x40021094, 0, 1), (0x40021098, 0, 1), (0x40021090, 0, 1)),
     pll=(0x40021000, 24, 25),
     outer=(0x40021000, 16, 17),
@@ -129,7 +129,7 @@ H743 = Board(
     supply=(0x58024804, 4),
     options=(0x5200201C, 0b11 << 2),
     spi=(1 << 0, 0x14, 0x20, 0x30),
-    answers=(0x58020000, 6),
+    miso=(0x58020000, 6),
     ready=(
         (0x58024400, 0, 2),
         (0x58024400, 7, 8),
@@ -368,7 +368,7 @@ class Processor:
 
     def _receive(self):
         """A byte comes in where the pin is the bus's: a converter's answer, or what the pin is pulled to."""
-        port, pin = self.board.answers
+        port, pin = self.board.miso
         mode, pull = (self.registers.get(port + at, 0) >> 2 * pin & 0b11 for at in (0x00, 0x0C))
         if mode != 0b10:
             return
