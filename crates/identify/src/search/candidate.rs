@@ -164,19 +164,14 @@ impl Search<'_> {
         let (effort, look) = effort.for_effect(effect.as_ref());
         plan.begin_at_line(line_hz);
         let Plan { point, link, starts } = plan;
-        let behind =
-            |error: f64, times: f64| rival.is_some_and(|rival| error > rival + self.taking_part() * times.powi(2).ln());
-        let hopeless = |error: f64| behind(error, BEGUN_HOPELESS);
-        let mut links = self.standing.fitted.chain.links.iter();
-        let costly = rival.is_some() || links.any(|link| link.effect.widens().is_some());
-        let hopeless = rival.is_some().then_some(&hopeless as &(dyn Fn(f64) -> bool + Sync));
-        let starts = self.looked_at((&point, link, starts), (basis, look), costly, hopeless);
+        // What is left beside a rival, where it is so many times what that leaves.
+        let limit = |times: f64| rival.map(|rival| rival + self.taking_part() * times.powi(2).ln());
+        let behind = |error: f64, times: f64| limit(times).is_some_and(|limit| error > limit);
+        let starts = self.looked_at((&point, link, starts), (basis, look), limit(BEGUN_HOPELESS));
         let mut begun = self.begun(&self.records, (&point, link, &starts), look);
-        if let Some(hopeless) = hopeless {
-            begun.retain(|at| !hopeless(at.error));
-            if begun.is_empty() {
-                return Ok(self.standing.taking_nothing(point));
-            }
+        begun.retain(|at| !behind(at.error, BEGUN_HOPELESS));
+        if rival.is_some() && begun.is_empty() {
+            return Ok(self.standing.taking_nothing(point));
         }
         let nowhere = || Refused::Cannot("there is nowhere to begin".to_owned());
         let mut best = self

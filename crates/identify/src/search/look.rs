@@ -68,15 +68,15 @@ impl Search<'_> {
         }
     }
 
-    /// The starts of a plan that are begun at. `hopeless` says whether what one leaves is too much; `costly` are those of which every answer
-    /// is an integration.
+    /// The starts of a plan that are begun at; beside a rival none that leaves more than `limit` by these tangents.
     pub(super) fn looked_at(
         &self,
         (point, link, mut starts): (&Fitted, usize, Vec<Vec<f64>>),
         (basis, effort): (&Basis, Effort),
-        costly: bool,
-        hopeless: Option<&(dyn Fn(f64) -> bool + Sync)>,
+        limit: Option<f64>,
     ) -> Vec<Vec<f64>> {
+        let mut links = self.standing.fitted.chain.links.iter();
+        let costly = limit.is_some() || links.any(|link| link.effect.widens().is_some());
         if costly && starts.len() > LOOKED_AT {
             let every = starts.len().div_ceil(LOOKED_AT);
             starts = starts.into_iter().step_by(every).collect();
@@ -84,15 +84,12 @@ impl Search<'_> {
         if !point.chain.links[link].effect.has_own_numbers() && starts.len() > effort.followed() {
             starts = self.quick_look(point, link, starts, basis, effort);
         }
-        let Some(hopeless) = hopeless else {
+        let Some(limit) = limit else {
             return starts;
         };
-        // To begin at a start takes some ten answers; what it leaves by these tangents takes one.
+        // To begin at a start takes some ten answers; this takes one.
         let left = |values: &Vec<f64>| basis.left(self, &with_values(point, link, values), link, point, WHOLE);
-        starts
-            .into_par_iter()
-            .filter(|values| !hopeless(left(values)))
-            .collect()
+        starts.into_par_iter().filter(|values| left(values) <= limit).collect()
     }
 
     /// The starts whose change of the modelled position leaves least, with what the hysteresis could take of it; the space about
