@@ -155,6 +155,7 @@ impl Lines {
             return lines;
         }
         let apart = stride as f64 / own.len() as f64;
+        // Of the straight line's products with the waves those below the diagonal, which is what the factors are made of.
         let mut gram = lines.products(count, stride as f64);
         let mut with_series = DVector::zeros(LINE + 2 * HARMONICS);
         for (r, &y) in rows().enumerate() {

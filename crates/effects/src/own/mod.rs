@@ -2,6 +2,7 @@
 
 mod expression;
 mod fault;
+mod parser;
 mod user;
 mod user_file;
 mod user_states;

@@ -1,7 +1,8 @@
 //! Effect files: what stands in them, what is allowed, and the definition that comes out.
 
-use super::expression::{Expression, is_taken};
+use super::expression::Expression;
 use super::fault::{Fault, Spot};
+use super::parser::{self, is_taken};
 use super::user::UserEffect;
 use crate::effect::{Description, Effect, Named, Place, Scene};
 use crate::effect_file::{EffectFile, FileParameter};
@@ -400,7 +401,7 @@ fn parse(file: &EffectFile, before: bool, own: &[&str]) -> Result<Equations, Fau
     }
     names.extend(own);
     let expression = |spot: Spot, field: &str, text: &str, names: &[&str]| {
-        Expression::parse(text, names).map_err(|mut misread| {
+        parser::parse(text, names).map_err(|mut misread| {
             if before && misread.why.contains("unknown name `v`") {
                 misread.why += "; the voltage at the stack comes out of this effect: its input is u";
             }
