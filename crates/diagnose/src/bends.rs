@@ -30,7 +30,7 @@ pub(crate) fn bends(model: &Model, investigation: &Investigation<'_>) -> Bends {
     if fine_plays.family == Family::Mrpi && fine_plays.envelope.is_none() {
         fine_plays.family = Family::Mpi;
     }
-    let of = |plays: &Model| Search::new(search.dataset(), plays, &Shape::Own, search.noise_um()).ok();
+    let of = |plays: &Model| Search::new(search.thinned(), plays, &Shape::Own, search.noise_um()).ok();
     let (own, fine) = rayon::join(|| of(&with_found), || of(&fine_plays));
     evidence.lacks_percent = own.map(|own| above(own.pooled_percent(own.standing())));
     if let Some(fine) = fine {

@@ -17,6 +17,7 @@ use crate::witness::{dead_band, structure};
 use hysteron_acquisition::{Kind, inspect};
 use hysteron_data::{Dataset, Role};
 use hysteron_identify::effects::{UserEffect, late};
+use hysteron_identify::search::Thinned;
 use hysteron_identify::{EffectId, EffectName, IdentifyError, Model, check_own_effect, period, present_step};
 use rayon::prelude::*;
 
@@ -73,7 +74,8 @@ pub fn examine(
     let blocking: Vec<Reason> = reasons.iter().copied().filter(|r| r.blocks()).collect();
     let fails = fails(dataset, model);
     progress(0.05, "free shape");
-    let investigation = Investigation::new(seen_by_stage, model, own, floor.rms_um, &reasons);
+    let thinned = Thinned::of(seen_by_stage, floor.rms_um);
+    let investigation = Investigation::new(&thinned, model, own, floor.rms_um, &reasons);
     let (mut diagnosis, evidence) = match investigation {
         Ok(mut investigation) if blocking.is_empty() => {
             go_round(&mut investigation, progress);

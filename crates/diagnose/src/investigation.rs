@@ -8,7 +8,7 @@ use crate::witness::{hum, rails, ringing};
 use hysteron_data::Dataset;
 use hysteron_identify::effects::{Effect, Mark, UserEffect, catalogue};
 use hysteron_identify::family::range;
-use hysteron_identify::search::{Search, Shape, Trial};
+use hysteron_identify::search::{Search, Shape, Thinned, Trial};
 use hysteron_identify::{EffectId, EffectName, Family, IdentifyError, Model, one_loop};
 use std::sync::Arc;
 
@@ -57,13 +57,13 @@ pub(crate) struct Best {
 
 impl<'a> Investigation<'a> {
     pub(crate) fn new(
-        dataset: &'a Dataset,
+        thinned: &'a Thinned<'a>,
         model: &Model,
         own: &[UserEffect],
         noise_um: f64,
         reasons: &[Reason],
     ) -> Result<Self, IdentifyError> {
-        let free = |noise_um: f64| Search::free(dataset, model, noise_um);
+        let free = |noise_um: f64| Search::free(thinned, model, noise_um);
         let mut search = searched(&free, noise_um)?;
         let strokes = search.strokes_um();
         let mut shape_determined = true;
@@ -74,7 +74,7 @@ impl<'a> Investigation<'a> {
             .count();
         let thresholds = Thresholds::DEFAULT;
         if moving < FEW_RECORDS
-            && let Ok(straight) = Search::new(dataset, model, &Shape::Straight, search.noise_um())
+            && let Ok(straight) = Search::new(thinned, model, &Shape::Straight, search.noise_um())
         {
             let better = Scale::of(&search).fall(search.standing(), straight.standing());
             if better > thresholds.of(RuleId::Undetermined) {
@@ -86,13 +86,13 @@ impl<'a> Investigation<'a> {
 
     /// As [`Self::new`], around the model's own plays, where they are no worse than the free shape.
     pub(crate) fn around_own(
-        dataset: &'a Dataset,
+        thinned: &'a Thinned<'a>,
         model: &Model,
         own: &[UserEffect],
         noise_um: f64,
         reasons: &[Reason],
     ) -> Result<Self, IdentifyError> {
-        let search = searched(&|noise_um| Search::new(dataset, model, &Shape::Own, noise_um), noise_um)?;
+        let search = searched(&|noise_um| Search::new(thinned, model, &Shape::Own, noise_um), noise_um)?;
         Ok(Self::of(search, model, own, true, reasons))
     }
 

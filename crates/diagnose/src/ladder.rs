@@ -5,6 +5,7 @@ use crate::noise::noise_floor;
 use hysteron_acquisition::NoiseFloor;
 use hysteron_data::{Dataset, Role};
 use hysteron_identify::effects::{UserEffect, find};
+use hysteron_identify::search::Thinned;
 use hysteron_identify::{
     Added, Adding, Change, EffectId, EffectName, IdentifyError, MOVED_BY_HAND, Model, RecordError, Step,
     check_own_effect,
@@ -96,7 +97,8 @@ const ELSEWHERE: f64 = 0.1;
 
 /// Frequency and damping of the ring after a step, where no mode of the fitted model is what rings there.
 fn rings_elsewhere(dataset: &Dataset, model: &Model, fitted: &Model, noise_um: f64) -> Option<[f64; 2]> {
-    let investigation = Investigation::new(dataset, model, &[], noise_um, &[]).ok()?;
+    let thinned = Thinned::of(dataset, noise_um);
+    let investigation = Investigation::new(&thinned, model, &[], noise_um, &[]).ok()?;
     let ring = investigation.ring(&investigation.residuals())?;
     let seen = ["frequency", "damping_ratio"].map(|name| ring.parameters.iter().find(|p| p.name == name));
     let [Some(frequency), Some(damping)] = seen else {

@@ -14,6 +14,7 @@ use hysteron_acquisition::{Kind, inspect};
 use hysteron_data::Dataset;
 use hysteron_identify::add::told;
 use hysteron_identify::effects::{UserEffect, find};
+use hysteron_identify::search::Thinned;
 use hysteron_identify::{
     Adding, Change, EffectId, EffectName, FitOptions, IdentifyError, Model, Step, add, check_own_effect, fit,
     present_step, remove,
@@ -161,7 +162,8 @@ fn go_on(
         let diagnosis = crate::diagnose(dataset, &climb.model, &|_, _| ());
         return Ok(climb.ended(Stop::CannotTell { reasons: blocking }, diagnosis));
     }
-    let mut investigation = Investigation::new(dataset, &climb.model, own, noise_um, &reasons)?;
+    let thinned = Thinned::of(dataset, noise_um);
+    let mut investigation = Investigation::new(&thinned, &climb.model, own, noise_um, &reasons)?;
     let start = climb.model.clone();
     let of_records = OfRecords {
         before: Before::of(&last_step(&start, dataset)),
@@ -179,7 +181,7 @@ fn go_on(
     if stop != Stop::EnoughSteps
         && (settled || diagnosis.odds.none < LIKELIER)
         && climb.model.family != investigation.search.standing().family()
-        && let Ok(mut around_own) = Investigation::around_own(dataset, &climb.model, own, noise_um, &reasons)
+        && let Ok(mut around_own) = Investigation::around_own(&thinned, &climb.model, own, noise_um, &reasons)
     {
         if !settled {
             climb.rivals = named(&diagnosis);

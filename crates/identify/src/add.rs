@@ -7,7 +7,7 @@ use crate::history::{self, record_errors};
 use crate::loops::one_loop;
 use crate::model::{Change, Model, Step, StepSubject};
 use crate::placement::free_thresholds;
-use crate::search::{Refused, Search, Shape};
+use crate::search::{Refused, Search, Shape, Thinned};
 use hysteron_data::{Dataset, Record, Role};
 use std::sync::Arc;
 
@@ -86,15 +86,16 @@ pub fn add_held(
     }
     let before = history::present_step(dataset, model);
     progress(0.1);
+    let thinned = Thinned::of(dataset, adding.noise_um);
     if name == FREE_SHAPE && !model.family.is_free() {
-        let search = Search::free(dataset, model, adding.noise_um)?;
+        let search = Search::free(&thinned, model, adding.noise_um)?;
         return Ok(told(dataset, model, &search, &name, before));
     }
-    let own = Search::new(dataset, model, &Shape::Own, adding.noise_um)?;
+    let own = Search::new(&thinned, model, &Shape::Own, adding.noise_um)?;
     if effect.bounds(own.facts()).map_err(refuse)?.is_empty() {
         let reshaped = reshaped(dataset, model, effect, &own)
             .ok_or_else(|| refuse("the model's family of plays has it already".to_owned()))?;
-        let search = Search::new(dataset, &reshaped, &Shape::Own, adding.noise_um)?;
+        let search = Search::new(&thinned, &reshaped, &Shape::Own, adding.noise_um)?;
         return Ok(told(dataset, model, &search, &name, before));
     }
     progress(0.3);
@@ -107,7 +108,7 @@ pub fn add_held(
     let free = if model.family.is_free() || adding.keep_family || one_loop(dataset) {
         None
     } else {
-        Search::free(dataset, model, adding.noise_um).ok()
+        Search::free(&thinned, model, adding.noise_um).ok()
     };
     progress(0.6);
     let of_own = of_own.map(|trial| {
@@ -164,7 +165,8 @@ pub fn remove(dataset: &Dataset, model: &Model, name: &EffectName, adding: Addin
     }
     let mut without = model.clone();
     without.effects.retain(|fitted| fitted.name != *name);
-    let search = Search::new(dataset, &without, &Shape::Own, adding.noise_um)?;
+    let thinned = Thinned::of(dataset, adding.noise_um);
+    let search = Search::new(&thinned, &without, &Shape::Own, adding.noise_um)?;
     let before = history::present_step(dataset, model);
     Ok(step(dataset, model, &search, Change::Removed, name, before))
 }

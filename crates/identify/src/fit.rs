@@ -9,7 +9,7 @@ use crate::initial;
 use crate::model::{FittedOn, FittedRecord, Method, Model};
 use crate::objective::{self, Weighting, runs};
 use crate::placement::{Placement, fading_lengths, free_thresholds, thresholds};
-use crate::search::{Search, Shape};
+use crate::search::{Search, Shape, Thinned};
 use crate::separable::{self, Solved};
 use crate::start_state::InitialState;
 use crate::{mpso, uncertainty};
@@ -181,7 +181,8 @@ fn free_shape(
     let stroke_um = runs.iter().map(|run| peak_to_peak(run.output)).fold(0.0, f64::max);
     let skeleton = skeleton(dataset, options, thresholds);
     progress(0.1);
-    let search = Search::new(dataset, &skeleton, &Shape::Own, QUIET * stroke_um)?;
+    let thinned = Thinned::of(dataset, QUIET * stroke_um);
+    let search = Search::new(&thinned, &skeleton, &Shape::Own, QUIET * stroke_um)?;
     progress(0.9);
     let mut model = search.model();
     model.cover(dataset);

@@ -114,7 +114,7 @@ impl Search<'_> {
         new.envelope = family.and_then(|(link, _)| link.effect.envelope(&link.values));
         new.envelope_errors = family.and_then(|(_, errors)| Some([(*errors.first()?)?, (*errors.get(1)?)?]));
         [new.input_min, new.input_max] = chain.range_v;
-        new.fitted_on.dataset.clone_from(&self.dataset.name);
+        new.fitted_on.dataset.clone_from(&self.dataset().name);
         new.fitted_on.ridge = fitted.ridge;
         new.fitted_on.records = self.fitted_records();
         new.notices = self.notices(&errors.undetermined, &new);
@@ -122,17 +122,21 @@ impl Search<'_> {
     }
 
     fn fitted_records(&self) -> Vec<FittedRecord> {
-        let fits = self.records.iter().zip(&self.standing.weights).filter(|(r, _)| r.fits);
-        fits.map(|(prepared, weight)| {
-            let record = prepared.record();
-            FittedRecord {
-                file: record.file.clone(),
-                samples: record.len(),
-                sample_rate_hz: 1.0 / record.period_s,
-                initial_state: prepared.initial().to_string(),
-                fitted_from: prepared.settled,
-                weight: weight / record.len().max(1) as f64,
-            }
+        let recorded = self.dataset().records.iter().zip(self.states());
+        let each = self
+            .records
+            .iter()
+            .zip(&self.standing.weights)
+            .zip(recorded)
+            .enumerate();
+        let fits = each.filter(|(_, ((prepared, _), _))| prepared.fits);
+        fits.map(|(i, ((prepared, weight), (record, state)))| FittedRecord {
+            file: record.file.clone(),
+            samples: record.len(),
+            sample_rate_hz: 1.0 / record.period_s,
+            initial_state: state.to_string(),
+            fitted_from: prepared.settled * self.thinned.every(i),
+            weight: weight / record.len().max(1) as f64,
         })
         .collect()
     }

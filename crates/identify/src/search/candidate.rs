@@ -235,7 +235,7 @@ impl Search<'_> {
         let before = trial.left_um2.clone();
         let worse = |i: usize| before[i] > WORSE * self.standing.left_um2[i];
         let states = trial.start_held_out(records, |i| effect.outlasts_records() || worse(i));
-        trial.states = (states != self.states()).then_some(states);
+        trial.states = (states != self.own_states()).then_some(states);
         trial
     }
 
@@ -293,11 +293,14 @@ impl Search<'_> {
         if !self.standing.family().is_free() {
             return None;
         }
-        let straight = Search::new(self.dataset, &self.model(), &Shape::Straight, self.noise_um).ok()?;
+        let straight = Search::new(self.thinned, &self.model(), &Shape::Straight, self.noise_um).ok()?;
         let trial = straight.candidate(effect).ok()?;
         let name = effect.name();
         let link = trial.fitted.chain.links.iter().find(|link| link.is(&name))?;
-        Some((link.values.clone(), trial.states.unwrap_or_else(|| straight.states())))
+        Some((
+            link.values.clone(),
+            trial.states.unwrap_or_else(|| straight.own_states()),
+        ))
     }
 
     fn descent_on<'s>(&self, records: &'s [Prepared<'s>], effort: Effort) -> Descent<'s> {

@@ -12,14 +12,17 @@ mod look;
 mod plan;
 mod records;
 mod system;
+mod thinned;
 mod trial;
 
 pub use plan::Refused;
+pub use thinned::Thinned;
 pub use trial::{Part, Trial};
 
 use crate::any_state;
 use crate::chain::{Chain, Link};
 use crate::chain_facts::facts;
+use crate::chain_trace::Trace;
 use crate::columns::Design;
 use crate::effects::{Bounds, Effect, Facts, Family};
 use crate::error::IdentifyError;
@@ -66,7 +69,7 @@ pub enum Shape {
 
 /// Records, and the chain as it stands on them.
 pub struct Search<'a> {
-    dataset: &'a Dataset,
+    thinned: &'a Thinned<'a>,
     /// The model that the search began with: its history, and how it was fitted.
     origin: Model,
     records: Vec<Prepared<'a>>,
@@ -85,9 +88,9 @@ impl<'a> Search<'a> {
     /// No record that moves.
     /// # Cost
     /// Some six passes over the records.
-    pub fn new(dataset: &'a Dataset, model: &Model, shape: &Shape, noise_um: f64) -> Result<Self, IdentifyError> {
-        let (chain, facts) = chain_in(dataset, model, shape)?;
-        let records = records::prepare(dataset, &chain.design);
+    pub fn new(thinned: &'a Thinned<'a>, model: &Model, shape: &Shape, noise_um: f64) -> Result<Self, IdentifyError> {
+        let (chain, facts) = chain_in(thinned.full(), model, shape)?;
+        let records = records::prepare(thinned, &chain.design);
         if records.iter().all(|record| !record.moves() || !record.fits) {
             return Err(IdentifyError::NothingToFit);
         }
@@ -95,7 +98,7 @@ impl<'a> Search<'a> {
         let weights = vec![1.0 / (noise_um.powi(2) + (0.01 * largest_um).powi(2)); records.len()];
         let point = start(chain, &facts, &records);
         let mut search = Self {
-            dataset,
+            thinned,
             origin: model.clone(),
             noise_um,
             facts,
@@ -123,8 +126,8 @@ impl<'a> Search<'a> {
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn free(dataset: &'a Dataset, model: &Model, noise_um: f64) -> Result<Self, IdentifyError> {
-        let of = |shape: Shape| move || Self::new(dataset, model, &shape, noise_um);
+    pub fn free(thinned: &'a Thinned<'a>, model: &Model, noise_um: f64) -> Result<Self, IdentifyError> {
+        let of = |shape: Shape| move || Self::new(thinned, model, &shape, noise_um);
         match rayon::join(of(Shape::Free), of(Shape::Fading)) {
             (Ok(plays), Ok(mut fading)) => {
                 if fading.foretold(&fading.standing) < plays.foretold(&plays.standing) + plays.reach() {
@@ -251,8 +254,14 @@ impl<'a> Search<'a> {
         self.records.iter().map(|record| record.stroke_um).collect()
     }
 
-    /// The state in which each record finds the plays.
+    /// The state in which each record, as it was recorded, finds the plays.
     pub fn states(&self) -> Vec<InitialState> {
+        let each = self.own_states().into_iter().enumerate();
+        each.map(|(i, state)| self.thinned.state_before_full(i, state))
+            .collect()
+    }
+
+    fn own_states(&self) -> Vec<InitialState> {
         self.records.iter().map(Prepared::initial).collect()
     }
 
@@ -261,9 +270,14 @@ impl<'a> Search<'a> {
         self.records.iter().map(|record| record.fits).collect()
     }
 
-    /// The records that are searched.
+    /// The records that are searched, as they were recorded.
     pub fn dataset(&self) -> &'a Dataset {
-        self.dataset
+        self.thinned.full()
+    }
+
+    /// The records that are searched.
+    pub fn thinned(&self) -> &'a Thinned<'a> {
+        self.thinned
     }
 
     /// A trial's answer to a record that was not made, from rest at its first voltage, micrometres; its positions do not matter.
@@ -274,10 +288,19 @@ impl<'a> Search<'a> {
         chain.respond_to_drive(coefficients, record, InitialState::REST)
     }
 
-    /// The chain of a trial run freely over every record, micrometres.
+    /// The chain of a trial run freely over every record as it was recorded, micrometres.
     pub fn modelled(&self, trial: &Trial) -> Vec<Vec<f64>> {
-        let each = self.records.par_iter().enumerate();
-        each.map(|(i, record)| trial.fitted.modelled(record, i)).collect()
+        let fitted = &trial.fitted;
+        let each = self.records.par_iter().zip(&self.dataset().records).enumerate();
+        each.map(|(i, (record, full))| {
+            if self.thinned.every(i) == 1 {
+                return fitted.modelled(record, i);
+            }
+            let state = self.thinned.state_before_full(i, record.initial());
+            let trace = Trace::new(full, state, fitted.chain.dynamic());
+            fitted.chain.respond(&fitted.coefficients, &trace, &fitted.own[i])
+        })
+        .collect()
     }
 
     /// Goes on from a trial of this search.

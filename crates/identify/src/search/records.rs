@@ -1,11 +1,12 @@
 //! Records made ready for a search: their states, the samples that are looked at, and the parts that are held out by turns.
 
+use super::thinned::Thinned;
 use crate::chain_trace::Trace;
 use crate::columns::{Design, Run};
 use crate::family::{peak_to_peak, range};
 use crate::initial;
 use crate::start_state::InitialState;
-use hysteron_data::{Dataset, Record, Role};
+use hysteron_data::{Record, Role};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -80,8 +81,14 @@ fn finer<'a>(plain: &Trace<'a>) -> Option<Trace<'a>> {
     (fine.every > 1).then_some(fine)
 }
 
+/// Samples behind a comparison of one of so many records.
+pub(super) fn rows_a_record(records: usize) -> usize {
+    (ALL_ROWS / records.max(1)).max(LEAST_ROWS)
+}
+
 /// Prepares all records: those with role `identify` are fitted, or all of them where none has. Readings that are clipped do not count.
-pub(crate) fn prepare<'a>(dataset: &'a Dataset, design: &Design) -> Vec<Prepared<'a>> {
+pub(crate) fn prepare<'a>(thinned: &'a Thinned<'_>, design: &Design) -> Vec<Prepared<'a>> {
+    let dataset = thinned.full();
     let some_fit = dataset.with_role(Role::Identify).next().is_some();
     let fits = |record: &Record| !some_fit || record.role == Role::Identify;
     let clipped_um = hysteron_acquisition::clipped_at(&dataset.records);
@@ -95,7 +102,7 @@ pub(crate) fn prepare<'a>(dataset: &'a Dataset, design: &Design) -> Vec<Prepared
         .count();
     let each = Budget {
         fitted: dataset.records.iter().filter(|r| fits(r)).count().max(1),
-        all: dataset.records.len().max(1),
+        all: dataset.records.len(),
         parts: if moving < FEW_RECORDS {
             PARTS.div_ceil(moving.max(1))
         } else {
@@ -104,8 +111,8 @@ pub(crate) fn prepare<'a>(dataset: &'a Dataset, design: &Design) -> Vec<Prepared
         range_v: [low, high],
         clipped_um,
     };
-    dataset
-        .records
+    thinned
+        .records()
         .par_iter()
         .map(|record| one(record, fits(record), design, &each))
         .collect()
@@ -144,7 +151,7 @@ fn one<'a>(record: &'a Record, fits: bool, design: &Design, budget: &Budget) -> 
             .filter(|&k| run.counts(k) && known.as_ref().is_none_or(|known| known[k]))
             .collect()
     };
-    let rows = spread((ALL_ROWS / budget.all).max(LEAST_ROWS));
+    let rows = spread(rows_a_record(budget.all));
     let few = (SEARCH_ROWS / budget.fitted).max(LEAST_ROWS / 12);
     let every = rows.len().div_ceil(few).max(1);
     let count = if fits { budget.parts } else { 1 };
@@ -204,6 +211,7 @@ fn inside(voltage_v: &[f64], [low, high]: [f64; 2], fits: bool) -> Option<Vec<bo
 mod tests {
     use super::*;
     use crate::family::Family;
+    use hysteron_data::Dataset;
     use std::f64::consts::TAU;
 
     #[test]
@@ -233,7 +241,7 @@ mod tests {
                 ..Dataset::default()
             };
             let design = Design::still(Family::Mpi, vec![0.0, 10.0]);
-            prepare(&dataset, &design)[0].rows.clone()
+            prepare(&Thinned::of(&dataset, 1e-3), &design)[0].rows.clone()
         };
         let all = rows_of(position(20.0));
         let kept = rows_of(position(8.0));
