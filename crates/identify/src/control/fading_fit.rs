@@ -1,9 +1,10 @@
 //! Hysteresis of Duhem's kind, identified forward through the known linear part on either side of it.
 
 use super::fading_part::FadingPart;
-use super::inverse::{self, Around, LARGEST_GROWTH, MOST_OFF, ROWS_A_RECORD, Seen, Timing, behind_lag};
+use super::inverse::{self, Around, ROWS_A_RECORD, Seen};
 use super::linear_part::LONGEST_LAG_S;
 use super::model::InversePart;
+use super::timing::{LARGEST_GROWTH, MOST_OFF, Timing, behind_lag};
 use crate::error::IdentifyError;
 use crate::fading::lengths;
 use crate::normal::Normal;
@@ -335,9 +336,9 @@ pub(super) fn foretell_better(
 #[cfg(test)]
 mod tests {
     use super::super::from_model::no_creep;
-    use super::super::inverse::AmplifierLag;
     use super::super::linear_part::LinearPart;
     use super::super::model::CreepPart;
+    use super::super::timing::AmplifierLag;
     use super::*;
     use hysteron_core::bank::PlayBank;
     use hysteron_core::play_polynomial::{PlayPolynomial, PolynomialCoefficients};

@@ -15,6 +15,7 @@ pub mod model;
 mod refine;
 mod sensor;
 mod spectrum;
+mod timing;
 
 pub use fading_part::FadingPart;
 pub(crate) use from_model::Linear;
@@ -86,7 +87,7 @@ pub fn identify(dataset: &Dataset) -> Result<ControlModel, IdentifyError> {
         creep,
         inverse,
         fading,
-        timing: inverse::Timing { lag, latency_s, .. },
+        timing: timing::Timing { lag, latency_s, .. },
         left_v,
     } = hysteresis(&large, &small_signal, by_holds)?;
     let mut linear = small_signal.linear.clone();
@@ -128,7 +129,7 @@ struct Hysteresis {
     creep: CreepPart,
     inverse: InversePart,
     fading: Option<FadingPart>,
-    timing: inverse::Timing,
+    timing: timing::Timing,
     /// Rms of what is left, volts.
     left_v: f64,
 }
