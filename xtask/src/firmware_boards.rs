@@ -9,12 +9,15 @@ use std::path::{Path, PathBuf};
 type Range = std::ops::Range<u64>;
 
 /// One board: what its image is built with, and its chip's memories by the reference manual.
-struct Board {
-    name: &'static str,
+pub(crate) struct Board {
+    pub name: &'static str,
     feature: &'static str,
-    core: &'static str,
+    pub core: &'static str,
+    /// Clocks of the processor and of the DAC's bus, as the firmware sets them, megahertz.
+    pub processor_mhz: f64,
+    pub bus_mhz: f64,
     /// The ADC's handler.
-    handler: &'static str,
+    pub handler: &'static str,
     /// Its position in the vector table.
     position: usize,
     flash: Range,
@@ -46,6 +49,8 @@ const BOARDS: [Board; 2] = [
         name: "nucleo-h743zi",
         feature: "h743zi",
         core: "cortex-m7",
+        processor_mhz: 400.0,
+        bus_mhz: 25.0,
         handler: "ADC",
         // RM0433, "Interrupt distribution to NVIC": ADC1_2.
         position: 18,
@@ -75,6 +80,8 @@ const BOARDS: [Board; 2] = [
         name: "nucleo-g474re",
         feature: "g474re",
         core: "cortex-m4",
+        processor_mhz: 170.0,
+        bus_mhz: 21.25,
         handler: "ADC1_2",
         // RM0440, "Interrupt and exception vectors": ADC1 and ADC2.
         position: 18,
@@ -123,32 +130,72 @@ pub(crate) fn boards() -> Result<(), String> {
     Ok(())
 }
 
+/// One image of a board.
+pub(crate) struct Image {
+    board: &'static Board,
+    table: &'static str,
+    /// The second axis' table.
+    of_y: Option<&'static str>,
+    most: &'static Most,
+}
+
+impl Image {
+    /// All images, each board's with the table that it is shipped with last.
+    pub(crate) fn all() -> impl Iterator<Item = Self> {
+        BOARDS.iter().flat_map(|board| {
+            let of_both = board.most_of_both.iter().map(|most| (BOTH[0], Some(BOTH[1]), most));
+            let of_one = TABLES.iter().zip(&board.most).rev();
+            let of_one = of_one.map(|(table, most)| (*table, None, most));
+            of_both.chain(of_one).map(move |(table, of_y, most)| Self {
+                board,
+                table,
+                of_y,
+                most,
+            })
+        })
+    }
+
+    fn stem(&self) -> String {
+        let stem = Path::new(self.table).file_stem().unwrap_or_default();
+        stem.to_string_lossy().into_owned()
+    }
+
+    /// The name of its table, or tables.
+    pub(crate) fn name(&self) -> String {
+        format!("{}{}", self.stem(), if self.of_y.is_some() { ", -y" } else { "" })
+    }
+
+    /// Where it is once it is built.
+    pub(crate) fn path(&self) -> PathBuf {
+        let board = self.board.name;
+        Path::new(crate::firmware::IMAGES).join(match (self.table, self.of_y) {
+            (crate::firmware::TABLE, _) => board.to_owned(),
+            (_, None) => format!("{board}-{}", self.stem()),
+            (_, Some(_)) => format!("{board}-{}-y", self.stem()),
+        })
+    }
+
+    pub(crate) fn board(&self) -> &'static Board {
+        self.board
+    }
+
+    pub(crate) fn axes(&self) -> u32 {
+        1 + u32::from(self.of_y.is_some())
+    }
+}
+
 /// Builds the images and checks them; the table's rows.
 pub(crate) fn images() -> Result<Vec<String>, String> {
     let images = Path::new(crate::firmware::IMAGES);
     std::fs::create_dir_all(images).map_err(|error| format!("{}: {error}", images.display()))?;
     let mut rows = Vec::new();
-    for board in &BOARDS {
-        let of_both = board.most_of_both.iter().map(|most| (BOTH[0], Some(BOTH[1]), most));
-        let of_one = TABLES.iter().zip(&board.most).rev();
-        for (table, of_y, most) in of_both.chain(of_one.map(|(table, most)| (*table, None, most))) {
-            let name = Path::new(table).file_stem().unwrap_or_default().to_string_lossy();
-            let image = images.join(match (table, of_y) {
-                (crate::firmware::TABLE, _) => board.name.to_owned(),
-                (_, None) => format!("{}-{name}", board.name),
-                (_, Some(_)) => format!("{}-{name}-y", board.name),
-            });
-            let built = build(board, table, of_y)?;
-            std::fs::copy(built, &image).map_err(|error| format!("{}: {error}", image.display()))?;
-            let row = check(board, most, &Seen::of(&image)?);
-            let row = row.map_err(|reason| format!("{} with {table}: {reason}", board.name))?;
-            let name = if of_y.is_some() {
-                format!("{name}, -y")
-            } else {
-                name.into()
-            };
-            rows.push(format!("{name:<17}{row}"));
-        }
+    for image in Image::all() {
+        let path = image.path();
+        let built = build(image.board, image.table, image.of_y)?;
+        std::fs::copy(built, &path).map_err(|error| format!("{}: {error}", path.display()))?;
+        let row = check(image.board, image.most, &Seen::of(&path)?);
+        let row = row.map_err(|reason| format!("{} with {}: {reason}", image.board.name, image.table))?;
+        rows.push(format!("{:<17}{row}", image.name()));
     }
     Ok(rows)
 }

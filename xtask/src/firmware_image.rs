@@ -220,7 +220,7 @@ fn address(operand: &str) -> Option<u32> {
 }
 
 /// Registers in a list such as `{r4, r5, lr}` or `{d8-d9}`.
-fn registers(operands: &str) -> u32 {
+pub(crate) fn registers(operands: &str) -> u32 {
     let list = operands.split(['{', '}']).nth(1).unwrap_or_default();
     let number = |name: &str| name.trim_start_matches(|c: char| c.is_alphabetic()).parse::<u32>().ok();
     list.split(", ")
