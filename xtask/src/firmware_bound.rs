@@ -115,9 +115,9 @@ fn rounds(frames: &Frames) -> Option<Rounds> {
     if of("", "compiler-builtins").is_some() {
         return Some(Rounds::OfACopy);
     }
-    // Half of the plays are left after each look, in the one corner of a sweep that is not wiped out whole.
+    // Half of the plays are left after each look but the last, in the one corner of a sweep that is not wiped out whole.
     if let Some(name) = of("reach<", "crates/core/src/corners.rs") {
-        return Some(Rounds::InOneRound(largest(name)?.ilog2() + 1));
+        return Some(Rounds::InOneRound(largest(name)?.ilog2() + 2));
     }
     // A corner for each play at most, and the top.
     if let Some(name) = of("sweep<", "crates/core/src/corners.rs") {
@@ -214,7 +214,7 @@ mod tests {
             of(&[("next", "core/src/slice/iter.rs:1"), sweep]),
             Some(Rounds::AtMost(25))
         );
-        assert_eq!(of(&[reach, sweep]), Some(Rounds::InOneRound(5)));
+        assert_eq!(of(&[reach, sweep]), Some(Rounds::InOneRound(6)));
         assert_eq!(
             of(&[("step<f32, 32>", "/crates/core/src/preview.rs:110")]),
             Some(Rounds::ToMultiply(32))

@@ -20,6 +20,22 @@ pub(crate) struct Instruction {
 }
 
 impl Instruction {
+    /// Whether it changes a register, or may.
+    pub(crate) fn changes(&self, register: &str) -> bool {
+        let Self { name, operands, .. } = self;
+        let is = |stems: &[&str]| stems.iter().any(|stem| name.starts_with(stem));
+        let mut listed = operands
+            .split([',', ' ', '{', '}', '[', ']', '!'])
+            .filter(|word| !word.is_empty());
+        let at = listed.position(|word| word == register);
+        // A load of several, and what is called, may change each; an address may be moved on.
+        let several = is(&["ldm", "pop", "ldrd", "umull", "smull", "umlal", "smlal"]);
+        let moved_on =
+            operands.contains(&format!("[{register}")) && (operands.contains("]!") || operands.contains("], "));
+        let reads = is(&["str", "stm", "push", "cmp", "cmn", "tst", "teq", "cb"]);
+        conditional(name, "bl").is_some() || moved_on || !reads && (at == Some(0) || several && at.is_some())
+    }
+
     /// Bytes that it writes.
     pub(crate) fn written(&self) -> u32 {
         let Self { name, operands, .. } = self;
@@ -57,6 +73,8 @@ pub(crate) struct Listing {
 pub(crate) struct Ways {
     pub on: Vec<u32>,
     pub call: Option<u32>,
+    /// Whether the function can end with it.
+    pub ends: bool,
 }
 
 impl Listing {
@@ -167,24 +185,23 @@ impl Listing {
             addresses.next().ok_or_else(unknown)
         };
         let returns = |stem: &str| conditional(name, stem).filter(|_| stem == "bx" || operands.contains("pc"));
+        let to = |on: Vec<u32>| Ways { on, ..Ways::default() };
         let end = |only_if: bool| Ways {
             on: if only_if { vec![next] } else { Vec::new() },
             call: None,
+            ends: true,
         };
         if matches!(name.as_str(), "cbz" | "cbnz") {
-            return Ok(Ways {
-                on: vec![target()?, next],
-                call: None,
-            });
+            return Ok(to(vec![target()?, next]));
         }
         if let Some(only_if) = conditional(name, "b") {
-            let to = target()?;
-            let inside = extent.contains(&to);
+            let target = target()?;
             let mut way = end(only_if);
-            if inside {
-                way.on.push(to);
+            if extent.contains(&target) {
+                way.on.push(target);
+                way.ends = false;
             } else {
-                way.call = Some(to);
+                way.call = Some(target);
             }
             return Ok(way);
         }
@@ -192,16 +209,14 @@ impl Listing {
             return Ok(Ways {
                 on: vec![next],
                 call: Some(target()?),
+                ends: false,
             });
         }
         if let Some(only_if) = returns("bx").or_else(|| returns("pop")).or_else(|| returns("ldmia")) {
             return Ok(end(only_if));
         }
         if matches!(name.as_str(), "tbb" | "tbh") {
-            return Ok(Ways {
-                on: self.table(next, name == "tbb", extent),
-                call: None,
-            });
+            return Ok(to(self.table(next, name == "tbb", extent)));
         }
         if name == "udf" {
             return Ok(end(false));
@@ -209,7 +224,7 @@ impl Listing {
         if name.starts_with("blx") || operands.starts_with("pc,") && matches!(name.as_str(), "mov" | "ldr" | "add") {
             return Err(format!("a way that a register gives: {at:x} {name} {operands}"));
         }
-        Ok(end(true))
+        Ok(to(vec![next]))
     }
 
     /// The targets of a table of bytes or halfwords. It ends where its nearest target begins; what does not lead into the function is padding.
@@ -252,6 +267,31 @@ fn conditional(name: &str, stem: &str) -> Option<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn val_registers_that_change() {
+        let of = |name: &str, operands: &str| Instruction {
+            bytes: 2,
+            name: name.to_owned(),
+            operands: operands.to_owned(),
+        };
+        for (name, operands, wanted) in [
+            ("movs", "r2, #16", true),
+            ("movne", "r2, #16", true),
+            ("ldmia", "r4, {r1, r2, r3}", true),
+            ("ldrd", "r1, r2, [r0]", true),
+            ("ldr", "r0, [r2], #4", true),
+            ("ldr", "r0, [r2, #4]!", true),
+            ("bl", "40 <other>", true),
+            ("str", "r2, [r0]", false),
+            ("stmia", "r0!, {r1, r2}", false),
+            ("ldr", "r0, [r2, #4]", false),
+            ("add", "r1, r2", false),
+            ("cmp", "r2, #0", false),
+        ] {
+            assert_eq!(of(name, operands).changes("r2"), wanted, "{name} {operands}");
+        }
+    }
 
     #[test]
     fn val_conditions() {

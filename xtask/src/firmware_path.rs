@@ -6,9 +6,6 @@
 use crate::firmware_listing::{Instruction, Listing, Ways};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Beginnings of the mnemonics whose first operand is read.
-const READERS: [&str; 6] = ["str", "cmp", "cmn", "tst", "teq", "cb"];
-
 /// Where a loop begins, in the source: function and file of each frame, the innermost first.
 pub(crate) type Frames = Vec<(String, String)>;
 
@@ -102,7 +99,10 @@ impl Paths<'_> {
         };
         let inside = ways.keys().copied().collect();
         self.of_a_byte.push(0.0);
+        // The loops that call it are none around its own.
+        let around = std::mem::take(&mut self.in_one_round);
         let longest = self.through(&body, &inside, at, false)?;
+        self.in_one_round = around;
         let copies = self.of_a_byte.pop().unwrap_or(0.0) * f64::from(copied.unwrap_or(0));
         let longest = longest.map(|longest| longest + copies.ceil() as u64);
         self.known.insert(key, Some(longest));
@@ -141,7 +141,7 @@ impl Paths<'_> {
                     };
                     after = after.max(there.map(|there| there + u64::from(turn)));
                 }
-                if ways.is_empty() {
+                if body.ways.get(&at).is_some_and(|ways| ways.ends) {
                     after = after.max(Some(0));
                 }
             }
@@ -154,12 +154,15 @@ impl Paths<'_> {
     fn of_instruction(&mut self, body: &Body<'_>, at: u32) -> Result<Longest, String> {
         let listing = self.listing;
         let own = listing.instruction(at).map_or(0, self.measure.of);
-        let Some(to) = body.ways.get(&at).and_then(|ways| ways.call) else {
+        let ways = body.ways.get(&at);
+        let Some((ways, to)) = ways.and_then(|ways| Some((ways, ways.call?))) else {
             return Ok(Some(own.into()));
         };
         let name = listing.name(to);
         if self.measure.without.iter().any(|part| name.contains(part)) {
-            return Ok(None);
+            // What may end with the call may go on without it.
+            let goes_on = ways.ends && !ways.on.is_empty();
+            return Ok(goes_on.then_some(own.into()));
         }
         let by_words = self.measure.by_words.contains(&listing.name(body.function));
         let length = if name.contains("clr") { "r1" } else { "r2" };
@@ -176,11 +179,10 @@ impl Paths<'_> {
 
     /// The constant that a register holds at an instruction, where no way leads past the instruction that sets it.
     fn constant(&self, body: &Body<'_>, at: u32, register: &str) -> Option<u32> {
-        let sets = |instruction: &Instruction| {
-            let first = instruction.operands.split([',', ' ']).next();
-            first == Some(register) && !READERS.iter().any(|reader| instruction.name.starts_with(reader))
-        };
-        let (from, set) = self.listing.before(at).find(|(_, instruction)| sets(instruction))?;
+        let (from, set) = self
+            .listing
+            .before(at)
+            .find(|(_, instruction)| instruction.changes(register))?;
         let between = |to: &&u32| **to > from && **to <= at;
         let mut others = body.ways.iter().filter(|(place, _)| **place < from || **place > at);
         if others.any(|(_, ways)| ways.on.iter().any(|to| between(&to))) || !body.ways.contains_key(&from) {
@@ -245,24 +247,37 @@ impl Paths<'_> {
         Ok(match rounds {
             Rounds::AtMost(times) | Rounds::InOneRound(times) => times,
             Rounds::ToMultiply(pairs) => {
-                let multiplies = |at: &&u32| self.listing.instruction(**at).is_some_and(Instruction::multiplies);
-                let each = component.iter().filter(multiplies).count() as u32;
+                let each = self.fewest(body, component, head, |instruction| instruction.multiplies().into());
                 pairs.div_ceil(each.max(1)) + 1
             }
             Rounds::OfACopy => {
                 let unknown = || format!("a copy of unknown length at {head:x}");
                 body.copied.ok_or_else(unknown)?;
-                let written: u32 = component
-                    .iter()
-                    .filter_map(|at| self.listing.instruction(*at))
-                    .map(Instruction::written)
-                    .sum();
+                let written = self.fewest(body, component, head, Instruction::written);
                 if let Some(of_a_byte) = self.of_a_byte.last_mut() {
                     *of_a_byte = of_a_byte.max(round as f64 / f64::from(written.max(1)));
                 }
                 1
             }
         })
+    }
+
+    /// The least that a round of a loop does, from its head back to it.
+    fn fewest(&self, body: &Body<'_>, component: &BTreeSet<u32>, head: u32, does: fn(&Instruction) -> u32) -> u32 {
+        let of = |at: u32| self.listing.instruction(at).map_or(0, does);
+        let mut open = BTreeSet::from([(of(head), head)]);
+        let mut seen = BTreeSet::new();
+        while let Some((done, at)) = open.pop_first() {
+            if !seen.insert(at) {
+                continue;
+            }
+            if body.on(at).contains(&head) {
+                return done;
+            }
+            let inside = body.on(at).iter().filter(|to| component.contains(to));
+            open.extend(inside.map(|&to| (done + of(to), to)));
+        }
+        0
     }
 }
 
@@ -381,6 +396,10 @@ mod tests {
         // Around the call: a way that turns. Through it: the call does.
         assert_eq!(of(3, &[]), Ok(4 + 3));
         assert_eq!(of(3, &["app"]), Ok(2 + 3));
+        // A function that may end with the call may go on without it.
+        let at_the_end = text.replace("bl\t20 <apply>", "beq.w\t20 <apply>");
+        assert_eq!(of(0, &["app"]), Ok(2));
+        assert_eq!(measured(&at_the_end, 0, &["app"], |_| None), Ok(3));
         let always = text.replace("cbz\tr0, 16 <tick+0x6>", "nop");
         assert_eq!(
             measured(&always, 0, &["app"], |_| None),
@@ -410,6 +429,17 @@ mod tests {
         });
         // Nine rounds of two, one with six of two in it; four rounds of three and one more.
         assert_eq!(found, Ok(9 * 2 + (1 + 6 * 2 + 1 + 1) + (4 + 1) * 3 + 1));
+        // Where a round may go past one of the two, so may each.
+        let skipping = text.replace(
+            "  1a:\tee00 0a00 \tvmla.f32\ts0, s0, s0",
+            "  1a:\tb108      \tcbz\tr0, 22 <tick+0x12>\n  1c:\tbf00      \tnop",
+        );
+        let found = measured(&skipping, 0, &[], |frames| match frames[0].1.as_str() {
+            "10" => Some(Rounds::AtMost(10)),
+            "12" => Some(Rounds::InOneRound(6)),
+            _ => Some(Rounds::ToMultiply(7)),
+        });
+        assert_eq!(found, Ok(9 * 2 + (1 + 6 * 2 + 1 + 1) + (7 + 1) * 4 + 1));
     }
 
     #[test]
@@ -435,6 +465,7 @@ mod tests {
         let refused = |from: &str, to: &str| longest(&TEXT.replace(from, to)).unwrap_err();
         assert!(refused("bne.n\t12 <tick+0x2>", "bne.n\t10 <tick>").starts_with("an unknown loop at 10"));
         assert!(refused("movs\tr2, #16", "mov\tr2, r4").starts_with("a copy of unknown length"));
+        assert!(refused("movs\tr2, #16", "ldmia\tr4, {r1, r2}").starts_with("a copy of unknown length"));
         assert!(refused("bl\t40 <memcpy>", "bl\t10 <tick>").starts_with("tick calls itself"));
         assert!(refused("bl\t40 <memcpy>", "blx\tr3").starts_with("tick: a way that a register gives"));
         assert!(refused("18:\td1fb      \tbne.n\t12", "18:\td1fb      \tbne.n\t30").contains("nothing at 30"));
