@@ -128,8 +128,15 @@ impl Normal {
 
     /// Squared error of these coefficients on the rows seen: `sum y^2 - 2 b'x + x'Gx`, never below 0.
     pub(crate) fn squared_error(&self, coefficients: &[f64]) -> f64 {
-        let x = DVector::from_column_slice(coefficients);
-        let quadratic = x.dot(&(self.matrix() * &x));
+        let quadratic: f64 = coefficients
+            .iter()
+            .enumerate()
+            .map(|(i, &x)| {
+                let row = &self.gram[i * self.columns..][..=i];
+                let below: f64 = row[..i].iter().zip(coefficients).map(|(g, other)| g * other).sum();
+                x * (2.0 * below + row[i] * x)
+            })
+            .sum();
         let linear: f64 = self.rhs.iter().zip(coefficients).map(|(b, x)| b * x).sum();
         (self.target_squares - 2.0 * linear + quadratic).max(0.0)
     }

@@ -19,6 +19,9 @@ const ALL_ROWS: usize = 18_000;
 /// Fewest samples of a record that are looked at: 60 periods of 20.
 const LEAST_ROWS: usize = 1_200;
 
+/// Fewest samples of a record that a search looks at, of [`LEAST_ROWS`].
+const LEAST_FEW_ROWS: usize = 25;
+
 /// Fewer records than this are held out in parts.
 const FEW_RECORDS: usize = 4;
 
@@ -152,7 +155,7 @@ fn one<'a>(record: &'a Record, fits: bool, design: &Design, budget: &Budget) -> 
             .collect()
     };
     let rows = spread(rows_a_record(budget.all));
-    let few = (SEARCH_ROWS / budget.fitted).max(LEAST_ROWS / 12);
+    let few = (SEARCH_ROWS / budget.fitted).max(LEAST_FEW_ROWS);
     let every = rows.len().div_ceil(few).max(1);
     let count = if fits { budget.parts } else { 1 };
     let part = rows.len().div_ceil(count).max(1);
