@@ -2,8 +2,10 @@
 //! STM32G474, by the titles of their sections.
 
 use hysteron_core::codes::DacCode;
-use hysteron_firmware::ad5683r::{CLOCK_PHASE, CLOCK_POLARITY, MOST_HZ, WORD_BITS, word};
-use hysteron_firmware::chips::{ALL, G474, H743, TIM6_TRIGGER, WATCHDOG_START_US, WATCHDOG_US, smp_place, watchdog};
+use hysteron_firmware::ad5683r::{CLOCK_PHASE, CLOCK_POLARITY, MOST_HZ, Update, WORD_BITS, word};
+use hysteron_firmware::chips::{
+    ALL, Chip, G474, H743, TIM3_TRIGGER, WATCHDOG_START_US, WATCHDOG_US, smp_place, watchdog,
+};
 use hysteron_firmware::monitor::WATCHDOG_SAMPLES;
 use hysteron_firmware::{kept, table};
 
@@ -35,7 +37,7 @@ fn val_clock_tree_of_the_g474() {
     assert!((8..=127).contains(&G474.pll_n) && (1..=16).contains(&G474.pll_m));
 }
 
-/// RM0433 and RM0440, "Basic timers (TIM6/TIM7)": `f = clock / ((PSC + 1) (ARR + 1))`; "Clock source for timers": twice the APB's
+/// RM0433 and RM0440, "General-purpose timers (TIM2/TIM3/TIM4/TIM5)", counter clock: `f = clock / ((PSC + 1) (ARR + 1))`; "Clock source for timers": twice the APB's
 /// clock where that is divided.
 #[test]
 fn val_sample_clock_is_50_khz() {
@@ -55,11 +57,32 @@ fn val_sample_clock_is_50_khz() {
     }
 }
 
-/// RM0433 and RM0440, "External triggers for regular channels": adc_ext_trg13 is tim6_trgo, EXTSEL 01101. "ADC sample time
+/// RM0433 and RM0440, "PWM mode": the output is high while the counter is below CCR1. 5.5 us at 200 MHz are 1100 counts.
+#[test]
+fn val_instant_of_the_latch() {
+    let of = |chip: Chip, axes, complete| chip.latch(chip.sample_clock(50e3)?, chip.latch_ns(axes, complete)?);
+    assert_eq!(of(H743, 1, false), Some(1100));
+    assert_eq!(of(H743, 2, true), Some(3500));
+    assert_eq!(of(G474, 1, true), Some(3383));
+    // Two laws are too many for the one, three axes for either.
+    assert_eq!(
+        (of(G474, 2, false), of(H743, 3, false), of(H743, 0, false)),
+        (None, None, None)
+    );
+    // Four counts of 200 MHz a count at 1 kHz.
+    assert_eq!(H743.latch((3, 49_999), 5_500), Some(275));
+    // LDAC is low for 10 counts at least: 3990 would be the last.
+    assert_eq!(H743.latch((0, 3999), 19_945), Some(3989));
+    assert_eq!(H743.latch((0, 3999), 19_955), None);
+    // A period of 5 us has no room for it.
+    assert_eq!(H743.latch((0, 999), 5_500), None);
+}
+
+/// RM0433 and RM0440, "External triggers for regular channels": adc_ext_trg4 is tim3_trgo, EXTSEL 00100. "ADC sample time
 /// registers": SMP 010 is 8.5 cycles on the one, 12.5 on the other, three bits a channel, channel 10 first in the second register.
 #[test]
 fn val_converter() {
-    assert_eq!(TIM6_TRIGGER, 0b01101);
+    assert_eq!(TIM3_TRIGGER, 0b00100);
     assert_eq!((H743.smp, H743.sampling_half_cycles), (0b010, 17));
     assert_eq!((G474.smp, G474.sampling_half_cycles), (0b010, 25));
     let places = [H743.adc_channel, G474.adc_channel].map(smp_place);
@@ -100,13 +123,16 @@ fn val_words_of_the_dac() {
         (0x8000, [0x38, 0x00, 0x00]),
         (0xffff, [0x3f, 0xff, 0xf0]),
     ] {
-        assert_eq!(word(DacCode(code)), wanted, "{code:#x}");
+        assert_eq!(word(DacCode(code), Update::AtOnce), wanted, "{code:#x}");
     }
-    for code in 0..=u16::MAX {
-        let [first, second, third] = word(DacCode(code));
-        let bits = u32::from_be_bytes([0, first, second, third]);
-        assert_eq!(bits, 0b0011 << 20 | u32::from(code) << 4);
-        assert!(bits < 1 << WORD_BITS);
+    // "Command Definitions": 0001 writes the input register, 0011 input register and output.
+    for (update, command) in [(Update::AtOnce, 0b0011), (Update::ByLdac, 0b0001)] {
+        for code in 0..=u16::MAX {
+            let [first, second, third] = word(DacCode(code), update);
+            let bits = u32::from_be_bytes([0, first, second, third]);
+            assert_eq!(bits, command << 20 | u32::from(code) << 4);
+            assert!(bits < 1 << WORD_BITS);
+        }
     }
 }
 

@@ -949,7 +949,7 @@ fn val_scans_by_a_board_of_both_axes() {
         dataset.description
     );
     // Its word on the bus is the second.
-    let known_s = hysteron_board::budget::BOARDS[2].known_delay_s(1);
+    let known_s = hysteron_board::budget::BOARDS[2].known_delay_s();
     assert!((dataset.known.delay_s.unwrap() - known_s).abs() < 1e-12);
     let record = &dataset.records[0];
     let moved = |values: &[f64]| {

@@ -103,7 +103,7 @@ fn val_a_recording_without_loss() {
         dataset.description
     );
     let known_s = dataset.known.delay_s.unwrap();
-    assert!((known_s - BOARDS[0].known_delay_s(0)).abs() < 1e-12, "{known_s}");
+    assert!((known_s - BOARDS[0].known_delay_s()).abs() < 1e-12, "{known_s}");
     let v = |code: f64| f64::from(table::DAC_MIN_V) + f64::from(table::DAC_TOP_V - table::DAC_MIN_V) * code / 65_535.0;
     assert!((record_1.voltage_v[0] - v(30_005.0)).abs() < 1e-4);
     // Refused before anything is asked of anybody.

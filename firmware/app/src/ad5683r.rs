@@ -6,6 +6,8 @@ use hysteron_core::codes::DacCode;
 pub const WORD_BITS: u32 = 24;
 /// Fastest bus: a period of SCLK of 20 ns at least (timing characteristics, 2.7 V and above).
 pub const MOST_HZ: u32 = 50_000_000;
+/// LDAC low, at least: 15 ns and a margin (timing characteristics, "LDAC pulse width low").
+pub const LDAC_LOW_NS: u32 = 50;
 /// SYNC high between two words, at least: 20 ns (timing characteristics, t8).
 pub const SYNC_HIGH_NS: u32 = 20;
 /// SCLK rests low: data change at the rising edge and are taken at the falling one (its timing diagram), which is mode 1.
@@ -16,8 +18,24 @@ pub const CLOCK_PHASE: bool = true;
 /// What it holds once its power has come: zero scale ("Power-On Reset").
 pub const POWER_ON: DacCode = DacCode(0);
 
-/// Command 3: write the input register and the output at once.
-const WRITE_AND_UPDATE: u8 = 0b0011;
+/// When a code of the input register reaches the output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Update {
+    /// With the word, whatever LDAC is.
+    AtOnce,
+    /// At the next fall of LDAC; at once while it is low.
+    ByLdac,
+}
+
+impl Update {
+    /// Command 3 writes input register and output, command 1 the input register ("Command Definitions").
+    const fn command(self) -> u8 {
+        match self {
+            Self::AtOnce => 0b0011,
+            Self::ByLdac => 0b0001,
+        }
+    }
+}
 
 /// Command 5: the next word from SDO is the input register's. Not all models have that pin.
 const READ_BACK: u8 = 0b0101;
@@ -35,7 +53,7 @@ pub const fn answered(answer: [u8; 3]) -> DacCode {
 
 /// The 24 bits of a code: command, code, four that do not matter ("Input Shift Register").
 #[inline(always)]
-pub const fn word(code: DacCode) -> [u8; 3] {
+pub const fn word(code: DacCode, update: Update) -> [u8; 3] {
     let [high, low] = code.0.to_be_bytes();
-    [WRITE_AND_UPDATE << 4 | high >> 4, high << 4 | low >> 4, low << 4]
+    [update.command() << 4 | high >> 4, high << 4 | low >> 4, low << 4]
 }

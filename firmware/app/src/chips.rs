@@ -1,6 +1,8 @@
 //! What the real boards' registers are set to, as constants and the reference manuals' formulas: `firmware/nucleo` writes them, the
 //! host tests them. RM0433 is the STM32H743's manual, RM0440 the STM32G474's.
 
+use crate::ad5683r::LDAC_LOW_NS;
+
 /// Clock tree, sample clock, converter and bus of one board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Chip {
@@ -42,6 +44,9 @@ pub struct Chip {
     pub adc_bits: u32,
     /// Divides the bus's clock: a power of two from 2 to 256.
     pub spi_divider: u32,
+    /// From a trigger to the new outputs of the DACs, nanoseconds: of the paper's law and of a complete one, by the number of axes.
+    /// Beyond the longest tick found, at two cycles an instruction (`hysteron_board::budget`).
+    pub latches_ns: &'static [[u32; 2]],
 }
 
 /// STM32H743ZI. 400 MHz and not 480, which only revision V reaches (DS12110, general operating conditions).
@@ -70,6 +75,7 @@ pub const H743: Chip = Chip {
     smp: 0b010,
     adc_bits: 16,
     spi_divider: 4,
+    latches_ns: &[[5_500, 9_500], [9_500, 17_500]],
 };
 
 /// STM32G474RE at its highest clock.
@@ -96,13 +102,14 @@ pub const G474: Chip = Chip {
     smp: 0b010,
     adc_bits: 12,
     spi_divider: 8,
+    latches_ns: &[[10_000, 19_900]],
 };
 
 /// Both.
 pub const ALL: [Chip; 2] = [H743, G474];
 
-/// EXTSEL of the ADC: `adc_ext_trg13` is TIM6's TRGO on both chips (RM0433 and RM0440, "External triggers for regular channels").
-pub const TIM6_TRIGGER: u8 = 13;
+/// EXTSEL of the ADC: `adc_ext_trg4` is TIM3's TRGO on both chips (RM0433 and RM0440, "External triggers for regular channels").
+pub const TIM3_TRIGGER: u8 = 4;
 
 /// Reset after this long without a tick: twice what the monitor calls a hung interrupt, and long enough for the fastest LSI.
 pub const WATCHDOG_US: u32 = 2000;
@@ -146,7 +153,7 @@ impl Chip {
         self.ahb_hz() / self.apb_divider
     }
 
-    /// TIM6: the APB's clock, doubled where that is a divided one (RM0433 and RM0440, "Clock source for timers", TIMPRE = 0).
+    /// TIM3: the APB's clock, doubled where that is a divided one (RM0433 and RM0440, "Clock source for timers", TIMPRE = 0).
     pub const fn timer_hz(&self) -> u32 {
         if self.apb_divider == 1 {
             self.apb_hz()
@@ -155,7 +162,7 @@ impl Chip {
         }
     }
 
-    /// PSC and ARR of TIM6: `rate = timer / ((PSC + 1) (ARR + 1))`, with the smallest PSC whose ARR fits 16 bits. `None` where no pair
+    /// PSC and ARR of TIM3: `rate = timer / ((PSC + 1) (ARR + 1))`, with the smallest PSC whose ARR fits 16 bits. `None` where no pair
     /// gives the rate to a part in a million: the clock's error would be the trajectory's.
     pub fn sample_clock(&self, sample_rate_hz: f32) -> Option<(u16, u16)> {
         // A NaN fails this.
@@ -171,6 +178,26 @@ impl Chip {
             (Ok(prescaler), Ok(reload)) if close => Some((prescaler, reload)),
             _ => None,
         }
+    }
+
+    /// From a trigger to the new outputs of so many DACs, nanoseconds; none where the laws are too many for the processor.
+    pub const fn latch_ns(&self, axes: usize, complete: bool) -> Option<u32> {
+        if axes == 0 || axes > self.latches_ns.len() {
+            return None;
+        }
+        Some(self.latches_ns[axes - 1][complete as usize])
+    }
+
+    /// CCR1 of TIM3, whose channel is LDAC: high below it, low from it to the end of a period. `None` where that is too short for the
+    /// DAC.
+    pub fn latch(&self, (prescaler, reload): (u16, u16), latch_ns: u32) -> Option<u16> {
+        let count_hz = u64::from(self.timer_hz() / (u32::from(prescaler) + 1));
+        let counts = |ns: u32| u64::from(ns) * count_hz / 1_000_000_000;
+        let latch = counts(latch_ns);
+        if latch + counts(LDAC_LOW_NS) > u64::from(reload) {
+            return None;
+        }
+        u16::try_from(latch).ok()
     }
 
     /// The ADC's clock.

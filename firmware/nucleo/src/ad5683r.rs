@@ -3,7 +3,7 @@
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiBus;
 use hysteron_core::codes::DacCode;
-use hysteron_firmware::ad5683r::{ASK, WHILE_IT_ANSWERS, answered, word};
+use hysteron_firmware::ad5683r::{ASK, Update, WHILE_IT_ANSWERS, answered, word};
 
 /// The converters of `N` axes on one bus: mode 1, at most [`hysteron_firmware::ad5683r::MOST_HZ`].
 pub struct Ad5683r<B, P, const N: usize> {
@@ -17,16 +17,16 @@ impl<B: SpiBus, P: OutputPin, const N: usize> Ad5683r<B, P, N> {
         Self { bus, syncs }
     }
 
-    /// Sets the outputs, one after the other.
+    /// Writes the outputs' codes, one after the other.
     ///
     /// # Errors
     /// What the bus says.
     #[inline(always)]
-    pub fn set(&mut self, codes: [DacCode; N]) -> Result<(), B::Error> {
+    pub fn set(&mut self, codes: [DacCode; N], update: Update) -> Result<(), B::Error> {
         for (sync, code) in self.syncs.iter_mut().zip(codes) {
             // Pins of these chips do not fail.
             let _ = sync.set_low();
-            let written = self.bus.write(&word(code)).and_then(|()| self.bus.flush());
+            let written = self.bus.write(&word(code, update)).and_then(|()| self.bus.flush());
             let _ = sync.set_high();
             written?;
         }

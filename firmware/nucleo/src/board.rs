@@ -6,13 +6,15 @@ use crate::ad5683r::{self, Ad5683r};
 use crate::flash::Memory;
 use crate::image::AXES;
 use embassy_stm32::adc::{Adc, AdcChannel, AnyAdcChannel};
+use embassy_stm32::gpio::OutputType;
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::Interrupt;
 use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 use embassy_stm32::spi::{self, Spi};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::Timer;
-use embassy_stm32::{Config, Peri, pac, peripherals};
+use embassy_stm32::timer::simple_pwm::PwmPin;
+use embassy_stm32::{Config, Peri, pac, peripherals, timer};
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::ad5683r::{CLOCK_PHASE, CLOCK_POLARITY};
 #[cfg(not(feature = "two-axes"))]
@@ -60,7 +62,7 @@ pub struct Outputs {
 /// What it has once the outputs are safe.
 pub struct Parts {
     pub button: Input<'static>,
-    pub timer: Timer<'static, peripherals::TIM6>,
+    pub timer: Timer<'static, peripherals::TIM3>,
     /// Where tables lie in flash, if they may be written there.
     #[cfg(not(feature = "two-axes"))]
     pub slots: Option<Slots<Memory>>,
@@ -159,13 +161,23 @@ fn outputs(
     }
 }
 
+/// The sample clock, with its first channel on LDAC's pin. Nothing drives that pin before: it is pulled low, and words count at once.
+fn sample_clock(
+    timer: Peri<'static, peripherals::TIM3>,
+    ldac: Peri<'static, peripherals::PB4>,
+) -> Timer<'static, peripherals::TIM3> {
+    let timer = Timer::new(timer);
+    let _pin: PwmPin<'_, peripherals::TIM3, timer::Ch1> = PwmPin::new(ldac, OutputType::PushPull);
+    timer
+}
+
 /// Whether the registers that embassy works out by itself hold what `chips` says; names the first that does not. Those of the watchdog
 /// read as set only once it runs (RM0433 and RM0440, IWDG_SR).
-fn check(rcc: &Peri<'static, peripherals::RCC>, timer: &Timer<'static, peripherals::TIM6>) -> Result<(), &'static str> {
+fn check(rcc: &Peri<'static, peripherals::RCC>, timer: &Timer<'static, peripherals::TIM3>) -> Result<(), &'static str> {
     let processor = embassy_stm32::rcc::clocks(rcc).sys.to_hertz();
     let held = [
         ("processor clock", processor == Some(Hertz(CHIP.processor_hz()))),
-        ("clock of TIM6", timer.get_clock_frequency() == Hertz(CHIP.timer_hz())),
+        ("clock of TIM3", timer.get_clock_frequency() == Hertz(CHIP.timer_hz())),
         ("prescaler of the ADC", chip::adc_presc() == CHIP.adc_presc()),
         ("divider of SPI1", chip::spi_field() == CHIP.spi_field()),
     ];

@@ -1,4 +1,4 @@
-//! ADC1 on the trigger of TIM6, and ADC2 with it where there are two axes: the registers beyond what embassy sets, which starts
+//! ADC1 on the trigger of TIM3, whose first channel is the DACs' LDAC, and ADC2 with it where there are two axes: the registers beyond what embassy sets, which starts
 //! conversions by software only.
 
 use crate::board::CHIP;
@@ -6,15 +6,35 @@ use crate::image::AXES;
 use embassy_stm32::pac::adc::Adc;
 use embassy_stm32::pac::adc::vals::{Exten, Ovrmod};
 use embassy_stm32::pac::timer::vals::Mms;
-use embassy_stm32::pac::{ADC1, TIM6};
+use embassy_stm32::pac::{ADC1, TIM3};
 #[cfg(feature = "two-axes")]
 use embassy_stm32::pac::{ADC2, ADC12_COMMON, adccommon::vals::Dual};
 use embassy_stm32::peripherals;
-use embassy_stm32::timer::low_level::Timer;
-use hysteron_firmware::chips::TIM6_TRIGGER;
+use embassy_stm32::timer::Channel;
+use embassy_stm32::timer::low_level::{OutputCompareMode, Timer};
+use hysteron_firmware::chips::TIM3_TRIGGER;
 
-/// One channel on each trigger, an interrupt at the end of its conversion, and the timer that triggers, by its PSC and ARR.
-pub fn start(timer: &Timer<'static, peripherals::TIM6>, (prescaler, reload): (u16, u16)) {
+/// What the timer counts.
+#[derive(Clone, Copy)]
+pub struct Times {
+    /// Its PSC and ARR: a period.
+    pub clock: (u16, u16),
+    /// Its CCR1: from a trigger to the fall of LDAC.
+    pub latch: u16,
+}
+
+impl Times {
+    /// Of a sample rate and a number of laws.
+    pub fn new(sample_rate_hz: f32, complete: bool) -> Option<Self> {
+        let clock = CHIP.sample_clock(sample_rate_hz)?;
+        let latch = CHIP.latch(clock, CHIP.latch_ns(AXES, complete)?)?;
+        Some(Self { clock, latch })
+    }
+}
+
+/// One channel on each trigger, an interrupt at the end of its conversion, and the timer that triggers and latches.
+pub fn start(timer: &Timer<'static, peripherals::TIM3>, times: Times) {
+    let (prescaler, reload) = times.clock;
     #[cfg(feature = "two-axes")]
     couple();
     one_conversion(ADC1, CHIP.adc_channel);
@@ -22,14 +42,18 @@ pub fn start(timer: &Timer<'static, peripherals::TIM6>, (prescaler, reload): (u1
     one_conversion(ADC2, const { CHIP.adc_channel_y.expect("a second channel") });
     ADC1.cfgr().modify(|w| {
         w.set_exten(Exten::RISING_EDGE);
-        w.set_extsel(TIM6_TRIGGER);
+        w.set_extsel(TIM3_TRIGGER);
     });
     ADC1.ier().modify(|w| w.set_eocie(true));
-    TIM6.psc().write_value(prescaler);
-    TIM6.arr().write(|w| w.set_arr(reload));
+    TIM3.psc().write_value(prescaler);
+    TIM3.arr().write(|w| w.set_arr(reload));
+    // LDAC is high below CCR1, and falls there (RM0433 and RM0440, "PWM mode", mode 1).
+    timer.set_compare_value(Channel::Ch1, times.latch);
+    timer.set_output_compare_mode(Channel::Ch1, OutputCompareMode::PwmMode1);
+    timer.enable_channel(Channel::Ch1, true);
     // PSC counts from an update on (RM0433 and RM0440, TIMx_PSC).
     timer.generate_update_event();
-    TIM6.cr2().modify(|w| w.set_mms(Mms::UPDATE));
+    TIM3.cr2().modify(|w| w.set_mms(Mms::UPDATE));
     // SAFETY: the handler is there, and what it needs has been written.
     unsafe { cortex_m::peripheral::NVIC::unmask(crate::board::INTERRUPT) };
     ADC1.cr().modify(|w| w.set_adstart(true));
@@ -72,6 +96,12 @@ const CONVERTERS: [Adc; AXES] = [ADC1, ADC2];
 #[inline(always)]
 pub fn codes() -> [u16; AXES] {
     CONVERTERS.map(|adc| (adc.dr().read().0 as u16) << CHIP.to_16_bits())
+}
+
+/// Whether LDAC has fallen since this period's trigger.
+#[inline(always)]
+pub fn latched() -> bool {
+    TIM3.cnt().read().cnt() >= TIM3.ccr(0).read().ccr()
 }
 
 /// Whether another conversion has ended since [`codes`].

@@ -1,7 +1,7 @@
 //! The control application on ST's boards nucleo-h743zi (feature `h743zi`) and nucleo-g474re (`g474re`).
 //!
-//! TIM6 triggers the ADC 50 000 times a second; the loop runs in the interrupt of the end of conversion, in the memory that is fastest
-//! for it, and writes a 16-bit DAC by SPI. The user's button starts and stops it; RTT carries the log (channel 0) and every tick
+//! TIM3 triggers the ADC 50 000 times a second; the loop runs in the interrupt of the end of conversion, in the memory that is fastest
+//! for it, and writes a 16-bit DAC by SPI, whose output the same timer changes at a fixed instant of each period. The user's button starts and stops it; RTT carries the log (channel 0) and every tick
 //! (channel 1), and orders and tables of the host (channel 1, back). One axis; both with the feature `two-axes`. `docs/boards/` says how to wire and
 //! check it. It runs in a processor model (`cargo xtask firmware starts`); it has not run on a board.
 #![no_std]
@@ -19,6 +19,7 @@ mod stored;
 
 use ad5683r::Ad5683r;
 use board::{CHIP, Outputs};
+use converter::Times;
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -30,6 +31,7 @@ use embassy_stm32::mode::Blocking;
 use embassy_stm32::spi::{Spi, mode::Master};
 use heapless::spsc::{Producer, Queue};
 use hysteron_core::codes::DacCode;
+use hysteron_firmware::ad5683r::Update;
 use hysteron_firmware::axes::Axes;
 #[cfg(not(feature = "two-axes"))]
 use hysteron_firmware::axes::one as image;
@@ -81,11 +83,11 @@ fn kept_words() -> &'static [AtomicU32; AXES] {
 
 type Dac = Ad5683r<Spi<'static, Blocking, Master>, Output<'static>, AXES>;
 
-/// Sets the outputs, and keeps their codes.
+/// Writes the outputs' codes, and keeps them.
 #[inline(always)]
-fn set(dac: &mut Dac, codes: [DacCode; AXES]) {
+fn set(dac: &mut Dac, codes: [DacCode; AXES], update: Update) {
     // The bus has no way to fail that the driver could see; the next tick writes again.
-    let _ = dac.set(codes);
+    let _ = dac.set(codes, update);
     for (word, code) in kept_words().iter().zip(codes) {
         word.store(kept::pack(code.0), Ordering::Relaxed);
     }
@@ -123,7 +125,16 @@ impl Board<AXES> for Converters {
 
     #[inline(always)]
     fn write(&mut self, codes: [DacCode; AXES], frames: &[Frame; AXES]) {
-        set(&mut self.dac, codes);
+        // A way down does not depend on the timer, nor on its wire.
+        let runs = frames
+            .iter()
+            .all(|frame| frame.mode() != Mode::Off && frame.fault().is_none());
+        let update = if runs { Update::ByLdac } else { Update::AtOnce };
+        set(&mut self.dac, codes, update);
+        // A code that came later has counted at once.
+        if runs && converter::latched() {
+            LATE_CODES.fetch_add(1, Ordering::Relaxed);
+        }
         self.at_rest = frames.iter().all(|frame| frame.mode() == Mode::Off);
         // A fault of one axis is one of both.
         if frames[0].fault().is_some() {
@@ -181,6 +192,8 @@ static ROUNDS: AtomicU32 = AtomicU32::new(0);
 
 /// Ticks at whose end the next conversion was done already.
 static OVERRUNS: AtomicU32 = AtomicU32::new(0);
+/// Ticks whose code came after the latch.
+static LATE_CODES: AtomicU32 = AtomicU32::new(0);
 /// Longest interrupt, processor cycles.
 static LONGEST: AtomicU32 = AtomicU32::new(0);
 
@@ -219,8 +232,12 @@ fn main() -> ! {
     #[cfg(feature = "h743zi")]
     cache_instructions(&mut core);
     let banks = tables();
-    let Some(clock) = CHIP.sample_clock(table::SAMPLE_RATE_HZ) else {
-        defmt::panic!("TIM6 cannot make {=f32} Hz", table::SAMPLE_RATE_HZ);
+    let complete = image::hellos().any(|hello| hello.complete);
+    let Some(times) = Times::new(table::SAMPLE_RATE_HZ, complete) else {
+        defmt::panic!(
+            "TIM3 cannot make {=f32} Hz with a code in each period",
+            table::SAMPLE_RATE_HZ
+        );
     };
     let sample_cycles = (rest.clock.processor_hz() as f32 / table::SAMPLE_RATE_HZ) as u32;
     let mut beginning = Beginning {
@@ -254,7 +271,7 @@ fn main() -> ! {
         defmt::info!("bank {=u8}: table {=[u8]:02x}", hello.bank, hello.hash);
     }
     board::guard_the_loop();
-    converter::start(&board.timer, clock);
+    converter::start(&board.timer, times);
 
     let mut telemetry = Telemetry::new(channels.up.1, hello);
     let mut log = Log::default();
@@ -283,7 +300,7 @@ fn main() -> ! {
             if let Some(message) = messages.push(byte[0]) {
                 let mut sample_clock = stored::Clock {
                     timer: &board.timer,
-                    clock,
+                    times,
                 };
                 if telemetry.answer(stored.as_deref_mut(), message, &mut sample_clock) {
                     restart = Some(log.seen);
@@ -392,7 +409,7 @@ impl Hardware<AXES> for Beginning<'_> {
     }
 
     fn set(&mut self, codes: [DacCode; AXES]) {
-        set(self.dac, codes);
+        set(self.dac, codes, Update::AtOnce);
     }
 
     fn cycles(&self) -> u32 {
@@ -508,12 +525,13 @@ impl Log {
         }
         if self.seen.is_multiple_of(50_000) {
             defmt::info!(
-                "tick {=u32}: reference {=f32} um, command {=f32} V, {=u32} frames lost, {=u32} overruns, longest {=u32} cycles",
+                "tick {=u32}: reference {=f32} um, command {=f32} V, {=u32} frames lost, {=u32} overruns, {=u32} late codes, longest {=u32} cycles",
                 frame.number,
                 frame.reference_um,
                 frame.command_v,
                 LOST.load(Ordering::Relaxed),
                 OVERRUNS.load(Ordering::Relaxed),
+                LATE_CODES.load(Ordering::Relaxed),
                 LONGEST.load(Ordering::Relaxed)
             );
         }

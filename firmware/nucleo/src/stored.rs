@@ -1,7 +1,8 @@
 //! Tables in flash on this board: which one a start takes, and what comes of an upload. One axis.
 
+use crate::converter::{self, Times};
 use crate::flash::Memory;
-use crate::{AT_REST, ORDERS, Shared, board, converter};
+use crate::{AT_REST, ORDERS, Shared, board};
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -57,8 +58,8 @@ pub fn choose(slots: Slots<Memory>, banks: &mut Banks, power: bool) -> (&'static
 
 /// What an upload asks of this board.
 pub struct Clock<'a> {
-    pub timer: &'a Timer<'static, peripherals::TIM6>,
-    pub clock: (u16, u16),
+    pub timer: &'a Timer<'static, peripherals::TIM3>,
+    pub times: Times,
 }
 
 impl Pause for Clock<'_> {
@@ -76,6 +77,6 @@ impl Pause for Clock<'_> {
 
     fn go_on(&mut self) {
         board::guard_the_loop();
-        converter::start(self.timer, self.clock);
+        converter::start(self.timer, self.times);
     }
 }

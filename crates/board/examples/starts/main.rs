@@ -123,9 +123,9 @@ struct Ran {
 /// Both tables; a scenario is a row, an image a column.
 fn print(ran: &[Ran]) {
     println!(
-        "| image | ticks | DAC codes other than the host's | frames of telemetry | other frames | lowest and highest code |"
+        "| image | ticks | DAC codes other than the host's | latched at | changes beside it | frames of telemetry | other frames | lowest and highest code |"
     );
-    println!("|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|");
     ran.iter().for_each(|of_image| println!("{}", of_image.long));
     let ran: Vec<&Ran> = ran.iter().filter(|of_image| !of_image.rows.is_empty()).collect();
     let labels: Vec<&str> = ran.iter().map(|of_image| of_image.label).collect();
@@ -220,16 +220,19 @@ fn long_run(rig: &mut Rig, label: &str) -> Result<(String, bool), Failure> {
     // A run that does not move would agree, too; telemetry that does not come as well.
     let right = counts.different == 0
         && counts.silent == 0
+        && counts.beside_latch == 0
         && counts.telemetry_different == 0
         && counts.bites == 0
         && rig.fault().is_none()
         && high - low > 20_000
         && counts.telemetry > 9 * counts.ticks / 10 * rig.axes.len() as u32;
     let row = format!(
-        "| {label}{} | {} | {} | {} | {} | {low}, {high} |",
+        "| {label}{} | {} | {} | {:.2} us | {} | {} | {} | {low}, {high} |",
         if right { "" } else { ", WRONG" },
         counts.ticks,
         counts.different,
+        1e3 * rig.ms(rig.latch()),
+        counts.beside_latch,
         counts.telemetry,
         counts.telemetry_different,
     );

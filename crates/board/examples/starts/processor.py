@@ -3,8 +3,8 @@
     processor.py IMAGE BOARD
 
 It has what the image touches and nothing that judges: oscillators and PLL as ready flags, reset causes, watchdog, supply detector,
-cycle counter, converters, bus, pins, the timer that triggers, the interrupt's enable bit, and the debugger's view of memory; outside of
-the chip the input registers of the outputs' converters, which a readback answers. Every answer is a line. Time is counted in cycles of
+cycle counter, converters, bus, pins, the timer that triggers and latches, the interrupt's enable bit, and the debugger's view of memory;
+outside of the chip the two registers of the outputs' converters, whose first a readback answers. Every answer is a line. Time is counted in cycles of
 the processor at its full clock; two instructions take three of its own.
 """
 
@@ -27,10 +27,12 @@ LSI_HZ = 32_000
 POSITION = 18
 NVIC_ISER0, VTOR = 0xE000E100, 0xE000ED08
 DEMCR, DWT_CTRL, DWT_CYCCNT, DWT_LAR = 0xE000EDFC, 0xE0001000, 0xE0001004, 0xE0001FB0
-TIM6 = 0x40001000
+TIM3 = 0x40000400
 SPI1 = 0x40013000
 # Commands of the outputs' converters.
-WRITE_AND_UPDATE, READ_BACK, NO_OPERATION = 0b0011, 0b0101, 0b0000
+WRITE, WRITE_AND_UPDATE, READ_BACK, NO_OPERATION = 0b0001, 0b0011, 0b0101, 0b0000
+# Pin of LDAC, which is pulled low outside, and its alternate function that is the timer's first channel.
+LDAC, CHANNEL = 4, 2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,6 +67,8 @@ class Board:
     spi: tuple
     # Where the converters' answers come in: the port, and the pin.
     miso: tuple
+    # LDAC's port.
+    ldac: int
     # Bits that follow others: (register, the one written, the one that says that it is so); the PLL, the outer clock.
     ready: tuple
     pll: tuple
@@ -96,6 +100,7 @@ G474 = Board(
     options=(0x40022020, 0b100 << 8 | 1 << 22),
     spi=(1 << 6, 0x08, 0x0C, 0x0C),
     miso=(0x48000000, 6),
+    ldac=0x48000400,
     ready=((0x40021000, 8, 10), (0x40021094, 0, 1), (0x40021098, 0, 1), (0x40021090, 0, 1)),
     pll=(0x40021000, 24, 25),
     outer=(0x40021000, 16, 17),
@@ -130,6 +135,7 @@ H743 = Board(
     options=(0x5200201C, 0b11 << 2),
     spi=(1 << 0, 0x14, 0x20, 0x30),
     miso=(0x58020000, 6),
+    ldac=0x58020400,
     ready=(
         (0x58024400, 0, 2),
         (0x58024400, 7, 8),
@@ -177,13 +183,16 @@ class Processor:
         self.rtt = next(symbol["st_value"] for symbol in symbols if symbol.name == "_SEGGER_RTT")
         self.uc.mmio_map(0x40000000, 0x20000000, self._read, None, self._write, None)
         self.uc.mmio_map(0xE0000000, 0x100000, self._read_core, None, self._write_core, None)
-        self.inputs = {"button": 0, "low": 0, "dwt-locked": 0, "no-pll": 0, "no-outer": 0, "no-adc": 0, "no-sdo": 0}
+        self.inputs = {"button": 0, "low": 0, "dwt-locked": 0, "no-pll": 0, "no-outer": 0, "no-adc": 0, "no-sdo": 0, "no-ldac": 0}
         # Outside of the chip: bytes since SYNC fell of each axis' converter, and the words that have ended.
         self.bytes = [bytearray() for _ in board.syncs]
         self.words = []
         self.axes = len(board.syncs)
-        # What each holds, and the word that it shifts out next.
+        # The code that each has been told, the one that its output has, and the word that it shifts out next.
+        self.told = [0] * self.axes
         self.held = [0] * self.axes
+        # Outputs that have changed.
+        self.changed = []
         self.answers = [None] * self.axes
         # Bytes that have come in.
         self.received = bytearray()
@@ -227,6 +236,8 @@ class Processor:
         self.waited = 0
         if cause == "power":
             self.lose_converters()
+        # Nothing drives LDAC any more.
+        self._latch(self.cycles)
         for pending in (*self.bytes, self.received):
             pending.clear()
         self.selected = [False] * self.axes
@@ -240,8 +251,29 @@ class Processor:
 
     def lose_converters(self):
         """Power of the outputs' converters comes anew."""
+        self.told = [0] * self.axes
         self.held = [0] * self.axes
         self.answers = [None] * self.axes
+
+    def _latch_at(self):
+        """Cycles from a trigger to the fall of LDAC; None where the timer does not drive it."""
+        get = self.registers.get
+        port = self.board.ldac
+        driven = get(port, 0) >> 2 * LDAC & 0b11 == 0b10 and get(port + 0x20, 0) >> 4 * LDAC & 0b1111 == CHANNEL
+        # PWM mode 1, enabled, active high.
+        mode = get(TIM3 + 0x18, 0)
+        timed = mode & 0b11 == 0 and mode >> 4 & 0b111 == 0b110 and not mode >> 16 & 1 and get(TIM3 + 0x20, 0) & 0b11 == 1
+        counts, period = get(TIM3 + 0x34, 0), get(TIM3 + 0x2C, 0) + 1
+        if self.inputs["no-ldac"] or not (driven and timed and get(TIM3, 0) & 1 and 0 < counts < period):
+            return None
+        return counts * (get(TIM3 + 0x28, 0) + 1) * self.board.timer_cycles
+
+    def _latch(self, at):
+        """LDAC falls: every output has what its converter was told."""
+        for axis, code in enumerate(self.told):
+            if self.held[axis] != code:
+                self.changed.append((axis, code, at))
+                self.held[axis] = code
 
     def _watch_kept(self):
         """After power: a look at the kept words before they were written would be a fault of their check bits."""
@@ -349,13 +381,17 @@ class Processor:
         """A word has ended: a code, a question, or nothing; whatever else there is stands before the judge."""
         command, self.answers[axis] = word[0] >> 4, None
         if len(word) == 3 and command == READ_BACK:
-            self.answers[axis] = (self.held[axis] << 4).to_bytes(3, "big")
+            self.answers[axis] = (self.told[axis] << 4).to_bytes(3, "big")
             return
         if len(word) == 3 and command == NO_OPERATION:
             return
-        if command == WRITE_AND_UPDATE:
-            self.held[axis] = int.from_bytes(word, "big") >> 4 & 0xFFFF
-        self.words.append((axis, word, self.cycles))
+        self.words.append((axis, word))
+        if len(word) != 3 or command not in (WRITE, WRITE_AND_UPDATE):
+            return
+        self.told[axis] = int.from_bytes(word, "big") >> 4 & 0xFFFF
+        if command == WRITE_AND_UPDATE or self._latch_at() is None:
+            self.changed.append((axis, self.told[axis], self.cycles))
+            self.held[axis] = self.told[axis]
 
     def _send(self, _place, value, size):
         if not self.registers.get(SPI1, 0) & self.board.spi[0]:
@@ -403,11 +439,11 @@ class Processor:
         adc = self.board.adcs[0]
         triggered = get(adc + 0x0C, 0)
         return bool(
-            get(TIM6, 0) & 1
-            and get(TIM6 + 4, 0) >> 4 & 0b111 == 0b010
+            get(TIM3, 0) & 1
+            and get(TIM3 + 4, 0) >> 4 & 0b111 == 0b010
             and get(adc + 8, 0) & 0b101 == 0b101
             and triggered >> 10 & 0b11 == 0b01
-            and triggered >> 5 & 0b11111 == 13
+            and triggered >> 5 & 0b11111 == 4
             and get(adc + 4, 0) & 1 << 2
             and self.core.get(NVIC_ISER0, 0) >> POSITION & 1
         )
@@ -415,7 +451,7 @@ class Processor:
     def period(self):
         """Cycles from a trigger to the next."""
         get = self.registers.get
-        return (get(TIM6 + 0x28, 0) + 1) * (get(TIM6 + 0x2C, 0) + 1) * self.board.timer_cycles
+        return (get(TIM3 + 0x28, 0) + 1) * (get(TIM3 + 0x2C, 0) + 1) * self.board.timer_cycles
 
     def main(self, instructions):
         """Main alone, for so many instructions, or until the loop starts or the watchdog bites."""
@@ -436,10 +472,16 @@ class Processor:
         period = self.period()
         orders = int.from_bytes(self.uc.mem_read(self.symbols["ORDERS"], 2), "little")
         rounds = int.from_bytes(self.uc.mem_read(self.symbols["ROUNDS"], 4), "little")
+        latch = self._latch_at()
+        # Words are there before it, but for those of a tick that the next conversion overtakes.
+        if latch is not None and late:
+            self._latch(begun + latch)
         if self.started() and codes:
             self.codes = [code >> self.board.adc_shift for code in codes]
             self.eoc, self.late = True, late
             self._interrupt()
+        if latch is not None and not late:
+            self._latch(begun + latch)
         self.cycles = begun + period // 2
         if instructions and not self.spun:
             self._slice(instructions)
@@ -506,10 +548,13 @@ class Processor:
 
     def _answer(self):
         state = "bitten" if self.bitten else "loop" if self.started() else "start"
-        words = " ".join(f"{axis}:{word.hex()}:{at}" for axis, word, at in self.words)
+        words = [f"{axis}:{word.hex()}" for axis, word in self.words]
+        changed = [f"{axis}={code}@{at}" for axis, code, at in self.changed]
         self.words.clear()
+        self.changed.clear()
         fault = int(self.pins.get(self.board.fault, False))
-        return f"{self.cycles} {state} {fault} {int(self.unwritten_read)} {int(self.unguarded)} {words}"
+        flags = f"{fault} {int(self.unwritten_read)} {int(self.unguarded)}"
+        return " ".join((f"{self.cycles} {state} {flags}", *words, *changed))
 
     # The debugger's view.
 

@@ -50,6 +50,8 @@ pub(crate) enum Line {
     NoAdc,
     /// The answers of the outputs' converters are not connected.
     NoSdo,
+    /// The wire of LDAC is off, which is pulled low at the converters.
+    NoLdac,
 }
 
 /// What hangs.
@@ -70,6 +72,15 @@ pub(crate) struct Word {
     pub(crate) axis: usize,
     /// Which.
     pub(crate) code: u16,
+}
+
+/// An output that has changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Change {
+    /// Whose.
+    pub(crate) axis: usize,
+    /// To which code.
+    pub(crate) code: u16,
     /// When, processor cycles.
     pub(crate) cycles: u64,
 }
@@ -89,6 +100,8 @@ pub(crate) struct Seen {
     pub(crate) unguarded: bool,
     /// What went over the bus meanwhile.
     pub(crate) words: Vec<Word>,
+    /// What the outputs did.
+    pub(crate) changes: Vec<Change>,
 }
 
 /// A period of the loop.
@@ -102,8 +115,8 @@ pub(crate) struct Period {
     pub(crate) seen: Seen,
 }
 
-/// Top bits of a word: write and update.
-const WRITE_AND_UPDATE: u32 = 0b0011;
+/// Top bits of a word: write the input register, and the output with it.
+const SET: [u32; 2] = [0b0001, 0b0011];
 
 /// The process; it ends with this.
 pub(crate) struct Processor {
@@ -172,6 +185,7 @@ impl Processor {
             Line::NoOuterClock => "no-outer",
             Line::NoAdc => "no-adc",
             Line::NoSdo => "no-sdo",
+            Line::NoLdac => "no-ldac",
         };
         self.obey(&format!("input {line} {}", u8::from(on)))
     }
@@ -255,29 +269,40 @@ fn seen(answer: &str) -> Result<Seen, Failure> {
     };
     let mut flag = || Ok::<_, Failure>(next()? == "1");
     let (fault_pin, unwritten_read, unguarded) = (flag()?, flag()?, flag()?);
+    let (words, changes): (Vec<&str>, Vec<&str>) = parts.partition(|part| part.contains(':'));
     Ok(Seen {
         cycles,
         state,
         fault_pin,
         unwritten_read,
         unguarded,
-        words: parts.map(word).collect::<Result<_, _>>()?,
+        words: words.into_iter().map(word).collect::<Result<_, _>>()?,
+        changes: changes.into_iter().map(change).collect::<Result<_, _>>()?,
     })
 }
 
-/// `0:359c50:7636400`: axis, the bytes between two edges of its SYNC, cycles.
+/// `0:359c50`: axis, the bytes between two edges of its SYNC.
 fn word(text: &str) -> Result<Word, Failure> {
-    let parts: Vec<&str> = text.split(':').collect();
-    let &[axis, hex, cycles] = parts.as_slice() else {
-        return Err(senseless(text));
-    };
+    let (axis, hex) = text.split_once(':').ok_or_else(|| senseless(text))?;
     let bits = u32::from_str_radix(hex, 16)?;
-    if hex.len() as u32 * 4 != WORD_BITS || bits >> 20 != WRITE_AND_UPDATE {
+    if hex.len() as u32 * 4 != WORD_BITS || !SET.contains(&(bits >> 20)) {
         return Err(format!("axis {axis} was sent {hex}, which is no word that sets an AD5683R").into());
     }
     Ok(Word {
         axis: axis.parse()?,
         code: (bits >> 4) as u16,
+    })
+}
+
+/// `0=22981@7636400`: axis, code, cycles.
+fn change(text: &str) -> Result<Change, Failure> {
+    let parts = text
+        .split_once('=')
+        .and_then(|(axis, rest)| Some((axis, rest.split_once('@')?)));
+    let (axis, (code, cycles)) = parts.ok_or_else(|| senseless(text))?;
+    Ok(Change {
+        axis: axis.parse()?,
+        code: code.parse()?,
         cycles: cycles.parse()?,
     })
 }

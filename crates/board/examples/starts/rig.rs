@@ -47,6 +47,8 @@ pub(crate) struct Counts {
     pub(crate) ticks: u32,
     /// Of them, those on which an output was told another code than the host's, or the fault's pin another level.
     pub(crate) different: u32,
+    /// Changes of an output at another instant than the latch, while the loop runs.
+    pub(crate) beside_latch: u32,
     /// Ticks without a word since the last reset, though a conversion has ended.
     pub(crate) silent: u32,
     /// Frames of the telemetry that were held against the host's.
@@ -130,6 +132,13 @@ impl Rig {
         (f64::from(self.chip.processor_hz()) * 20e-6).round() as u64
     }
 
+    /// Cycles from a trigger to the new outputs.
+    pub(crate) fn latch(&self) -> u64 {
+        // All images have complete laws.
+        let latch_ns = self.chip.latch_ns(self.axes.len(), true).unwrap_or_default();
+        u64::from(latch_ns) * u64::from(self.chip.processor_hz()) / 1_000_000_000
+    }
+
     /// Milliseconds of some processor cycles.
     pub(crate) fn ms(&self, cycles: u64) -> f64 {
         1e3 * cycles as f64 / f64::from(self.chip.processor_hz())
@@ -163,6 +172,16 @@ impl Rig {
         frames.first().copied()
     }
 
+    /// Whether all axes are away from their safe levels, without a fault.
+    fn runs(&self) -> bool {
+        let frames = self.frames.last().map(|(frames, _)| frames);
+        frames.is_some_and(|frames| {
+            frames
+                .iter()
+                .all(|frame| frame.mode() != Mode::Off && frame.fault().is_none())
+        })
+    }
+
     /// What the loop is at; off before it begins.
     pub(crate) fn mode(&self) -> Mode {
         self.frame().map_or(Mode::Off, |frame| frame.mode())
@@ -189,6 +208,7 @@ impl Rig {
             Line::NoOuterClock,
             Line::NoAdc,
             Line::NoSdo,
+            Line::NoLdac,
         ] {
             self.set(line, false)?;
         }
@@ -300,6 +320,7 @@ impl Rig {
             }
         };
         let instructions = LOOPING * self.axes.len() as u32;
+        let latch = self.now + self.latch();
         let period = self.processor.tick(&codes, instructions, self.hold_up)?;
         let words = period.seen.words.clone();
         // An interrupt that hangs writes nothing, and leaves the rest to the watchdog.
@@ -314,6 +335,10 @@ impl Rig {
             };
             self.compare(&words, period.seen.fault_pin, codes, around);
             self.late = self.hold_up;
+            if self.runs() {
+                let beside = period.seen.changes.iter().filter(|change| change.cycles != latch);
+                self.counts.beside_latch += beside.count() as u32;
+            }
         }
         self.take(period.seen)?;
         if self.counts.ticks.is_multiple_of(TELEMETRY_TICKS) {
@@ -340,21 +365,21 @@ impl Rig {
     /// What the outside saw: the outputs move, and the stages with them.
     fn take(&mut self, seen: Seen) -> Result<(), Failure> {
         let runs = self.mode() == Mode::Running;
-        for word in &seen.words {
-            self.step_stages(word.cycles);
+        for change in &seen.changes {
+            self.step_stages(change.cycles);
             let safe = self.is_safe();
             let output = self
                 .outputs
-                .get_mut(word.axis)
-                .ok_or("a word for an axis that is none")?;
-            let step = output.abs_diff(word.code);
+                .get_mut(change.axis)
+                .ok_or("an output of an axis that is none")?;
+            let step = output.abs_diff(change.code);
             self.way.largest_step = self.way.largest_step.max(step);
             if !runs {
                 self.way.largest_after_law = self.way.largest_after_law.max(step);
             }
-            *output = word.code;
+            *output = change.code;
             if self.is_safe() != safe {
-                self.way.settled = word.cycles;
+                self.way.settled = change.cycles;
             }
         }
         self.step_stages(seen.cycles);

@@ -121,7 +121,7 @@ const READY: End = End::Waiting(None);
 const BITTEN: End = End::Waiting(Some(Fault::Watchdog));
 
 /// All of both boards, in the table's order.
-pub(crate) const SCENARIOS: [Scenario; 26] = [
+pub(crate) const SCENARIOS: [Scenario; 27] = [
     Scenario::new("power comes", START_MS, READY, |rig| {
         rig.until("the loop", 1000, Rig::is_looping)
     }),
@@ -256,6 +256,23 @@ pub(crate) const SCENARIOS: [Scenario; 26] = [
         },
     )
     .open(&[Wrong::Step], "the DAC does not hold the kept code"),
+    Scenario::new(
+        "LDAC's wire off while the loop runs",
+        2.0 * RAMP_MS + 25.0,
+        READY,
+        |rig| {
+            high(rig)?;
+            rig.set(Line::NoLdac, true)?;
+            rig.go(500)?;
+            if rig.mode() != Mode::Running {
+                return Err("the run has ended".into());
+            }
+            rig.mark();
+            press(rig)?;
+            rig.until("the safe level", 3000, |rig| rig.mode() == Mode::Off)
+        },
+    )
+    .steps(Steps::Law),
     Scenario::new("main hangs", HUNG_MS + RAMP_MS + WATCHDOG_MS, BITTEN, |rig| {
         high(rig)?;
         rig.mark();

@@ -339,7 +339,7 @@ fn val_data_that_begin_with_a_recording_know_the_board_s_delay() {
         let answer = server.ask("POST", "api/board", deed.to_string().as_bytes());
         assert_eq!(answer.status, 200, "{}", answer.text());
     };
-    let known_s = hysteron_board::budget::BOARDS[0].known_delay_s(0);
+    let known_s = hysteron_board::budget::BOARDS[0].known_delay_s();
     for (count, with_delay) in [(1, true), (2, false)] {
         let mut small = SmallBoard::new();
         let address = small.address();

@@ -89,7 +89,8 @@ pub struct Rest {
     rcc: Peri<'static, peripherals::RCC>,
     #[cfg(not(feature = "two-axes"))]
     flash: Peri<'static, peripherals::FLASH>,
-    timer: Peri<'static, peripherals::TIM6>,
+    timer: Peri<'static, peripherals::TIM3>,
+    ldac: Peri<'static, peripherals::PB4>,
     button: Input<'static>,
     adc: Peri<'static, peripherals::ADC1>,
     sensor: Peri<'static, peripherals::PA0>,
@@ -111,7 +112,8 @@ pub fn start() -> (Outputs, Rest) {
         rcc: p.RCC,
         #[cfg(not(feature = "two-axes"))]
         flash: p.FLASH,
-        timer: p.TIM6,
+        timer: p.TIM3,
+        ldac: p.PB4,
         button: Input::new(p.PC13, Pull::Down),
         adc: p.ADC1,
         sensor: p.PA0,
@@ -137,7 +139,7 @@ impl Rest {
         } else {
             pac::ADC1.smpr2().modify(|w| w.set_smp(place, time));
         }
-        let timer = Timer::new(self.timer);
+        let timer = sample_clock(self.timer, self.ldac);
         check(&self.rcc, &timer)?;
         Ok(Parts {
             button: self.button,

@@ -129,7 +129,8 @@ pub struct Rest {
     rcc: Peri<'static, peripherals::RCC>,
     #[cfg(not(feature = "two-axes"))]
     flash: Peri<'static, peripherals::FLASH>,
-    timer: Peri<'static, peripherals::TIM6>,
+    timer: Peri<'static, peripherals::TIM3>,
+    ldac: Peri<'static, peripherals::PB4>,
     button: Input<'static>,
     adc: Peri<'static, peripherals::ADC1>,
     sensor: Peri<'static, peripherals::PA3>,
@@ -161,7 +162,8 @@ pub fn start() -> (Outputs, Rest) {
         rcc: p.RCC,
         #[cfg(not(feature = "two-axes"))]
         flash: p.FLASH,
-        timer: p.TIM6,
+        timer: p.TIM3,
+        ldac: p.PB4,
         button: Input::new(p.PC13, Pull::Down),
         adc: p.ADC1,
         sensor: p.PA3,
@@ -191,7 +193,7 @@ impl Rest {
             let _pin: AnyAdcChannel<'_, peripherals::ADC2> = sensor.degrade_adc();
             sample(pac::ADC2, const { CHIP.adc_channel_y.expect("a second channel") });
         }
-        let timer = Timer::new(self.timer);
+        let timer = sample_clock(self.timer, self.ldac);
         check(&self.rcc, &timer)?;
         Ok(Parts {
             button: self.button,
