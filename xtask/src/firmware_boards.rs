@@ -61,7 +61,7 @@ const BOARDS: [Board; 2] = [
         most: [
             Most {
                 flash: 136_700,
-                code: 13_000,
+                code: 13_100,
                 stack: 1_200,
             },
             Most {
@@ -92,7 +92,7 @@ const BOARDS: [Board; 2] = [
         most: [
             Most {
                 flash: 140_500,
-                code: 20_900,
+                code: 21_000,
                 stack: 1_200,
             },
             Most {
