@@ -167,7 +167,8 @@ fn sample_clock(
     ldac: Peri<'static, peripherals::PB4>,
 ) -> Timer<'static, peripherals::TIM3> {
     let timer = Timer::new(timer);
-    let _pin: PwmPin<'_, peripherals::TIM3, timer::Ch1> = PwmPin::new(ldac, OutputType::PushPull);
+    // One that is dropped lets go of its pin.
+    core::mem::forget(PwmPin::<peripherals::TIM3, timer::Ch1>::new(ldac, OutputType::PushPull));
     timer
 }
 
