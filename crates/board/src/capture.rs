@@ -2,7 +2,7 @@
 
 use crate::telemetry::{Answer, Capture, Collector, MOST_UNEXPLAINED};
 use crate::upload::Upload;
-use crate::{BoardError, Request, Shape};
+use crate::{BoardError, Request, Shape, datagrams};
 use hysteron_firmware::telemetry::order_packet;
 use hysteron_firmware::tuning::Change;
 use hysteron_firmware::wire::{Hello, Order};
@@ -131,7 +131,8 @@ fn answer(axes: &mut [Collector], to: u8) -> Option<Answer> {
 /// Records for so many seconds of the board's time, or until the stream ends or is silent for [`PATIENCE`]: what each axis of the board
 /// did, the first one's first.
 ///
-/// `from` is a file or device that is there, or `HOST:PORT` of a server that sends the bytes of the board's telemetry. The host starts
+/// `from` is a file or device that is there, `HOST:PORT` of a server that sends the bytes of the board's telemetry, or `udp://HOST:PORT`
+/// of a board that sends its samples by UDP. The host starts
 /// the loop when the board has described itself, which only a server can, and stops it at the end; what happens in between, the
 /// recording shows. With a wish the board is changed before, one change after another, each with its answer, and the recording begins
 /// with the start. A board that the host starts is asked to stop however this ends.
@@ -331,20 +332,27 @@ pub(crate) fn failed(from: &str) -> impl Fn(std::io::Error) -> BoardError {
 pub(crate) type Opened = (Box<dyn Read + Send>, Option<TcpStream>);
 
 pub(crate) fn open(from: &str) -> Result<Opened, BoardError> {
+    if from.starts_with(datagrams::SCHEME) {
+        return datagrams::open(from);
+    }
     if Path::new(from).exists() || !from.contains(':') {
         return Ok((Box::new(File::open(from).map_err(failed(from))?), None));
     }
+    let stream = connect(from)?;
+    let asked = stream.try_clone().map_err(failed(from))?;
+    Ok((Box::new(stream), Some(asked)))
+}
+
+/// To the first address of a `HOST:PORT` that answers.
+pub(crate) fn connect(to: &str) -> Result<TcpStream, BoardError> {
     let mut last = std::io::Error::new(std::io::ErrorKind::NotFound, "the name has no address");
-    for address in from.to_socket_addrs().map_err(failed(from))? {
+    for address in to.to_socket_addrs().map_err(failed(to))? {
         match TcpStream::connect_timeout(&address, PATIENCE) {
-            Ok(stream) => {
-                let asked = stream.try_clone().map_err(failed(from))?;
-                return Ok((Box::new(stream), Some(asked)));
-            }
+            Ok(stream) => return Ok(stream),
             Err(error) => last = error,
         }
     }
-    Err(failed(from)(last))
+    Err(failed(to)(last))
 }
 
 /// Reads in a thread of its own: a device that is silent can be waited for, but not for ever.

@@ -4,6 +4,7 @@
 mod ahead;
 pub mod budget;
 pub mod capture;
+mod datagrams;
 mod emulator;
 pub mod host;
 pub mod image;

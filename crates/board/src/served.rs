@@ -8,7 +8,7 @@ use hysteron_core::tracking_law::PLAYS;
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::law::Complete;
 use hysteron_firmware::parameters::Parameters;
-use hysteron_firmware::telemetry::{About, Orders, SAMPLES_AN_ABOUT, Sample};
+use hysteron_firmware::telemetry::{About, DATAGRAM_BYTES, Requested, Requests, SAMPLES_AN_ABOUT, Sample};
 use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::upload::{Answer, Message, Messages, Said, Upload};
 use hysteron_firmware::wire::{Frame, Hello, Input, Mode, Order, Setup};
@@ -18,7 +18,7 @@ use hysteron_slot::{Image, Numbers, Refusal, Rule, SLOTS, Slots, Verdict, check,
 use hysteron_table::Table;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
-use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -147,14 +147,17 @@ impl Drop for Served {
 /// The stage, and whoever has connected last.
 struct Front {
     listener: TcpListener,
+    /// Of the same port.
+    datagrams: UdpSocket,
     over: Arc<AtomicBool>,
     host: Option<Host>,
     stage: Stage,
     about: About,
     /// What it is asked for, one a tick.
     orders: VecDeque<Order>,
-    /// What is to be sent.
+    /// What is to be sent, and the samples.
     packets: Vec<u8>,
+    samples: Vec<u8>,
     mode: Mode,
     /// The sensor's code of this tick.
     adc: u16,
@@ -169,14 +172,18 @@ impl Front {
     fn new(stage: Stage, about: About) -> Result<Self, BoardError> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
         listener.set_nonblocking(true)?;
+        let datagrams = UdpSocket::bind(listener.local_addr()?)?;
+        datagrams.set_nonblocking(true)?;
         Ok(Self {
             listener,
+            datagrams,
             over: Arc::default(),
             host: None,
             stage,
             about,
             orders: VecDeque::new(),
             packets: Vec::new(),
+            samples: Vec::new(),
             mode: Mode::Off,
             adc: 0,
             due: Instant::now(),
@@ -187,8 +194,13 @@ impl Front {
 
     /// Sends what there is, hears what has come, takes whoever connects, and waits until its time has come.
     fn look(&mut self) {
-        let packets = std::mem::take(&mut self.packets);
+        let mut packets = std::mem::take(&mut self.packets);
+        let samples = std::mem::take(&mut self.samples);
         if let Some(mut host) = self.host.take() {
+            match host.samples_to {
+                Some(to) => self.send_samples(&samples, to),
+                None => packets.extend(samples),
+            }
             let sent = host.send(&packets);
             // The last that is said before a connection ends, too.
             self.hear(&mut host);
@@ -202,6 +214,13 @@ impl Front {
             Some(early) => std::thread::sleep(early),
             // Too slow a machine: the board's time goes on from here.
             None => self.due = Instant::now(),
+        }
+    }
+
+    /// Whole packets; a datagram that does not go out is lost, and its ticks with it.
+    fn send_samples(&self, samples: &[u8], to: SocketAddr) {
+        for datagram in samples.chunks(DATAGRAM_BYTES) {
+            let _ = self.datagrams.send_to(datagram, to);
         }
     }
 
@@ -254,7 +273,7 @@ impl Bench for Front {
             adc: self.adc,
             axis: 0,
         };
-        self.packets.extend(sample.to_packet());
+        self.samples.extend(sample.to_packet());
     }
 
     fn over(&self) -> bool {
@@ -265,7 +284,9 @@ impl Bench for Front {
 /// Whoever is connected.
 struct Host {
     stream: TcpStream,
-    reader: Orders,
+    /// Where samples go that it wants by UDP.
+    samples_to: Option<SocketAddr>,
+    reader: Requests,
     messages: Messages,
 }
 
@@ -274,7 +295,8 @@ impl Host {
         stream.set_nonblocking(true).ok()?;
         Some(Self {
             stream,
-            reader: Orders::default(),
+            samples_to: None,
+            reader: Requests::default(),
             messages: Messages::default(),
         })
     }
@@ -285,7 +307,14 @@ impl Host {
         let mut bytes = [0; 4096];
         while let Ok(length @ 1..) = self.stream.read(&mut bytes) {
             for &byte in bytes.iter().take(length) {
-                orders.extend(self.reader.push(byte));
+                match self.reader.push(byte) {
+                    Some(Requested::Order(order)) => orders.push_back(order),
+                    Some(Requested::SamplesTo(port)) => {
+                        let peer = self.stream.peer_addr().ok().filter(|_| port > 0);
+                        self.samples_to = peer.map(|peer| SocketAddr::new(peer.ip(), port));
+                    }
+                    None => {}
+                }
                 asked.extend(self.messages.push(byte));
             }
         }

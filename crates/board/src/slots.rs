@@ -190,20 +190,19 @@ impl Link {
         let mut found = None;
         while found.is_none() && at < self.rest.len() {
             let bytes = &self.rest[at..];
-            at += match find(bytes) {
+            let here = find(bytes);
+            match here {
                 Found::Incomplete => break,
                 Found::Answer => {
                     let answer = bytes.first_chunk().and_then(Answer::from_packet);
                     found = answer.map(|answer| Packet::Answer(Heard::of(&answer)));
-                    ANSWER_BYTES
                 }
                 Found::About(about) => {
                     found = (about.hello.bank == 0).then_some(Packet::Table(about.hello.hash));
-                    ABOUT_BYTES
                 }
-                Found::Sample(_) => SAMPLE_BYTES,
-                Found::Order(_) | Found::Nothing => 1,
-            };
+                Found::Sample(_) | Found::Order(_) | Found::SamplesTo(_) | Found::Nothing => {}
+            }
+            at += here.length();
         }
         self.rest.drain(..at);
         found

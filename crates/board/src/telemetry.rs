@@ -5,8 +5,7 @@ use crate::{BoardError, Recording};
 use hysteron_core::codes::{AdcCode, Converter};
 use hysteron_firmware::learned::Learned;
 pub use hysteron_firmware::telemetry::About;
-use hysteron_firmware::telemetry::{ABOUT_BYTES, Found, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample, find};
-use hysteron_firmware::upload::ANSWER_BYTES;
+use hysteron_firmware::telemetry::{Found, SAMPLES_AN_ABOUT, Sample, find};
 use hysteron_firmware::wire::{ACCEPTED, Hello, REFUSED};
 use std::fmt::Write;
 
@@ -100,15 +99,12 @@ impl Packets {
         let mut at = 0;
         while at < bytes.len() {
             let found = find(&bytes[at..]);
-            at += match found {
-                Found::Sample(_) => SAMPLE_BYTES,
-                Found::About(_) => ABOUT_BYTES,
-                Found::Answer => ANSWER_BYTES,
-                Found::Incomplete if !ended => break,
-                // A board gives no orders.
-                Found::Incomplete | Found::Nothing | Found::Order(_) => 1,
-            };
+            if found == Found::Incomplete && !ended {
+                break;
+            }
+            // A board asks for nothing.
             let packet = matches!(found, Found::Sample(_) | Found::About(_) | Found::Answer);
+            at += if packet { found.length() } else { 1 };
             each(packet.then_some(found));
         }
         self.rest = bytes[at..].to_vec();

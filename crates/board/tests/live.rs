@@ -7,7 +7,7 @@
 
 mod common;
 
-use hysteron_board::capture::Wish;
+use hysteron_board::capture::{Start, Wish, capture};
 use hysteron_board::live::{Ask, Live};
 use hysteron_board::scope::{Channel, Window};
 use hysteron_board::served::{NAME, Served};
@@ -108,6 +108,39 @@ fn val_a_reference_is_played_recorded_and_seen() {
     );
     assert!((figures.span_um / (0.96 * span_um) - 1.0).abs() < 0.01, "{figures:?}");
     assert!(live.scope(1, &window).is_none(), "a second axis of a board with one");
+}
+
+/// By UDP the same: described, asked and answered over the connection, and every sample in a datagram.
+#[test]
+fn val_samples_by_udp_are_all_there() {
+    let board = board();
+    let live = Live::open(&format!("udp://{}", board.address())).unwrap();
+    let known = live.wait(PATIENCE, |status| !status.tables.is_empty() && !status.axes.is_empty());
+    assert_eq!((known.name.as_str(), known.rate_hz), (NAME, Some(50_000.0)));
+    live.record(0.5, &sine(100.0, 0.5)).unwrap();
+    live.wait(PATIENCE, |status| status.recording.is_none());
+    let captures = live.recorded().unwrap().unwrap();
+    let counts = captures[0].counts;
+    assert_eq!((counts.lost, counts.restarts, counts.foreign_bytes), (0, 0, 0));
+    assert!(counts.samples >= 25_000 && captures[0].pieces.len() == 1, "{counts:?}");
+    live.wait(PATIENCE, |status| status.axes[0].mode == Mode::Off);
+}
+
+/// A board that nothing of comes by UDP is no silent one: the reason says how to go on.
+#[test]
+fn error_no_datagram_comes() {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let to = format!("udp://{}", server.local_addr().unwrap());
+    let (recorded, _board) = std::thread::scope(|scope| {
+        let board = scope.spawn(|| server.accept().unwrap());
+        let recorded = capture(&to, 1.0, Start::Nobody, &mut |_| {});
+        (recorded, board.join().unwrap())
+    });
+    let said = recorded.unwrap_err().to_string();
+    assert!(
+        said.contains("without udp:// samples come over the connection"),
+        "{said}"
+    );
 }
 
 #[test]

@@ -5,7 +5,8 @@ use hysteron_board::capture::{Start, capture};
 use hysteron_board::telemetry::{Capture, Collector};
 use hysteron_firmware::table;
 use hysteron_firmware::telemetry::{
-    ABOUT_BYTES, About, Found, Orders, SAMPLE_BYTES, Sample, checksum, find, order_packet,
+    ABOUT_BYTES, About, Found, Requested, Requests, SAMPLE_BYTES, Sample, checksum, find, order_packet,
+    samples_to_packet,
 };
 use hysteron_firmware::tuning::Change;
 use hysteron_firmware::wire::{Frame, Hello, Mode, Order, flags};
@@ -100,14 +101,18 @@ fn val_orders_reach_the_board() {
         stream.extend(&b"\xa5O\xa5\xa5S noise"[..k % 12]);
         stream.extend(order_packet(order));
     }
-    let mut board = Orders::default();
-    let taken: Vec<Order> = stream.iter().filter_map(|&byte| board.push(byte)).collect();
-    assert_eq!(taken, orders);
+    let mut board = Requests::default();
+    let taken: Vec<Requested> = stream.iter().filter_map(|&byte| board.push(byte)).collect();
+    assert_eq!(taken, orders.into_iter().map(Requested::Order).collect::<Vec<_>>());
+    for port in [0, 9090, u16::MAX] {
+        let taken = samples_to_packet(port).iter().find_map(|&byte| board.push(byte));
+        assert_eq!(taken, Some(Requested::SamplesTo(port)));
+    }
     let packet = order_packet(Order::Start);
     for bit in 0..8 * packet.len() {
         let mut wrong = packet;
         wrong[bit / 8] ^= 1 << (bit % 8);
-        let mut board = Orders::default();
+        let mut board = Requests::default();
         assert_eq!(wrong.iter().find_map(|&byte| board.push(byte)), None, "{bit}");
     }
 }

@@ -9,7 +9,7 @@ use hysteron_board::budget::BOARDS;
 use hysteron_data::read_dataset;
 use hysteron_firmware::monitor::Fault;
 use hysteron_firmware::table;
-use hysteron_firmware::telemetry::{About, Orders, Sample};
+use hysteron_firmware::telemetry::{About, Requested, Requests, Sample};
 use hysteron_firmware::wire::{Frame, Mode, Order, flags};
 use small_board::SmallBoard;
 use std::io::{Read, Write};
@@ -184,11 +184,11 @@ fn val_a_run_that_the_host_starts_and_stops() {
     let board = std::thread::spawn(move || {
         let (mut connection, _) = server.accept().unwrap();
         connection.write_all(&about("nucleo-h743zi")).unwrap();
-        let mut orders = Orders::default();
+        let mut orders = Requests::default();
         let mut asked = |connection: &mut TcpStream| loop {
             let mut byte = [0];
             connection.read_exact(&mut byte).unwrap();
-            if let Some(order) = orders.push(byte[0]) {
+            if let Some(Requested::Order(order)) = orders.push(byte[0]) {
                 return order;
             }
         };

@@ -2,6 +2,8 @@
 //!
 //! A packet is [`MARK`], its kind, its contents, and a checksum of kind and contents. One that does not fit where it goes is left out
 //! as a whole: the numbers of the frames say how many are missing. What a host asks of a board comes the same way, back.
+//!
+//! Over a network, a host may ask for the samples by UDP: each datagram holds whole packets, and all else stays on the connection.
 
 use crate::axes::two;
 use crate::upload::{ANSWER, ANSWER_BYTES};
@@ -18,6 +20,8 @@ const SAMPLE: u8 = b'S';
 const SAMPLE_Y: u8 = b'T';
 /// Kind of an [`Order`].
 const ORDER: u8 = b'O';
+/// Kind of a request for samples by UDP.
+const SAMPLES_TO: u8 = b'N';
 /// Around the contents: mark, kind, checksum.
 const AROUND: usize = 4;
 /// Letters of a board's name.
@@ -31,8 +35,10 @@ const NAME: usize = RANGES + RANGE_BYTES;
 pub const ABOUT_BYTES: usize = AROUND + HELLO_BYTES + RANGE_BYTES + NAME_BYTES;
 /// Length of a [`Sample`]'s packet: 1.1 MB a second and axis at 50 kHz.
 pub const SAMPLE_BYTES: usize = AROUND + FRAME_BYTES + 2;
-/// Length of an [`Order`]'s packet.
+/// Length of the packet of an [`Order`], and of a request for samples by UDP.
 pub const ORDER_BYTES: usize = AROUND + 2;
+/// Most bytes of a datagram: 64 samples, which a frame of Ethernet carries.
+pub const DATAGRAM_BYTES: usize = 64 * SAMPLE_BYTES;
 /// Samples from the [`About`]s of all tables to the next: whoever comes late waits 0.16 s.
 pub const SAMPLES_AN_ABOUT: u32 = 8192;
 
@@ -71,12 +77,28 @@ pub enum Found {
     About(About),
     /// An order of [`ORDER_BYTES`].
     Order(Order),
+    /// A request for samples at this port, of [`ORDER_BYTES`].
+    SamplesTo(u16),
     /// What a board says of its slots, of [`ANSWER_BYTES`]: see [`crate::upload::Answer::from_packet`].
     Answer,
     /// Perhaps a packet, once more bytes have come.
     Incomplete,
     /// No packet: look one byte further.
     Nothing,
+}
+
+impl Found {
+    /// Bytes that are done with: of no packet one, of one that has not ended none.
+    pub fn length(&self) -> usize {
+        match self {
+            Self::Sample(_) => SAMPLE_BYTES,
+            Self::About(_) => ABOUT_BYTES,
+            Self::Order(_) | Self::SamplesTo(_) => ORDER_BYTES,
+            Self::Answer => ANSWER_BYTES,
+            Self::Incomplete => 0,
+            Self::Nothing => 1,
+        }
+    }
 }
 
 impl About {
@@ -195,6 +217,11 @@ pub fn find(bytes: &[u8]) -> Found {
             Some(packet) if whole(packet) => Found::Order(Input::from_bytes([0, 0, packet[2], packet[3]]).order),
             Some(_) => Found::Nothing,
         },
+        (Some(&MARK), Some(&SAMPLES_TO)) => match bytes.first_chunk::<ORDER_BYTES>() {
+            None => Found::Incomplete,
+            Some(packet) if whole(packet) => Found::SamplesTo(u16::from_le_bytes([packet[2], packet[3]])),
+            Some(_) => Found::Nothing,
+        },
         (Some(&MARK), Some(&ANSWER)) => match bytes.first_chunk::<ANSWER_BYTES>() {
             None => Found::Incomplete,
             Some(packet) if whole(packet) => Found::Answer,
@@ -210,24 +237,39 @@ pub fn order_packet(order: Order) -> [u8; ORDER_BYTES] {
     close([MARK, ORDER, number, value, 0, 0])
 }
 
-/// Orders in the bytes that come to a board, whatever is between them.
+/// The packet that asks for samples by UDP: at this port of whoever is connected, or by the connection itself at port 0.
+pub fn samples_to_packet(port: u16) -> [u8; ORDER_BYTES] {
+    let [low, high] = port.to_le_bytes();
+    close([MARK, SAMPLES_TO, low, high, 0, 0])
+}
+
+/// What a host asks of a board at any time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Requested {
+    /// Of the loop.
+    Order(Order),
+    /// Of the network: where the samples go.
+    SamplesTo(u16),
+}
+
+/// Requests in the bytes that come to a board, whatever is between them.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Orders {
+pub struct Requests {
     last: [u8; ORDER_BYTES],
 }
 
-impl Orders {
-    /// One more byte; the order that it completes.
-    pub fn push(&mut self, byte: u8) -> Option<Order> {
+impl Requests {
+    /// One more byte; the request that it completes.
+    pub fn push(&mut self, byte: u8) -> Option<Requested> {
         self.last.rotate_left(1);
         self.last[ORDER_BYTES - 1] = byte;
-        match find(&self.last) {
-            Found::Order(order) => {
-                self.last = [0; ORDER_BYTES];
-                Some(order)
-            }
-            _ => None,
-        }
+        let requested = match find(&self.last) {
+            Found::Order(order) => Requested::Order(order),
+            Found::SamplesTo(port) => Requested::SamplesTo(port),
+            _ => return None,
+        };
+        self.last = [0; ORDER_BYTES];
+        Some(requested)
     }
 }
 

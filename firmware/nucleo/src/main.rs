@@ -42,7 +42,7 @@ use hysteron_firmware::monitor::Fault;
 use hysteron_firmware::start::{Cause, Hardware, settle};
 #[cfg(not(feature = "two-axes"))]
 use hysteron_firmware::stored::{Next, Stored};
-use hysteron_firmware::telemetry::{Orders, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample};
+use hysteron_firmware::telemetry::{Requested, Requests, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample};
 use hysteron_firmware::trajectory::Shape;
 #[cfg(not(feature = "two-axes"))]
 use hysteron_firmware::upload::{Answer, Message, Messages, Said};
@@ -276,7 +276,7 @@ fn main() -> ! {
     let mut telemetry = Telemetry::new(channels.up.1, hello);
     let mut log = Log::default();
     let mut button = Button::default();
-    let (mut from_host, mut orders) = (channels.down.1, Orders::default());
+    let (mut from_host, mut orders) = (channels.down.1, Requests::default());
     #[cfg(not(feature = "two-axes"))]
     let (mut messages, mut restart) = (Messages::default(), None);
     loop {
@@ -293,7 +293,7 @@ fn main() -> ! {
         // The next one when a tick has taken the one before.
         let mut byte = [0];
         while ORDERS.is_empty() && from_host.read(&mut byte) == 1 {
-            if let Some(order) = orders.push(byte[0]) {
+            if let Some(Requested::Order(order)) = orders.push(byte[0]) {
                 ORDERS.offer(order);
             }
             #[cfg(not(feature = "two-axes"))]

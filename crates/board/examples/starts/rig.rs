@@ -4,8 +4,7 @@ use crate::host::{Around, Axis, Host, started};
 use crate::processor::{Failure, Line, Processor, Reset, Seen, State, Word};
 use hysteron_board::Fault;
 use hysteron_firmware::chips::Chip;
-use hysteron_firmware::telemetry::{ABOUT_BYTES, Found, SAMPLE_BYTES, find};
-use hysteron_firmware::upload::ANSWER_BYTES;
+use hysteron_firmware::telemetry::{Found, find};
 use hysteron_firmware::wire::{FRAME_BYTES, Frame, Mode, Order};
 use hysteron_plant::Stage;
 
@@ -417,7 +416,8 @@ impl Rig {
         self.sent.extend(self.processor.telemetry()?);
         let mut at = 0;
         loop {
-            at += match find(self.sent.get(at..).unwrap_or_default()) {
+            let found = find(self.sent.get(at..).unwrap_or_default());
+            match found {
                 Found::Incomplete => break,
                 Found::Sample(sample) => {
                     self.counts.telemetry += 1;
@@ -428,12 +428,13 @@ impl Rig {
                     });
                     let theirs: ([u8; FRAME_BYTES], u16) = (sample.frame.to_bytes(), sample.adc);
                     self.counts.telemetry_different += u32::from(mine != Some(theirs));
-                    SAMPLE_BYTES
                 }
-                Found::About(_) => ABOUT_BYTES,
-                Found::Answer => ANSWER_BYTES,
-                Found::Order(_) | Found::Nothing => return Err("the telemetry holds what is no packet".into()),
-            };
+                Found::About(_) | Found::Answer => {}
+                Found::Order(_) | Found::SamplesTo(_) | Found::Nothing => {
+                    return Err("the telemetry holds what is no packet of a board's".into());
+                }
+            }
+            at += found.length();
         }
         self.sent.drain(..at);
         Ok(())

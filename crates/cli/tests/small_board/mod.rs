@@ -7,7 +7,7 @@ use hysteron_firmware::parameters::Parameters;
 use hysteron_firmware::small_stage::SmallStage;
 use hysteron_firmware::stored::{Next, Pause, Stored};
 use hysteron_firmware::table;
-use hysteron_firmware::telemetry::{About, Orders, Sample};
+use hysteron_firmware::telemetry::{About, Requested, Requests, Sample};
 use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::two_axes::TwoAxes;
 use hysteron_firmware::upload::{Message, Messages};
@@ -204,7 +204,7 @@ impl SmallBoard {
                 return;
             }
         }
-        let (mut orders, mut messages, mut left) = (Orders::default(), Messages::default(), 0);
+        let (mut orders, mut messages, mut left) = (Requests::default(), Messages::default(), 0);
         loop {
             let order = if left > 0 {
                 left -= 1;
@@ -221,7 +221,9 @@ impl SmallBoard {
                         return;
                     }
                 }
-                let Some(order) = orders.push(byte[0]) else { continue };
+                let Some(Requested::Order(order)) = orders.push(byte[0]) else {
+                    continue;
+                };
                 self.asked.push(order);
                 order
             };
