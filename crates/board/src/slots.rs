@@ -2,8 +2,8 @@
 
 use crate::BoardError;
 use crate::capture::{chunks, failed, open};
-use hysteron_firmware::telemetry::{ABOUT_BYTES, Found, SAMPLE_BYTES, find};
-use hysteron_firmware::upload::{ANSWER_BYTES, Answer, Message, PIECE_BYTES, Said};
+use hysteron_firmware::telemetry::{Found, find};
+use hysteron_firmware::upload::{Answer, Message, PIECE_BYTES, Said};
 use hysteron_slot::{MOST_BYTES, MOST_PLAYS, encode, sum};
 use hysteron_table::{Table, TableError, hash};
 use std::io::{Read, Write};

@@ -12,6 +12,7 @@ use hysteron_board::live::{Ask, Live};
 use hysteron_board::scope::{Channel, Window};
 use hysteron_board::served::{NAME, Served};
 use hysteron_board::slots::{packed, upload};
+use hysteron_board::telemetry::About;
 use hysteron_board::{BoardError, Machine, Mode, Request, Shape};
 use hysteron_plant::{Stage, preset};
 use hysteron_table::Table;
@@ -131,11 +132,15 @@ fn val_samples_by_udp_are_all_there() {
 fn error_no_datagram_comes() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let to = format!("udp://{}", server.local_addr().unwrap());
-    let (recorded, _board) = std::thread::scope(|scope| {
-        let board = scope.spawn(|| server.accept().unwrap());
-        let recorded = capture(&to, 1.0, Start::Nobody, &mut |_| {});
-        (recorded, board.join().unwrap())
+    let board = std::thread::spawn(move || {
+        let (mut connection, _) = server.accept().unwrap();
+        // It describes itself, and goes on doing so.
+        while connection.write_all(&About::of(NAME).to_packet()).is_ok() {
+            std::thread::sleep(Duration::from_millis(100));
+        }
     });
+    let recorded = capture(&to, 1.0, Start::Nobody, &mut |_| {});
+    board.join().unwrap();
     let said = recorded.unwrap_err().to_string();
     assert!(
         said.contains("without udp:// samples come over the connection"),

@@ -226,9 +226,10 @@ fn long_run(rig: &mut Rig, label: &str) -> Result<(String, bool), Failure> {
         && rig.fault().is_none()
         && high - low > 20_000
         && counts.telemetry > 9 * counts.ticks / 10 * rig.axes.len() as u32;
+    let wrong = format!(", WRONG ({:?}, {:?})", rig.mode(), rig.fault());
     let row = format!(
         "| {label}{} | {} | {} | {:.2} us | {} | {} | {} | {low}, {high} |",
-        if right { "" } else { ", WRONG" },
+        if right { "" } else { wrong.as_str() },
         counts.ticks,
         counts.different,
         1e3 * rig.ms(rig.latch()),

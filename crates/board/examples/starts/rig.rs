@@ -35,7 +35,8 @@ pub(crate) struct Way {
     pub(crate) settled: u64,
     /// Largest step of an output, codes.
     pub(crate) largest_step: u16,
-    /// The same once the law no longer runs.
+    /// The same while the law runs, and once it no longer does.
+    pub(crate) largest_of_law: u16,
     pub(crate) largest_after_law: u16,
 }
 
@@ -373,9 +374,11 @@ impl Rig {
                 .ok_or("an output of an axis that is none")?;
             let step = output.abs_diff(change.code);
             self.way.largest_step = self.way.largest_step.max(step);
-            if !runs {
-                self.way.largest_after_law = self.way.largest_after_law.max(step);
-            }
+            let part = match runs {
+                true => &mut self.way.largest_of_law,
+                false => &mut self.way.largest_after_law,
+            };
+            *part = step.max(*part);
             *output = change.code;
             if self.is_safe() != safe {
                 self.way.settled = change.cycles;

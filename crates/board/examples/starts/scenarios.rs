@@ -63,6 +63,8 @@ pub(crate) enum Steps {
     Ramp,
     /// The same once the law no longer runs.
     RampAfterLaw,
+    /// The same, and the law's step of a late tick, whose code has not counted yet.
+    RampAfterLate,
     /// What the law may: the slew of the table.
     Law,
 }
@@ -348,7 +350,7 @@ pub(crate) const SCENARIOS: [Scenario; 27] = [
             down(rig)
         },
     )
-    .steps(Steps::RampAfterLaw),
+    .steps(Steps::RampAfterLate),
     Scenario::new("the button bounces for 5 ms", 2.0 * RAMP_MS + 25.0, READY, |rig| {
         looping(rig)?;
         for (start, periods) in [(true, 1500), (false, 3000)] {
