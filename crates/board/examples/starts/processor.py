@@ -225,7 +225,7 @@ class Processor:
         before = 0 if cause in ("power", "brown-out") else self.flags
         self.flags = before | self.board.causes[cause]
         self.unlocked = not self.inputs["dwt-locked"]
-        self.watched_since = None
+        self.watched_since, self.watched_for = None, 0
         self.unguarded = False
         self.codes = [0] * self.axes
         self.eoc = False
@@ -348,7 +348,11 @@ class Processor:
         return self.cycles - self.behind & 0xFFFFFFFF
 
     def _feed(self):
+        """The counter is loaded: what is written to the reload register counts from here on."""
         self.watched_since = self.cycles
+        prescaler = self.registers.get(self.board.watchdog + 4, 0) & 0b111
+        reload = self.registers.get(self.board.watchdog + 8, 0xFFF) & 0xFFF
+        self.watched_for = (4 << prescaler) * (reload + 1) * self.board.processor_hz // LSI_HZ
 
     def _key(self, _place, value, _size):
         if value == 0xCCCC or (value == 0xAAAA and self.watched_since is not None):
@@ -527,10 +531,7 @@ class Processor:
 
     def _bites(self):
         if self.watched_since is not None:
-            prescaler = self.registers.get(self.board.watchdog + 4, 0) & 0b111
-            reload = self.registers.get(self.board.watchdog + 8, 0xFFF) & 0xFFF
-            limit = (4 << prescaler) * (reload + 1) * self.board.processor_hz // LSI_HZ
-            self.bitten = self.bitten or self.cycles - self.watched_since > limit
+            self.bitten = self.bitten or self.cycles - self.watched_since > self.watched_for
         return self.bitten
 
     def hang(self, what):
