@@ -14,6 +14,8 @@ pub mod kept;
 pub mod law;
 pub mod learned;
 pub mod monitor;
+#[cfg(feature = "network")]
+pub mod network;
 pub mod parameters;
 pub mod small_stage;
 pub mod start;
