@@ -128,7 +128,8 @@ impl Network {
         }
         self.interface.poll_egress(now, device, &mut self.sockets);
         let connection = self.sockets.get_mut::<tcp::Socket<'_>>(self.connection);
-        if connection.is_open() && !connection.may_recv() && connection.remote_endpoint().is_some() {
+        // The host has said its last.
+        if connection.state() == tcp::State::CloseWait {
             connection.close();
         }
         if !connection.is_active() {
