@@ -17,9 +17,9 @@ pub const PORT: u16 = 9090;
 
 /// Datagrams that wait for the cable: 20 ms of one axis at 50 kHz.
 const DATAGRAMS: usize = 16;
-/// Bytes of the connection that wait for main, and for the cable.
+/// Bytes of the connection that wait for main, and for the cable: 60 ms of both axes, more than a host keeps an acknowledgement back.
 const IN_BYTES: usize = 512;
-const OUT_BYTES: usize = 8192;
+const OUT_BYTES: usize = 131_072;
 /// Frames that a round takes at most: a flood must not keep main from its other work.
 const FRAMES_A_ROUND: usize = 4;
 /// A host that says nothing for so long has gone, and the next one may connect.
