@@ -38,29 +38,47 @@ pub struct Place {
     pub prefix: u8,
 }
 
-/// What the sockets lie in.
-pub struct Storage {
-    sockets: [SocketStorage<'static>; 2],
+/// Bytes on their way. All of it is zero at first: where memory begins so, nothing need be copied.
+pub struct Buffers {
     from_host: [u8; IN_BYTES],
     to_host: [u8; OUT_BYTES],
-    lengths: [udp::PacketMetadata; DATAGRAMS],
     datagrams: [u8; DATAGRAMS * DATAGRAM_BYTES],
 }
 
-impl Storage {
-    /// Empty.
+impl Buffers {
+    /// Zeros.
     pub const fn new() -> Self {
         Self {
-            sockets: [SocketStorage::EMPTY; 2],
             from_host: [0; IN_BYTES],
             to_host: [0; OUT_BYTES],
-            lengths: [udp::PacketMetadata::EMPTY; DATAGRAMS],
             datagrams: [0; DATAGRAMS * DATAGRAM_BYTES],
         }
     }
 }
 
-impl Default for Storage {
+impl Default for Buffers {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// What the sockets lie in.
+pub struct Places {
+    sockets: [SocketStorage<'static>; 2],
+    lengths: [udp::PacketMetadata; DATAGRAMS],
+}
+
+impl Places {
+    /// Empty.
+    pub const fn new() -> Self {
+        Self {
+            sockets: [SocketStorage::EMPTY; 2],
+            lengths: [udp::PacketMetadata::EMPTY; DATAGRAMS],
+        }
+    }
+}
+
+impl Default for Places {
     fn default() -> Self {
         Self::new()
     }
@@ -80,20 +98,25 @@ pub struct Network {
 }
 
 impl Network {
-    /// On a device, with nobody connected; `now_us` counts from the board's start.
-    pub fn new(device: &mut (impl Device + ?Sized), storage: &'static mut Storage, place: Place, now_us: i64) -> Self {
+    /// On a device, with nobody connected, at time 0. The seed is another one each time: a board that starts anew is not its former self to
+    /// a host that remembers it.
+    pub fn new(
+        device: &mut (impl Device + ?Sized),
+        (buffers, places): (&'static mut Buffers, &'static mut Places),
+        place: Place,
+        seed: u64,
+    ) -> Self {
         let hardware = HardwareAddress::Ethernet(EthernetAddress(place.hardware));
         let mut config = Config::new(hardware);
-        // Local ports and sequence numbers: a board that starts anew is not its former self to a host that remembers it.
-        config.random_seed = now_us as u64;
-        let mut interface = Interface::new(config, device, Instant::from_micros(now_us));
+        config.random_seed = seed;
+        let mut interface = Interface::new(config, device, Instant::ZERO);
         interface.update_ip_addrs(|addresses| {
             // There is room for two.
             let _ = addresses.push(IpCidr::Ipv4(Ipv4Cidr::new(place.address.into(), place.prefix)));
         });
         let mut connection = tcp::Socket::new(
-            RingBuffer::new(&mut storage.from_host[..]),
-            RingBuffer::new(&mut storage.to_host[..]),
+            RingBuffer::new(&mut buffers.from_host[..]),
+            RingBuffer::new(&mut buffers.to_host[..]),
         );
         connection.set_timeout(Some(GONE));
         connection.set_keep_alive(Some(ASKED));
@@ -101,11 +124,11 @@ impl Network {
         connection.set_ack_delay(None);
         let mut samples = udp::Socket::new(
             udp::PacketBuffer::new(&mut [][..], &mut [][..]),
-            udp::PacketBuffer::new(&mut storage.lengths[..], &mut storage.datagrams[..]),
+            udp::PacketBuffer::new(&mut places.lengths[..], &mut buffers.datagrams[..]),
         );
         // A port above 0, once.
         let _ = samples.bind(PORT);
-        let mut sockets = SocketSet::new(&mut storage.sockets[..]);
+        let mut sockets = SocketSet::new(&mut places.sockets[..]);
         Self {
             connection: sockets.add(connection),
             samples: sockets.add(samples),

@@ -63,6 +63,9 @@ pub struct Outputs {
 pub struct Parts {
     pub button: Input<'static>,
     pub timer: Timer<'static, peripherals::TIM3>,
+    /// The cable, where its PHY gives a clock.
+    #[cfg(feature = "h743zi")]
+    pub link: Option<crate::ethernet::Link>,
     /// Where tables lie in flash, if they may be written there.
     #[cfg(not(feature = "two-axes"))]
     pub slots: Option<Slots<Memory>>,

@@ -11,14 +11,17 @@ mod ad5683r;
 mod board;
 mod converter;
 mod critical;
+#[cfg(feature = "h743zi")]
+mod ethernet;
 mod fast;
 #[cfg(not(feature = "two-axes"))]
 mod flash;
+mod hosts;
 #[cfg(not(feature = "two-axes"))]
 mod stored;
 
 use ad5683r::Ad5683r;
-use board::{CHIP, Outputs};
+use board::Outputs;
 use converter::Times;
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
@@ -30,6 +33,7 @@ use embassy_stm32::interrupt;
 use embassy_stm32::mode::Blocking;
 use embassy_stm32::spi::{Spi, mode::Master};
 use heapless::spsc::{Producer, Queue};
+use hosts::Hosts;
 use hysteron_core::codes::DacCode;
 use hysteron_firmware::ad5683r::Update;
 use hysteron_firmware::axes::Axes;
@@ -42,17 +46,19 @@ use hysteron_firmware::monitor::Fault;
 use hysteron_firmware::start::{Cause, Hardware, settle};
 #[cfg(not(feature = "two-axes"))]
 use hysteron_firmware::stored::{Next, Stored};
-use hysteron_firmware::telemetry::{Requested, Requests, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample};
+use hysteron_firmware::telemetry::Sample;
 use hysteron_firmware::trajectory::Shape;
 #[cfg(not(feature = "two-axes"))]
-use hysteron_firmware::upload::{Answer, Message, Messages, Said};
+use hysteron_firmware::upload::{Answer, Message, Said};
 use hysteron_firmware::watch::Watch;
-use hysteron_firmware::wire::{Frame, Hello, Input, Mode, Order, Setup};
+#[cfg(feature = "two-axes")]
+use hysteron_firmware::wire::Hello;
+use hysteron_firmware::wire::{Frame, Input, Mode, Order, Setup};
 use hysteron_firmware::{Board, kept, table, tick};
 #[cfg(not(feature = "two-axes"))]
 use hysteron_slot::{Refusal, Rule};
 use image::{AXES, Banks, Control};
-use rtt_target::{ChannelMode, UpChannel, rtt_init};
+use rtt_target::{ChannelMode, rtt_init};
 use static_cell::ConstStaticCell;
 
 /// Reference of the button's runs: a sine of 10 Hz inside the table's range.
@@ -273,16 +279,22 @@ fn main() -> ! {
     board::guard_the_loop();
     converter::start(&board.timer, times);
 
-    let mut telemetry = Telemetry::new(channels.up.1, hello);
+    let mut hosts = Hosts::new(
+        (channels.up.1, channels.down.1),
+        #[cfg(feature = "h743zi")]
+        board.link,
+        hello,
+    );
     let mut log = Log::default();
     let mut button = Button::default();
-    let (mut from_host, mut orders) = (channels.down.1, Requests::default());
     #[cfg(not(feature = "two-axes"))]
-    let (mut messages, mut restart) = (Messages::default(), None);
+    let mut restart = None;
+    #[cfg(feature = "h743zi")]
+    let mut ticks_us = Elapsed::default();
     loop {
         ROUNDS.fetch_add(1, Ordering::Relaxed);
         for tick in core::iter::from_fn(|| ticks.dequeue()).take(SAMPLES_A_ROUND) {
-            telemetry.send(&tick);
+            hosts.send(&tick);
             log.see(&tick[0].frame);
         }
         // Both boards' user button is high while pressed.
@@ -290,21 +302,18 @@ fn main() -> ! {
             let at = (last.mode(), last.fault());
             button.look(board.button.is_high(), last.number, at, &ORDERS);
         }
-        // The next one when a tick has taken the one before.
-        let mut byte = [0];
-        while ORDERS.is_empty() && from_host.read(&mut byte) == 1 {
-            if let Some(Requested::Order(order)) = orders.push(byte[0]) {
-                ORDERS.offer(order);
-            }
-            #[cfg(not(feature = "two-axes"))]
-            if let Some(message) = messages.push(byte[0]) {
-                let mut sample_clock = stored::Clock {
-                    timer: &board.timer,
-                    times,
-                };
-                if telemetry.answer(stored.as_deref_mut(), message, &mut sample_clock) {
-                    restart = Some(log.seen);
-                }
+        #[cfg(feature = "h743zi")]
+        hosts.poll(ticks_us.until(log.seen));
+        #[cfg(feature = "two-axes")]
+        hosts.hear();
+        #[cfg(not(feature = "two-axes"))]
+        while let Some(message) = hosts.hear() {
+            let mut sample_clock = stored::Clock {
+                timer: &board.timer,
+                times,
+            };
+            if answer(&mut hosts, stored.as_deref_mut(), message, &mut sample_clock) {
+                restart = Some(log.seen);
             }
         }
         // The answer has to be fetched first; whatever began meanwhile goes on.
@@ -421,80 +430,52 @@ impl Hardware<AXES> for Beginning<'_> {
     }
 }
 
-/// Every tick, to channel 1.
-struct Telemetry {
-    channel: UpChannel,
-    abouts: image::Abouts,
-    sent: u32,
-    /// Nothing is sent until the buffer is empty: what gets through is in one piece of the buffer's size, not in shreds.
-    waiting: bool,
+/// Does what a message asks for; the answer goes to all. Whether the board is to start anew.
+#[cfg(not(feature = "two-axes"))]
+fn answer(
+    hosts: &mut Hosts,
+    stored: Option<&mut Stored<flash::Memory>>,
+    message: Message,
+    clock: &mut stored::Clock<'_>,
+) -> bool {
+    let Some(stored) = stored else {
+        let answer = Answer {
+            to: Said::Due,
+            number: 0,
+            refused: Some(Refusal::new(Rule::NoSlots, "slot", 0.0)),
+        };
+        hosts.say(&answer.to_packet());
+        return false;
+    };
+    match stored.take(message, clock) {
+        Next::Say(answer) => hosts.say(&answer.to_packet()),
+        Next::SaySlots => stored
+            .answers()
+            .iter()
+            .for_each(|answer| hosts.say(&answer.to_packet())),
+        Next::Restart(answer) => {
+            hosts.say(&answer.to_packet());
+            return true;
+        }
+    }
+    false
 }
 
-impl Telemetry {
-    /// `hello` is that of a table in flash.
-    fn new(channel: UpChannel, hello: Option<Hello>) -> Self {
-        let mut abouts = image::abouts(CHIP.board);
-        if let (Some(first), Some(hello)) = (abouts.first_mut(), hello) {
-            *first = first.with(hello);
-        }
-        Self {
-            channel,
-            abouts,
-            sent: 0,
-            waiting: false,
-        }
-    }
+/// Time by the ticks that main has seen, which its counter does not hold for ever.
+#[cfg(feature = "h743zi")]
+#[derive(Default)]
+struct Elapsed {
+    seen: u32,
+    ticks: i64,
+}
 
-    fn send(&mut self, tick: &Tick) {
-        if self.waiting && !self.channel.is_empty() {
-            return;
-        }
-        self.waiting = false;
-        if self.sent.is_multiple_of(SAMPLES_AN_ABOUT) {
-            for about in self.abouts {
-                self.write(&about.to_packet());
-            }
-        }
-        // All axes or none: a gap is one of both.
-        let packets: [[u8; SAMPLE_BYTES]; AXES] = tick.map(|sample| sample.to_packet());
-        self.write(packets.as_flattened());
-        self.sent = self.sent.wrapping_add(1);
-    }
-
-    /// Does what a message asks for, and answers; whether the board is to start anew.
-    #[cfg(not(feature = "two-axes"))]
-    fn answer(
-        &mut self,
-        stored: Option<&mut Stored<flash::Memory>>,
-        message: Message,
-        clock: &mut stored::Clock<'_>,
-    ) -> bool {
-        let Some(stored) = stored else {
-            let answer = Answer {
-                to: Said::Due,
-                number: 0,
-                refused: Some(Refusal::new(Rule::NoSlots, "slot", 0.0)),
-            };
-            self.write(&answer.to_packet());
-            return false;
-        };
-        match stored.take(message, clock) {
-            Next::Say(answer) => self.write(&answer.to_packet()),
-            Next::SaySlots => stored
-                .answers()
-                .iter()
-                .for_each(|answer| self.write(&answer.to_packet())),
-            Next::Restart(answer) => {
-                self.write(&answer.to_packet());
-                return true;
-            }
-        }
-        false
-    }
-
-    /// Packets as a whole, or nothing of them and no other until there is room.
-    fn write(&mut self, packets: &[u8]) {
-        self.waiting |= self.channel.write(packets) < packets.len();
+#[cfg(feature = "h743zi")]
+impl Elapsed {
+    /// Microseconds until a tick.
+    fn until(&mut self, seen: u32) -> i64 {
+        self.ticks += i64::from(seen.wrapping_sub(self.seen));
+        self.seen = seen;
+        self.ticks * (1e6 / table::SAMPLE_RATE_HZ) as i64
     }
 }
 

@@ -4,7 +4,7 @@ use hysteron_board::host::complete;
 use hysteron_board::two_axes::coupled;
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::law::Complete;
-use hysteron_firmware::network::{Network, PORT, Place, Storage};
+use hysteron_firmware::network::{Buffers, Network, PORT, Place, Places};
 use hysteron_firmware::telemetry::{About, Found, Requested, Requests, Sample, find, order_packet, samples_to_packet};
 use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::two_axes::TwoAxes;
@@ -177,12 +177,12 @@ impl Board {
             address: BOARD,
             prefix: PREFIX,
         };
-        let storage = Box::leak(Box::new(Storage::new()));
+        let room = (Box::leak(Box::new(Buffers::new())), Box::leak(Box::new(Places::new())));
         Ok(Self {
             axes: TwoAxes::new(controller(&x)?, controller(&y)?),
             abouts: About::of_both("simulated").to_vec(),
             stages: coupled([&configs[0], &configs[1]], SHARES, SEED)?,
-            network: Network::new(&mut end, storage, place, 0),
+            network: Network::new(&mut end, room, place, SEED),
             requests: Requests::default(),
             orders: VecDeque::new(),
             end,

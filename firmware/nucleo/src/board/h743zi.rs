@@ -1,6 +1,7 @@
 //! Clocks and pins of nucleo-h743zi.
 
 use super::*;
+use crate::ethernet::{Link, Pins};
 use embassy_stm32::pac::adc::vals::Pcsel;
 use embassy_stm32::pac::rcc::vals::{Pllrge, Pllvcosel};
 use embassy_stm32::rcc;
@@ -134,6 +135,7 @@ pub struct Rest {
     button: Input<'static>,
     adc: Peri<'static, peripherals::ADC1>,
     sensor: Peri<'static, peripherals::PA3>,
+    cable: Pins,
     #[cfg(feature = "two-axes")]
     of_y: (Peri<'static, peripherals::ADC2>, Peri<'static, peripherals::PC0>),
 }
@@ -167,6 +169,17 @@ pub fn start() -> (Outputs, Rest) {
         button: Input::new(p.PC13, Pull::Down),
         adc: p.ADC1,
         sensor: p.PA3,
+        cable: Pins {
+            mac: p.ETH,
+            station: p.ETH_SMA,
+            clock: p.PA1,
+            mdio: p.PA2,
+            mdc: p.PC1,
+            carrier: p.PA7,
+            rx: (p.PC4, p.PC5),
+            tx: (p.PG13, p.PB13),
+            enable: p.PG11,
+        },
         #[cfg(feature = "two-axes")]
         of_y: (p.ADC2, p.PC0),
     };
@@ -198,6 +211,7 @@ impl Rest {
         Ok(Parts {
             button: self.button,
             timer,
+            link: Link::start(self.cable),
             #[cfg(not(feature = "two-axes"))]
             slots: crate::flash::slots(self.flash),
         })
