@@ -60,18 +60,18 @@ const BOARDS: [Board; 2] = [
         data: ("DTCM", 0x2000_0000..0x2002_0000),
         most: [
             Most {
-                flash: 136_700,
+                flash: 173_000,
                 code: 13_100,
                 stack: 1_200,
             },
             Most {
-                flash: 172_800,
+                flash: 209_000,
                 code: 28_000,
                 stack: 1_200,
             },
         ],
         most_of_both: Some(Most {
-            flash: 102_500,
+            flash: 139_000,
             code: 29_400,
             stack: 1_200,
         }),
