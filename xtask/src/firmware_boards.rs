@@ -61,18 +61,18 @@ const BOARDS: [Board; 2] = [
         most: [
             Most {
                 flash: 173_000,
-                code: 13_100,
+                code: 16_500,
                 stack: 1_200,
             },
             Most {
                 flash: 209_000,
-                code: 28_000,
+                code: 30_000,
                 stack: 1_200,
             },
         ],
         most_of_both: Some(Most {
             flash: 139_000,
-            code: 29_400,
+            code: 31_000,
             stack: 1_200,
         }),
     },
