@@ -2,6 +2,9 @@
 //!
 //! Its packets lie in the AXI SRAM, which the MAC reaches and nothing of the loop's uses. Its interrupt stays masked.
 
+use crate::Shared;
+use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
 use core::sync::atomic::{Ordering, fence};
 use core::task::{Context, Waker};
 use embassy_net_driver::{Driver, RxToken as _, TxToken as _};
@@ -34,7 +37,7 @@ const IN: usize = 4;
 
 // fast.rs sets the section to zero, which is what an empty one of each is.
 #[unsafe(link_section = ".cable.queue")]
-static QUEUE: StaticCell<PacketQueue<OUT, IN>> = StaticCell::new();
+static QUEUE: Shared<PacketQueue<OUT, IN>> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 #[unsafe(link_section = ".cable.buffers")]
 static BUFFERS: ConstStaticCell<Buffers> = ConstStaticCell::new(Buffers::new());
 #[unsafe(link_section = ".cable.places")]
@@ -146,8 +149,14 @@ impl Link {
         let phy = Lan8742 {
             station: Sma::new(pins.station, pins.mdio, pins.mdc),
         };
+        // SAFETY: a start calls this once, and nothing else knows of the queue; zeros are an empty one.
+        let queue = unsafe {
+            let queue = &mut *QUEUE.0.get();
+            PacketQueue::init(queue);
+            queue.assume_init_mut()
+        };
         let ethernet = Ethernet::new_with_phy(
-            QUEUE.init_with(PacketQueue::new),
+            queue,
             pins.mac,
             Masked,
             pins.clock,

@@ -203,9 +203,9 @@ static LATE_CODES: AtomicU32 = AtomicU32::new(0);
 /// Longest interrupt, processor cycles.
 static LONGEST: AtomicU32 = AtomicU32::new(0);
 
-/// Size of the telemetry's buffer: 2900 samples, 58 ms of one axis, 29 ms of both.
+/// Size of the telemetry's buffer: 2500 samples, 51 ms of one axis, 25 ms of both.
 #[cfg(feature = "h743zi")]
-const TELEMETRY_BYTES: usize = 65_536;
+const TELEMETRY_BYTES: usize = 57_344;
 /// As the other board's: 2080 samples, 41 ms. More would leave too little to main's stack, on which a complete law is made.
 #[cfg(feature = "g474re")]
 const TELEMETRY_BYTES: usize = 47_104;

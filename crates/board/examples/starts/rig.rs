@@ -12,7 +12,7 @@ use hysteron_plant::Stage;
 const STARTING: u32 = 2000;
 /// The same in a period of the loop, an axis: what packing a sample takes, and a round.
 const LOOPING: u32 = 700;
-/// Ticks between two looks at the telemetry, which the board keeps for 29 ms at least.
+/// Ticks between two looks at the telemetry, which the board keeps for 25 ms at least.
 const TELEMETRY_TICKS: u32 = 500;
 
 /// What the sensor's converter gives.
