@@ -3,6 +3,9 @@
 
 #[path = "../examples/link/bench.rs"]
 mod bench;
+#[allow(dead_code, reason = "some of it is the examples' alone")]
+#[path = "../examples/link/cable.rs"]
+mod cable;
 
 use bench::{Bench, Heard};
 use hysteron_board::telemetry::{About, Collector, Counts};

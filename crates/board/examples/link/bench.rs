@@ -1,136 +1,34 @@
-//! A board's end of a cable and a host's, both by the same network stack: ticks here, samples there.
+//! The application of both axes at its stage, its end of a cable, and a host that holds each sample against what was sent.
 
+use crate::cable::{BOARD, End, Host, PREFIX, SAMPLES_PORT};
 use hysteron_board::host::complete;
 use hysteron_board::two_axes::coupled;
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::law::Complete;
-use hysteron_firmware::network::{Buffers, Network, PORT, Place, Places};
+use hysteron_firmware::network::{Buffers, Network, Place, Places};
 use hysteron_firmware::telemetry::{About, Found, Requested, Requests, Sample, find, order_packet, samples_to_packet};
 use hysteron_firmware::trajectory::Shape;
 use hysteron_firmware::two_axes::TwoAxes;
 use hysteron_firmware::wire::{Frame, Input, Order, Setup};
 use hysteron_plant::{Stage, preset};
 use hysteron_table::Table;
-use smoltcp::iface::{Config, Interface, SocketHandle, SocketSet};
-use smoltcp::phy::{Device, DeviceCapabilities, Medium, RxToken, TxToken};
-use smoltcp::socket::{tcp, udp};
-use smoltcp::storage::RingBuffer;
-use smoltcp::time::Instant;
-use smoltcp::wire::{EthernetAddress, IpCidr, IpEndpoint, Ipv4Address};
-use std::cell::RefCell;
 use std::collections::VecDeque;
-use std::error::Error;
-use std::rc::Rc;
 
-/// The second axis' table, the first one's, and their stages.
+/// Both axes' tables, and what of the other's motion reaches each.
 const TABLES: [&str; 2] = [
     include_str!("../../../../firmware/tables/tracking-x.toml"),
     include_str!("../../../../firmware/tables/tracking-y.toml"),
 ];
 const SHARES: [f64; 2] = [0.01, -0.006];
 const SEED: u64 = 7;
-
-const BOARD: [u8; 4] = [192, 168, 7, 2];
-const HOST: [u8; 4] = [192, 168, 7, 1];
-const HARDWARE: [[u8; 6]; 2] = [[2, 0, 0, 0, 0, 2], [2, 0, 0, 0, 0, 1]];
-const PREFIX: u8 = 24;
-/// The host's ports.
-const SAMPLES_PORT: u16 = 40_000;
-const CONNECTION_PORT: u16 = 40_001;
+const HARDWARE: [u8; 6] = [2, 0, 0, 0, 0, 2];
 /// Ticks of a round of main's.
 const TICKS_A_ROUND: u32 = 32;
 /// Samples of either axis from a description to the next.
 const TICKS_AN_ABOUT: u32 = 8192;
-/// Frames that a cable holds.
-const ON_THE_WAY: usize = 64;
-/// Protocol of UDP in an IP header, and the place of it in a frame.
-const UDP: (usize, u8) = (23, 17);
 
 /// Whatever stops a run.
-pub(crate) type Failure = Box<dyn Error>;
-
-/// Frames on their way to one end.
-type Way = Rc<RefCell<VecDeque<Vec<u8>>>>;
-
-/// One end of a cable.
-pub(crate) struct End {
-    here: Way,
-    there: Way,
-    /// Of the datagrams that leave here, each of this number is lost; 0 none.
-    loses: u64,
-    datagrams: u64,
-    /// Those that were lost.
-    pub(crate) lost: u64,
-}
-
-impl End {
-    fn pair() -> [Self; 2] {
-        let ways: [Way; 2] = Default::default();
-        [(0, 1), (1, 0)].map(|(here, there)| Self {
-            here: Rc::clone(&ways[here]),
-            there: Rc::clone(&ways[there]),
-            loses: 0,
-            datagrams: 0,
-            lost: 0,
-        })
-    }
-
-    /// A frame that nobody here has sent.
-    #[allow(dead_code, reason = "a test's")]
-    pub(crate) fn inject(&self, frame: Vec<u8>) {
-        self.here.borrow_mut().push_back(frame);
-    }
-}
-
-/// A frame that has come.
-pub(crate) struct Came(Vec<u8>);
-
-/// Room for a frame.
-pub(crate) struct Room<'e>(&'e mut End);
-
-impl RxToken for Came {
-    fn consume<R, F: FnOnce(&[u8]) -> R>(self, f: F) -> R {
-        f(&self.0)
-    }
-}
-
-impl TxToken for Room<'_> {
-    fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, length: usize, f: F) -> R {
-        let mut frame = vec![0; length];
-        let made = f(&mut frame);
-        if frame.get(UDP.0) == Some(&UDP.1) {
-            self.0.datagrams += 1;
-            if self.0.loses > 0 && self.0.datagrams.is_multiple_of(self.0.loses) {
-                self.0.lost += 1;
-                return made;
-            }
-        }
-        self.0.there.borrow_mut().push_back(frame);
-        made
-    }
-}
-
-impl Device for End {
-    type RxToken<'a> = Came;
-    type TxToken<'a> = Room<'a>;
-
-    fn receive(&mut self, _: Instant) -> Option<(Came, Room<'_>)> {
-        let frame = self.here.borrow_mut().pop_front()?;
-        Some((Came(frame), Room(self)))
-    }
-
-    fn transmit(&mut self, _: Instant) -> Option<Room<'_>> {
-        let has_room = self.there.borrow().len() < ON_THE_WAY;
-        has_room.then(|| Room(self))
-    }
-
-    fn capabilities(&self) -> DeviceCapabilities {
-        let mut capabilities = DeviceCapabilities::default();
-        capabilities.medium = Medium::Ethernet;
-        capabilities.max_transmission_unit = 1514;
-        capabilities
-    }
-}
+pub(crate) type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// The application of both axes with its stage, and its end of the cable.
 pub(crate) struct Board {
@@ -173,7 +71,7 @@ impl Board {
         };
         let configs = [preset::tracking_8k(), preset::tracking_739()];
         let place = Place {
-            hardware: HARDWARE[0],
+            hardware: HARDWARE,
             address: BOARD,
             prefix: PREFIX,
         };
@@ -250,16 +148,6 @@ impl Board {
     }
 }
 
-/// Whoever listens.
-pub(crate) struct Host {
-    interface: Interface,
-    sockets: SocketSet<'static>,
-    connection: SocketHandle,
-    samples: SocketHandle,
-    /// Its end.
-    pub(crate) end: End,
-}
-
 /// What came to the host.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Heard {
@@ -271,76 +159,6 @@ pub(crate) struct Heard {
     /// Times that some are.
     pub(crate) gaps: u64,
     last: Option<u32>,
-}
-
-impl Host {
-    fn new(mut end: End) -> Self {
-        let mut interface = Interface::new(
-            Config::new(EthernetAddress(HARDWARE[1]).into()),
-            &mut end,
-            Instant::ZERO,
-        );
-        interface.update_ip_addrs(|addresses| {
-            let _ = addresses.push(IpCidr::new(Ipv4Address::from(HOST).into(), PREFIX));
-        });
-        let room = |bytes: usize| -> &'static mut [u8] { vec![0; bytes].leak() };
-        let connection = tcp::Socket::new(RingBuffer::new(room(65_536)), RingBuffer::new(room(65_536)));
-        let packets = |packets: usize| {
-            udp::PacketBuffer::new(
-                &mut *vec![udp::PacketMetadata::EMPTY; packets].leak(),
-                room(2048 * packets),
-            )
-        };
-        let mut samples = udp::Socket::new(packets(256), packets(1));
-        // A port above 0, once.
-        let _ = samples.bind(SAMPLES_PORT);
-        let mut sockets = SocketSet::new(&mut *Vec::from([const { smoltcp::iface::SocketStorage::EMPTY }; 2]).leak());
-        Self {
-            connection: sockets.add(connection),
-            samples: sockets.add(samples),
-            interface,
-            sockets,
-            end,
-        }
-    }
-
-    fn poll(&mut self, now_us: i64) {
-        self.interface
-            .poll(Instant::from_micros(now_us), &mut self.end, &mut self.sockets);
-    }
-
-    fn connection(&mut self) -> &mut tcp::Socket<'static> {
-        self.sockets.get_mut(self.connection)
-    }
-
-    /// What came over the connection.
-    #[allow(dead_code, reason = "a test's")]
-    pub(crate) fn said(&mut self) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        let _ = self.connection().recv(|there| {
-            bytes.extend_from_slice(there);
-            (there.len(), ())
-        });
-        bytes
-    }
-
-    /// Sends bytes over the connection.
-    pub(crate) fn say(&mut self, bytes: &[u8]) -> Result<(), Failure> {
-        let sent = self
-            .connection()
-            .send_slice(bytes)
-            .map_err(|error| format!("{error:?}"))?;
-        if sent < bytes.len() {
-            return Err("the connection has no room".into());
-        }
-        Ok(())
-    }
-
-    /// The next datagram.
-    pub(crate) fn datagram(&mut self) -> Option<Vec<u8>> {
-        let samples = self.sockets.get_mut::<udp::Socket<'_>>(self.samples);
-        samples.recv().ok().map(|(bytes, _)| bytes.to_vec())
-    }
 }
 
 /// Both ends, and the time.
@@ -363,7 +181,6 @@ impl Bench {
     }
 
     /// The board goes on with nobody at the other end until it has let its host go; then somebody else is there.
-    #[allow(dead_code, reason = "a test's")]
     pub(crate) fn without_its_host(mut self) -> Result<Self, Failure> {
         let seconds = 8;
         for _ in 0..seconds * 50_000 / TICKS_A_ROUND {
@@ -384,15 +201,10 @@ impl Bench {
 
     /// Connects, and asks for samples by UDP and a start where they are wanted.
     pub(crate) fn connect(&mut self, by_udp: bool) -> Result<(), Failure> {
-        let to = IpEndpoint::new(Ipv4Address::from(BOARD).into(), PORT);
-        let here = self.host.interface.context();
-        let connection = self.host.sockets.get_mut::<tcp::Socket<'_>>(self.host.connection);
-        connection
-            .connect(here, to, CONNECTION_PORT)
-            .map_err(|error| format!("{error:?}"))?;
+        self.host.call()?;
         for _ in 0..1000 {
             self.round();
-            if self.host.connection().may_send() {
+            if self.host.is_connected() {
                 if by_udp {
                     self.host.say(&samples_to_packet(SAMPLES_PORT))?;
                 }

@@ -3,7 +3,10 @@
 //! Twice, of the board's time: nothing lost, and one datagram of a hundred.
 #![expect(clippy::print_stdout, reason = "an example of the command line")]
 
+#[allow(dead_code, reason = "some of it is the tests' alone")]
 mod bench;
+#[allow(dead_code, reason = "some of it is the tests' alone")]
+mod cable;
 
 use bench::{Bench, Failure, Heard};
 

@@ -9,6 +9,9 @@
     reason = "an example of the command line"
 )]
 
+#[allow(dead_code, reason = "some of it is for a cable that loses frames")]
+#[path = "../link/cable.rs"]
+mod cable;
 mod host;
 mod judge;
 mod processor;
@@ -123,9 +126,9 @@ struct Ran {
 /// Both tables; a scenario is a row, an image a column.
 fn print(ran: &[Ran]) {
     println!(
-        "| image | ticks | DAC codes other than the host's | latched at | changes beside it | frames of telemetry | other frames | lowest and highest code |"
+        "| image | ticks | DAC codes other than the host's | latched at | changes beside it | frames of telemetry | other frames | samples by the cable | other samples, missing ticks | lowest and highest code |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|");
     ran.iter().for_each(|of_image| println!("{}", of_image.long));
     let ran: Vec<&Ran> = ran.iter().filter(|of_image| !of_image.rows.is_empty()).collect();
     let labels: Vec<&str> = ran.iter().map(|of_image| of_image.label).collect();
@@ -208,6 +211,10 @@ fn rig(image: &Image) -> Result<(Rig, TempDir), Failure> {
 fn long_run(rig: &mut Rig, label: &str) -> Result<(String, bool), Failure> {
     rig.power_on()?;
     rig.until("the loop", 5000, Rig::is_looping)?;
+    let on_a_cable = label.contains(H743.board);
+    if on_a_cable {
+        rig.connect()?;
+    }
     press(rig)?;
     let mut low = u16::MAX;
     let mut high = 0;
@@ -216,6 +223,7 @@ fn long_run(rig: &mut Rig, label: &str) -> Result<(String, bool), Failure> {
         let code = rig.outputs.first().copied().unwrap_or_default();
         (low, high) = (low.min(code), high.max(code));
     }
+    rig.disconnect();
     let counts = rig.counts;
     // A run that does not move would agree, too; telemetry that does not come as well.
     let right = counts.different == 0
@@ -225,10 +233,12 @@ fn long_run(rig: &mut Rig, label: &str) -> Result<(String, bool), Failure> {
         && counts.bites == 0
         && rig.fault().is_none()
         && high - low > 20_000
-        && counts.telemetry > 9 * counts.ticks / 10 * rig.axes.len() as u32;
+        && counts.telemetry > 9 * counts.ticks / 10 * rig.axes.len() as u32
+        && (counts.by_cable > 9 * counts.ticks / 10 * rig.axes.len() as u32) == on_a_cable
+        && counts.by_cable_different + counts.by_cable_missing == 0;
     let wrong = format!(", WRONG ({:?}, {:?})", rig.mode(), rig.fault());
     let row = format!(
-        "| {label}{} | {} | {} | {:.2} us | {} | {} | {} | {low}, {high} |",
+        "| {label}{} | {} | {} | {:.2} us | {} | {} | {} | {} | {}, {} | {low}, {high} |",
         if right { "" } else { wrong.as_str() },
         counts.ticks,
         counts.different,
@@ -236,6 +246,9 @@ fn long_run(rig: &mut Rig, label: &str) -> Result<(String, bool), Failure> {
         counts.beside_latch,
         counts.telemetry,
         counts.telemetry_different,
+        counts.by_cable,
+        counts.by_cable_different,
+        counts.by_cable_missing,
     );
     Ok((row, right))
 }

@@ -3,11 +3,12 @@
     processor.py IMAGE BOARD
 
 It has what the image touches and nothing that judges: oscillators and PLL as ready flags, reset causes, watchdog, supply detector,
-cycle counter, converters, bus, pins, the timer that triggers and latches, the interrupt's enable bit, and the debugger's view of memory;
-outside of the chip the two registers of the outputs' converters, whose first a readback answers. Every answer is a line. Time is counted in cycles of
+cycle counter, converters, bus, pins, the timer that triggers and latches, the interrupt's enable bit, the Ethernet's rings of descriptors,
+and the debugger's view of memory; outside of the chip the two registers of the outputs' converters, whose first a readback answers. Every answer is a line. Time is counted in cycles of
 the processor at its full clock; two instructions take three of its own.
 """
 
+import collections
 import dataclasses
 import random
 import struct
@@ -29,6 +30,11 @@ NVIC_ISER0, VTOR = 0xE000E100, 0xE000ED08
 DEMCR, DWT_CTRL, DWT_CYCCNT, DWT_LAR = 0xE000EDFC, 0xE0001000, 0xE0001004, 0xE0001FB0
 TIM3 = 0x40000400
 SPI1 = 0x40013000
+# The MAC's DMA, the station's address and data (RM0433, "ETH registers"); descriptors' bits: owned by the DMA, first, last, valid buffer.
+DMA, STATION = 0x40029000, 0x40028200
+OWN, FIRST, LAST = 1 << 31, 1 << 29, 1 << 28
+# Frames that wait for whoever is on the cable.
+ON_THE_CABLE = 64
 # Commands of the outputs' converters.
 WRITE, WRITE_AND_UPDATE, READ_BACK, NO_OPERATION = 0b0001, 0b0011, 0b0101, 0b0000
 # Pin of LDAC, which is pulled low outside, and its alternate function that is the timer's first channel.
@@ -112,7 +118,7 @@ H743 = Board(
     # unicorn's Cortex-M7 has no double precision, which main takes for some constants. This one has every instruction of the images.
     cpu=arm.UC_CPU_ARM_MAX,
     mode=unicorn.UC_MODE_THUMB,
-    memories=((0x08000000, 0x200000), (0x00000000, 0x10000), (0x20000000, 0x20000), (0x1FF00000, 0x100000)),
+    memories=((0x08000000, 0x200000), (0x00000000, 0x10000), (0x20000000, 0x20000), (0x24000000, 0x80000), (0x1FF00000, 0x100000)),
     processor_hz=400_000_000,
     internal_hz=64_000_000,
     timer_cycles=2,
@@ -183,7 +189,7 @@ class Processor:
         self.rtt = next(symbol["st_value"] for symbol in symbols if symbol.name == "_SEGGER_RTT")
         self.uc.mmio_map(0x40000000, 0x20000000, self._read, None, self._write, None)
         self.uc.mmio_map(0xE0000000, 0x100000, self._read_core, None, self._write_core, None)
-        self.inputs = {"button": 0, "low": 0, "dwt-locked": 0, "no-pll": 0, "no-outer": 0, "no-adc": 0, "no-sdo": 0, "no-ldac": 0}
+        self.inputs = {"button": 0, "low": 0, "dwt-locked": 0, "no-pll": 0, "no-outer": 0, "no-adc": 0, "no-sdo": 0, "no-ldac": 0, "no-cable": 0}
         # Outside of the chip: bytes since SYNC fell of each axis' converter, and the words that have ended.
         self.bytes = [bytearray() for _ in board.syncs]
         self.words = []
@@ -193,6 +199,9 @@ class Processor:
         self.held = [0] * self.axes
         # Outputs that have changed.
         self.changed = []
+        # Frames that have left, and the next descriptor of either ring.
+        self.left = collections.deque(maxlen=ON_THE_CABLE)
+        self.rings = {"out": 0, "in": 0}
         self.answers = [None] * self.axes
         # Bytes that have come in.
         self.received = bytearray()
@@ -241,6 +250,8 @@ class Processor:
         for pending in (*self.bytes, self.received):
             pending.clear()
         self.selected = [False] * self.axes
+        self.left.clear()
+        self.rings = {"out": 0, "in": 0}
         self.pins = {}
         self.bitten = False
         self.stuck = False
@@ -435,6 +446,51 @@ class Processor:
             self.flags = 0
         self.registers[place] = value
 
+    # The cable.
+
+    def _ring_of(self, way):
+        """Address and number of a ring's descriptors."""
+        begin, length = {"out": (0x114, 0x12C), "in": (0x11C, 0x130)}[way]
+        return self.registers.get(DMA + begin, 0), (self.registers.get(DMA + length, 0) & 0x3FF) + 1
+
+    def _descriptor(self, way):
+        """The next one of a ring: its address and words, where the DMA owns it."""
+        begin, length = self._ring_of(way)
+        at = begin + 16 * (self.rings[way] % length)
+        words = struct.unpack("<IIII", self.uc.mem_read(at, 16)) if begin else (0,) * 4
+        return (at, words) if words[3] & OWN else None
+
+    def _done(self, way, at, status):
+        self.uc.mem_write(at + 12, struct.pack("<I", status))
+        self.rings[way] += 1
+
+    def _send_frames(self, place, value, _size):
+        """The tail pointer was written: what the DMA owns leaves."""
+        self.registers[place] = value
+        while self.registers.get(DMA + 0x104, 0) & 1 and (found := self._descriptor("out")):
+            at, (buffer, _, length, status) = found
+            self.left.append(bytes(self.uc.mem_read(buffer, length & 0x3FFF)))
+            self._done("out", at, status & ~OWN)
+
+    def frame(self, data):
+        """A frame comes by the cable; one that finds no room is lost."""
+        found = self.registers.get(DMA + 0x108, 0) & 1 and self._descriptor("in")
+        if found:
+            at, (buffer, *_) = found
+            self.uc.mem_write(buffer, data)
+            # The length counts the checksum behind it.
+            self._done("in", at, FIRST | LAST | len(data) + 4)
+
+    def frames(self):
+        """Those that have left since the last look."""
+        left = " ".join(frame.hex() for frame in self.left)
+        self.left.clear()
+        return left
+
+    def _mac_reset(self, value):
+        """It ends by the clock that the cable's other chip gives."""
+        return value if self.inputs["no-cable"] else value & ~1
+
     # What main and the interrupt are given.
 
     def started(self):
@@ -626,6 +682,10 @@ class Processor:
         self.LOOKS[SPI1 + board.spi[3]] = Processor._bus_data
         self.ACTS[SPI1 + board.spi[2]] = Processor._send
         self.ACTS[board.watchdog] = Processor._key
+        self.LOOKS[DMA] = Processor._mac_reset
+        # Every transfer to the cable's other chip ends at once.
+        self.LOOKS[STATION] = lambda self, value: value & ~1
+        self.ACTS[DMA + 0x120] = Processor._send_frames
         for port in {port for port, _ in (*board.syncs, board.fault)}:
             self.ACTS[port + 0x18] = Processor._port
             self.ACTS[port + 0x28] = Processor._port_low
@@ -671,6 +731,10 @@ def serve(processor):
             answer = processor.lose_converters() or "ok"
         elif word == "telemetry":
             answer = processor.telemetry()
+        elif word == "frames":
+            answer = processor.frames()
+        elif word == "frame":
+            answer = processor.frame(bytes.fromhex(rest[0])) or "ok"
         elif word == "orders":
             answer = processor.orders(bytes.fromhex(rest[0])) or "ok"
         else:

@@ -52,6 +52,8 @@ pub(crate) enum Line {
     NoSdo,
     /// The wire of LDAC is off, which is pulled low at the converters.
     NoLdac,
+    /// The chip that drives the cable gives no clock.
+    NoCable,
 }
 
 /// What hangs.
@@ -186,6 +188,7 @@ impl Processor {
             Line::NoAdc => "no-adc",
             Line::NoSdo => "no-sdo",
             Line::NoLdac => "no-ldac",
+            Line::NoCable => "no-cable",
         };
         self.obey(&format!("input {line} {}", u8::from(on)))
     }
@@ -231,11 +234,19 @@ impl Processor {
     /// What main has sent since the last look, as a debugger reads it.
     pub(crate) fn telemetry(&mut self) -> Result<Vec<u8>, Failure> {
         let hex = self.ask("telemetry")?;
-        let bytes = hex.as_bytes().chunks(2).map(|two| {
-            let text = str::from_utf8(two)?;
-            Ok::<_, Failure>(u8::from_str_radix(text, 16)?)
-        });
-        bytes.collect()
+        bytes(&hex)
+    }
+
+    /// Frames that have left by the cable since the last look.
+    pub(crate) fn frames(&mut self) -> Result<Vec<Vec<u8>>, Failure> {
+        let hex = self.ask("frames")?;
+        hex.split_whitespace().map(bytes).collect()
+    }
+
+    /// A frame that comes by the cable.
+    pub(crate) fn frame(&mut self, frame: &[u8]) -> Result<(), Failure> {
+        let hex: String = frame.iter().map(|byte| format!("{byte:02x}")).collect();
+        self.obey(&format!("frame {hex}"))
     }
 
     /// Bytes for main, as a debugger writes them.
@@ -251,6 +262,14 @@ impl Drop for Processor {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+fn bytes(hex: &str) -> Result<Vec<u8>, Failure> {
+    let bytes = hex.as_bytes().chunks(2).map(|two| {
+        let text = str::from_utf8(two)?;
+        Ok::<_, Failure>(u8::from_str_radix(text, 16)?)
+    });
+    bytes.collect()
 }
 
 fn senseless(answer: &str) -> Failure {

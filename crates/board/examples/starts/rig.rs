@@ -1,19 +1,24 @@
 //! A board on the bench: the image in the processor model, its converters, the simulated stage behind them, and the host's law beside it.
 
+use crate::cable::{End, Host as Listener, SAMPLES_PORT};
 use crate::host::{Around, Axis, Host, started};
 use crate::processor::{Failure, Line, Processor, Reset, Seen, State, Word};
 use hysteron_board::Fault;
 use hysteron_firmware::chips::Chip;
-use hysteron_firmware::telemetry::{Found, find};
-use hysteron_firmware::wire::{FRAME_BYTES, Frame, Mode, Order};
+use hysteron_firmware::telemetry::{Found, Sample, find, samples_to_packet};
+use hysteron_firmware::wire::{Frame, Mode, Order};
 use hysteron_plant::Stage;
 
 /// Instructions of main between two looks of the bench while the chip starts.
 const STARTING: u32 = 2000;
-/// The same in a period of the loop, an axis: what packing a sample takes, and a round.
-const LOOPING: u32 = 700;
+/// The same in a period of the loop, an axis: what packing a sample takes, its share of a datagram, and a round.
+const LOOPING: u32 = 1000;
 /// Ticks between two looks at the telemetry, which the board keeps for 25 ms at least.
 const TELEMETRY_TICKS: u32 = 500;
+/// Ticks between two looks at the cable: a datagram has 32 of two axes.
+const CABLE_TICKS: u32 = 25;
+/// Frames that find room at the board at once.
+const FRAMES_AT_ONCE: usize = 3;
 
 /// What the sensor's converter gives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,6 +60,12 @@ pub(crate) struct Counts {
     pub(crate) telemetry: u32,
     /// Of them, those that are not the host's.
     pub(crate) telemetry_different: u32,
+    /// Samples that came by the cable.
+    pub(crate) by_cable: u32,
+    /// Of them, those that are not the host's, and what is no sample.
+    pub(crate) by_cable_different: u32,
+    /// Ticks that are missing among them, by the frames' numbers.
+    pub(crate) by_cable_missing: u32,
     /// Resets by the watchdog.
     pub(crate) bites: u32,
 }
@@ -86,6 +97,8 @@ pub(crate) struct Rig {
     frames: Vec<(Vec<Frame>, Vec<u16>)>,
     /// Telemetry that is no packet yet.
     sent: Vec<u8>,
+    /// Whoever listens on the cable, the board's end of it, and the last tick that came.
+    cable: Option<(Listener, End, Option<u32>)>,
     /// Orders that ticks have taken, with the ticks' numbers.
     pub(crate) taken: Vec<(u32, Order)>,
     /// How the outputs have moved.
@@ -119,6 +132,7 @@ impl Rig {
             hold_up: false,
             frames: Vec::new(),
             sent: Vec::new(),
+            cable: None,
             taken: Vec::new(),
             way: Way::default(),
             counts: Counts::default(),
@@ -209,6 +223,7 @@ impl Rig {
             Line::NoAdc,
             Line::NoSdo,
             Line::NoLdac,
+            Line::NoCable,
         ] {
             self.set(line, false)?;
         }
@@ -344,7 +359,77 @@ impl Rig {
         if self.counts.ticks.is_multiple_of(TELEMETRY_TICKS) {
             self.read_telemetry()?;
         }
+        if self.counts.ticks.is_multiple_of(CABLE_TICKS) {
+            self.exchange()?;
+        }
         Ok(())
+    }
+
+    /// Somebody calls by the cable, and asks for samples by UDP.
+    pub(crate) fn connect(&mut self) -> Result<(), Failure> {
+        let [of_board, of_host] = End::pair();
+        let mut host = Listener::new(of_host);
+        host.call()?;
+        self.cable = Some((host, of_board, None));
+        for _ in 0..500 {
+            self.go(u64::from(CABLE_TICKS))?;
+            if let Some((host, ..)) = &mut self.cable
+                && host.is_connected()
+            {
+                return host.say(&samples_to_packet(SAMPLES_PORT));
+            }
+        }
+        Err("nobody answers on the cable".into())
+    }
+
+    /// The cable is pulled.
+    pub(crate) fn disconnect(&mut self) {
+        self.cable = None;
+    }
+
+    /// Frames to and fro, and what came by UDP against the host's.
+    fn exchange(&mut self) -> Result<(), Failure> {
+        let Some((mut host, end, mut last)) = self.cable.take() else {
+            return Ok(());
+        };
+        end.there.borrow_mut().extend(self.processor.frames()?);
+        host.poll((1e3 * self.ms(self.now)) as i64);
+        for _ in 0..FRAMES_AT_ONCE {
+            let frame = end.here.borrow_mut().pop_front();
+            let Some(frame) = frame else { break };
+            self.processor.frame(&frame)?;
+        }
+        while let Some(datagram) = host.datagram() {
+            let mut at = 0;
+            while let Some(left) = datagram.get(at..).filter(|left| !left.is_empty()) {
+                let found = find(left);
+                match found {
+                    Found::Sample(sample) => {
+                        self.counts.by_cable += 1;
+                        self.counts.by_cable_different += u32::from(!self.is_mine(&sample));
+                        if sample.axis == 0 {
+                            let step = last.map_or(1, |last| sample.frame.number.wrapping_sub(last));
+                            self.counts.by_cable_missing += step.wrapping_sub(1);
+                            last = Some(sample.frame.number);
+                        }
+                    }
+                    _ => self.counts.by_cable_different += 1,
+                }
+                at += found.length().max(1);
+            }
+        }
+        self.cable = Some((host, end, last));
+        Ok(())
+    }
+
+    /// Whether the host has this frame of that tick, for that code.
+    fn is_mine(&self, sample: &Sample) -> bool {
+        let mine = self.frames.get(sample.frame.number as usize);
+        let mine = mine.and_then(|(frames, codes)| {
+            let axis = usize::from(sample.axis);
+            Some((frames.get(axis)?.to_bytes(), *codes.get(axis)?))
+        });
+        mine == Some((sample.frame.to_bytes(), sample.adc))
     }
 
     fn compare(&mut self, words: &[Word], fault_pin: bool, codes: Vec<u16>, around: Around) {
@@ -424,13 +509,7 @@ impl Rig {
                 Found::Incomplete => break,
                 Found::Sample(sample) => {
                     self.counts.telemetry += 1;
-                    let mine = self.frames.get(sample.frame.number as usize);
-                    let mine = mine.and_then(|(frames, codes)| {
-                        let axis = usize::from(sample.axis);
-                        Some((frames.get(axis)?.to_bytes(), *codes.get(axis)?))
-                    });
-                    let theirs: ([u8; FRAME_BYTES], u16) = (sample.frame.to_bytes(), sample.adc);
-                    self.counts.telemetry_different += u32::from(mine != Some(theirs));
+                    self.counts.telemetry_different += u32::from(!self.is_mine(&sample));
                 }
                 Found::About(_) | Found::Answer => {}
                 Found::Order(_) | Found::SamplesTo(_) | Found::Nothing => {

@@ -123,7 +123,7 @@ const READY: End = End::Waiting(None);
 const BITTEN: End = End::Waiting(Some(Fault::Watchdog));
 
 /// All of both boards, in the table's order.
-pub(crate) const SCENARIOS: [Scenario; 27] = [
+pub(crate) const SCENARIOS: [Scenario; 28] = [
     Scenario::new("power comes", START_MS, READY, |rig| {
         rig.until("the loop", 1000, Rig::is_looping)
     }),
@@ -177,6 +177,18 @@ pub(crate) const SCENARIOS: [Scenario; 27] = [
             twice(rig)
         },
     ),
+    Scenario::new(
+        "the same, no clock from the cable's chip",
+        START_MS + RAMP_MS,
+        BITTEN,
+        |rig| {
+            high(rig)?;
+            rig.set(Line::NoCable, true)?;
+            bite(rig)?;
+            back(rig)
+        },
+    )
+    .of(H743.board),
     Scenario::new(
         "watchdog's reset, DAC's SDO not connected",
         START_MS + RAMP_MS,
