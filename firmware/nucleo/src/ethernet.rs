@@ -35,7 +35,7 @@ const IS_UP: u16 = 1 << 5 | 1 << 2;
 const OUT: usize = 8;
 const IN: usize = 4;
 
-// fast.rs sets the section to zero, which is what an empty one of each is.
+// `clear` sets the section to zero, which is what an empty one of each is.
 #[unsafe(link_section = ".cable.queue")]
 static QUEUE: Shared<PacketQueue<OUT, IN>> = Shared(UnsafeCell::new(MaybeUninit::uninit()));
 #[unsafe(link_section = ".cable.buffers")]
@@ -139,6 +139,7 @@ impl Link {
         if !is_clocked(&mut pins.clock) {
             return None;
         }
+        clear();
         let uid = uid::uid();
         let place = Place {
             // Locally administered, by the chip's own number.
@@ -188,6 +189,25 @@ impl Link {
     /// The board's end of both ways.
     pub fn network(&mut self) -> &mut Network {
         self.network
+    }
+}
+
+/// Sets the section to zero, which nothing has written since power came. By eight bytes: the AXI SRAM has check bits for as many (RM0433,
+/// "Error code correction").
+fn clear() {
+    unsafe extern "C" {
+        #[link_name = "__cable_start"]
+        static START: UnsafeCell<[u64; 0]>;
+        #[link_name = "__cable_end"]
+        static END: UnsafeCell<[u64; 0]>;
+    }
+    // SAFETY: the linker's ends of the section, a multiple of eight bytes; a start calls this once, before anything uses what lies there.
+    unsafe {
+        let mut place = START.get().cast::<u64>();
+        while place < END.get().cast() {
+            place.write_volatile(0);
+            place = place.add(1);
+        }
     }
 }
 

@@ -1,5 +1,4 @@
-//! Puts the interrupt's code and every constant where `fast.x` links them, and zeros into what the cable uses, before anything runs that
-//! needs them. Zeros go by eight bytes: the AXI SRAM has check bits for as many (RM0433, "Error code correction").
+//! Puts the interrupt's code and every constant where `fast.x` links them, before anything runs that needs them.
 
 use core::arch::global_asm;
 
@@ -30,16 +29,6 @@ global_asm!(
     "str r3, [r0], #4",
     "b 2b",
     "3:",
-    "ldr r0, =__cable_start",
-    "ldr r1, =__cable_end",
-    "movs r2, #0",
-    "movs r3, #0",
-    "4:",
-    "cmp r0, r1",
-    "bhs 5f",
-    "strd r2, r3, [r0], #8",
-    "b 4b",
-    "5:",
     "dsb",
     "isb",
     "bx lr",
