@@ -161,7 +161,7 @@ pub enum BoardError {
     },
     /// A source of telemetry that cannot be read.
     #[error(
-        "{from}: {source}; give a file or device that is there, or HOST:PORT of a server of the board's RTT channel 1"
+        "{from}: {source}; give a file or device that is there, HOST:PORT of a server of the board's RTT channel 1, or udp://HOST:PORT of a board on a cable"
     )]
     Source {
         /// What was asked for.

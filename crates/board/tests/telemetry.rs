@@ -5,11 +5,12 @@ use hysteron_board::capture::{Start, capture};
 use hysteron_board::telemetry::{Capture, Collector};
 use hysteron_firmware::table;
 use hysteron_firmware::telemetry::{
-    ABOUT_BYTES, About, Found, Requested, Requests, SAMPLE_BYTES, Sample, checksum, find, order_packet,
-    samples_to_packet,
+    ABOUT_BYTES, About, DATAGRAM_BYTES, Found, ORDER_BYTES, Requested, Requests, SAMPLE_BYTES, SAMPLES_AN_ABOUT,
+    Sample, checksum, find, order_packet, samples_to_packet,
 };
 use hysteron_firmware::tuning::Change;
-use hysteron_firmware::wire::{Frame, Hello, Mode, Order, flags};
+use hysteron_firmware::upload::{ANSWER_BYTES, MESSAGE_BYTES};
+use hysteron_firmware::wire::{Frame, Hello, MAGIC, Mode, Order, flags};
 use proptest::prelude::*;
 use std::io::{Read, Write};
 use std::net::TcpListener;
@@ -82,6 +83,25 @@ fn val_packets_come_back() {
             "{bit}"
         );
     }
+}
+
+/// The page of the format has each packet's length and the version.
+#[test]
+fn golden_page_of_the_format() {
+    let page = include_str!("../../../docs/reference/link.md");
+    for (kinds, length) in [
+        ("`A`, `B` | board", ABOUT_BYTES),
+        ("`S`, `T` | board", SAMPLE_BYTES),
+        ("`V` | board", ANSWER_BYTES),
+        ("`O` | host", ORDER_BYTES),
+        ("`N` | host", samples_to_packet(0).len()),
+        ("`U` | host", MESSAGE_BYTES),
+    ] {
+        assert!(page.contains(&format!("| {kinds} | {length} |")), "{kinds} {length}");
+    }
+    assert!(page.contains(str::from_utf8(&MAGIC).unwrap()));
+    assert!(page.contains(&format!("every {SAMPLES_AN_ABOUT} samples")));
+    assert!(page.contains(&format!("up to {} samples", DATAGRAM_BYTES / SAMPLE_BYTES)));
 }
 
 /// Orders get through what a connection does to them, or do not come at all.

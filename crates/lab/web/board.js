@@ -58,7 +58,7 @@ function connectPage(lab, said) {
     el("p", {}, "The controller on its chip: see what it does, change it, record it into the data, give it a new table. When this page is closed, the loop is stopped and the stage goes to its safe level."),
     panel("A board of your own",
       el("p", { class: "hint" }, "The address is that of a server of the board's telemetry: the debug probe's, for channel 1 of its RTT (the tutorial of the Nucleo board says how to start it), or what ", el("code", {}, "hysteron board serve"), " prints."),
-      form(lab, "connect", [["Connection", [{ name: "from", title: "HOST:PORT (--from)", otherwise: "localhost:9090", words: true }]]], "Connect", ({ from }) => deed(lab, { what: "connect", from: from || "localhost:9090" }, connected))),
+      form(lab, "connect", [["Connection", [{ name: "from", title: "HOST:PORT or udp://HOST:PORT (--from)", otherwise: "localhost:9090", words: true }]]], "Connect", ({ from }) => deed(lab, { what: "connect", from: from || "localhost:9090" }, connected))),
     panel("A simulated board",
       el("p", { class: "hint" }, "The same law, as it runs on the chip, in real time at a simulated stage; it is none of yours."),
       of.length === 0 ? none : form(lab, "simulate", [["What runs where", [

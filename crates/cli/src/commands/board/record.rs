@@ -16,11 +16,12 @@ use std::path::PathBuf;
     openocd -f board/st_nucleo_h743zi.cfg -c init -c 'rtt setup 0x20000000 0x20000 \"SEGGER RTT\"' \
     -c 'rtt start' -c 'rtt server start 9090 1'\n  \
     hysteron board record --from localhost:9090 --seconds 2 -o recorded\n  \
+    hysteron board record --from udp://192.168.7.2:9090 --run --seconds 60 -o minute\n  \
     hysteron board record --from localhost:9090 --run --bank 1 --shape triangle --hz 50 --seconds 2 -o triangle\n  \
     hysteron compare recorded model.toml")]
 pub(crate) struct RecordArgs {
-    /// Where the board's telemetry comes from: HOST:PORT of a server of its RTT channel 1, or a device or captured file
-    #[arg(long, value_name = "HOST:PORT|PATH")]
+    /// Where the board's telemetry comes from: udp://HOST:PORT of a board on a cable, HOST:PORT of the same by TCP alone or of a server of its RTT channel 1, or a device or captured file
+    #[arg(long, value_name = "HOST:PORT|udp://HOST:PORT|PATH")]
     pub from: String,
     /// Length of the recording, seconds of the board's time
     #[arg(long, default_value_t = 10.0, allow_negative_numbers = true)]

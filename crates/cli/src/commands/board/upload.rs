@@ -23,7 +23,7 @@ pub(crate) struct UploadArgs {
     /// The table, as `export` writes it
     #[arg(value_name = "CONTROLLER_TABLE")]
     pub table: PathBuf,
-    /// The board: HOST:PORT of a server of its RTT channel 1, at its safe level
+    /// The board, at its safe level: HOST:PORT of its own on a cable, or of a server of its RTT channel 1
     #[arg(long, value_name = "HOST:PORT")]
     pub to: String,
     /// Start the board anew once it has the table, which is in force from its next start on

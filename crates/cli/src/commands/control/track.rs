@@ -55,7 +55,7 @@ pub(crate) struct TrackArgs {
     /// Longest wait for an answer of the process, seconds
     #[arg(long, value_name = "S", default_value_t = 10.0, requires = "process")]
     pub timeout: f64,
-    /// A real board with the controller's table instead: HOST:PORT of a server of its RTT channel 1; measured position; scans as well
+    /// A real board with the controller's table instead: udp://HOST:PORT on a cable, or HOST:PORT of a server of its RTT channel 1; measured position; scans as well
     /// where it has both axes
     #[arg(
         long,
