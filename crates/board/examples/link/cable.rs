@@ -98,7 +98,7 @@ impl Device for End {
 
     fn transmit(&mut self, _: Instant) -> Option<Room<'_>> {
         let has_room = self.there.borrow().len() < ON_THE_WAY;
-        has_room.then(|| Room(self))
+        has_room.then_some(Room(self))
     }
 
     fn capabilities(&self) -> DeviceCapabilities {
