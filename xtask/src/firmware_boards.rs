@@ -130,6 +130,35 @@ pub(crate) fn boards() -> Result<(), String> {
     Ok(())
 }
 
+/// Where the ready images go.
+const RELEASED: &str = "firmware/target/released";
+
+/// The ready images of both boards, with complete laws: checked as by [`boards`], each as ELF for a debug probe and as HEX for ST's
+/// programmer, and their SHA-256.
+pub(crate) fn release() -> Result<(), String> {
+    boards()?;
+    let folder = Path::new(RELEASED);
+    std::fs::create_dir_all(folder).map_err(|error| format!("{RELEASED}: {error}"))?;
+    let mut sums = String::new();
+    for image in Image::all().filter(|image| image.table != crate::firmware::TABLE) {
+        let name = format!(
+            "{}{}",
+            image.board.name,
+            if image.of_y.is_some() { "-two-axes" } else { "" }
+        );
+        let made = [format!("{name}.elf"), format!("{name}.hex")];
+        let [elf, hex] = made.each_ref().map(|file| folder.join(file).display().to_string());
+        let built = image.path().display().to_string();
+        crate::output("arm-none-eabi-objcopy", &["--strip-debug", &built, &elf])?;
+        crate::output("arm-none-eabi-objcopy", &["--output-target", "ihex", &built, &hex])?;
+        let sum = crate::output("sha256sum", &[&elf, &hex])?;
+        sums += &sum.replace(&format!("{RELEASED}/"), "");
+        println!("{elf}\n{hex}");
+    }
+    let file = folder.join("SHA256SUMS");
+    std::fs::write(&file, sums).map_err(|error| format!("{}: {error}", file.display()))
+}
+
 /// One image of a board.
 pub(crate) struct Image {
     board: &'static Board,

@@ -55,6 +55,7 @@ usage: cargo xtask <command>
   firmware bench    instructions of one control tick in the emulator, beside the same algorithm in C by gcc -O3
   firmware compare  every controller on every reference, in the emulator and on the host, bit by bit, as one table
   firmware boards   build the images of nucleo-h743zi and nucleo-g474re, and check what can be checked without a board
+  firmware release  the ready images of both boards, checked, as ELF and HEX with their SHA-256, into firmware/target/released
   firmware bound    build them; what the interrupt of each takes at most, by the longest path through its code
   firmware starts   build them, run each with a complete law in a processor model: codes beside the host's, then starts and faults,
                     as one table
@@ -132,6 +133,7 @@ fn firmware(what: Option<&str>, tables: &[String]) -> Result<(), String> {
             .and_then(|()| firmware::images())
             .and_then(|()| firmware::emulator_and_host()),
         Some("boards") => install_compiler().and_then(|()| firmware_boards::boards()),
+        Some("release") => install_compiler().and_then(|()| firmware_boards::release()),
         Some("bound") => install_compiler().and_then(|()| firmware_bound::bound()),
         Some("starts") => install_compiler()
             .and_then(|()| firmware_starts::install())
@@ -139,7 +141,7 @@ fn firmware(what: Option<&str>, tables: &[String]) -> Result<(), String> {
             .and_then(|_| firmware_starts::starts()),
         Some("run") => install_emulator().and_then(|()| firmware::show()),
         other => Err(format!(
-            "firmware: {other:?} is none of run, build, bench, compare, boards, bound, starts, tables"
+            "firmware: {other:?} is none of run, build, bench, compare, boards, release, bound, starts, tables"
         )),
     }
 }

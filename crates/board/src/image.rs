@@ -48,6 +48,15 @@ impl Board {
         Self::ALL.into_iter().find(|board| board.name() == name)
     }
 
+    /// The chip of a real one, as probe-rs calls it.
+    pub fn chip(self) -> Option<&'static str> {
+        match self {
+            Self::Emulated(_) => None,
+            Self::NucleoH743zi => Some("STM32H743ZITx"),
+            Self::NucleoG474re => Some("STM32G474RETx"),
+        }
+    }
+
     /// Its core, and the features that its image is built with.
     fn built_with(self) -> (&'static str, Option<&'static str>) {
         match self {

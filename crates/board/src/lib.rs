@@ -6,6 +6,7 @@ pub mod budget;
 pub mod capture;
 mod datagrams;
 mod emulator;
+pub mod flash;
 pub mod host;
 pub mod image;
 mod learned;
@@ -46,6 +47,24 @@ pub enum BoardError {
         .0.display()
     )]
     NoImage(PathBuf),
+    /// A file that is no image of a board.
+    #[error(
+        "{}: no image of a board of this version; cargo xtask firmware release makes those of both boards",
+        .0.display()
+    )]
+    NoBoardsImage(PathBuf),
+    /// No program that writes flash.
+    #[error("cannot start probe-rs: {source}; install it: cargo install probe-rs-tools --locked")]
+    NoWriter {
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A writer of flash that failed.
+    #[error("probe-rs has not written the image ({ended}); its reason stands above")]
+    NotWritten {
+        /// How it ended.
+        ended: std::process::ExitStatus,
+    },
     /// A program that cannot be started.
     #[error("cannot start {program}: {source}; install it (Debian: apt-get install {package})")]
     Start {

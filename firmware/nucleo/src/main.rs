@@ -61,6 +61,16 @@ use image::{AXES, Banks, Control};
 use rtt_target::{ChannelMode, rtt_init};
 use static_cell::ConstStaticCell;
 
+/// What the image is for, as `hysteron board flash` reads it.
+#[cfg(feature = "h743zi")]
+#[used]
+#[unsafe(link_section = ".board")]
+static IMAGE_FOR: [u8; 33] = *b"hysteron image for nucleo-h743zi\0";
+#[cfg(feature = "g474re")]
+#[used]
+#[unsafe(link_section = ".board")]
+static IMAGE_FOR: [u8; 33] = *b"hysteron image for nucleo-g474re\0";
+
 /// Reference of the button's runs: a sine of 10 Hz inside the table's range.
 const REFERENCE_HZ: f32 = 10.0;
 /// Share of a table's range left free at either end, as `hysteron board run` does.

@@ -1,5 +1,6 @@
 //! `hysteron board`: recordings of the firmware, in the emulator or on a board, tables for a board, and a board for whoever has none.
 
+mod flash;
 mod record;
 mod run;
 mod serve;
@@ -19,6 +20,7 @@ use std::path::Path;
 #[command(after_help = "Examples:\n  \
     hysteron board run --emulator mps2-an386 --stage paper-rate --hz 100 -o board\n  \
     hysteron board record --from localhost:9090 --run --hz 50 --seconds 2 -o recorded\n  \
+    hysteron board flash firmware/target/released/nucleo-h743zi.elf\n  \
     hysteron board upload table.toml --to localhost:9090 --restart")]
 pub(crate) struct BoardArgs {
     #[command(subcommand)]
@@ -33,6 +35,8 @@ pub(crate) enum BoardCommand {
     Record(record::RecordArgs),
     /// Pretend to be a real board: a table's law or an image, at the simulated stage, for whoever connects
     Serve(serve::ServeArgs),
+    /// Write an image to a real board's flash by its debug probe, and start it
+    Flash(flash::FlashArgs),
     /// Send a table to a real board, into the slot of its flash that is not in use; no image is built
     Upload(upload::UploadArgs),
 }
@@ -42,6 +46,7 @@ pub(crate) fn run(args: &BoardArgs) -> Result<Done, CliError> {
         BoardCommand::Run(args) => run::run(args),
         BoardCommand::Record(args) => record::run(args),
         BoardCommand::Serve(args) => serve::run(args),
+        BoardCommand::Flash(args) => flash::run(args),
         BoardCommand::Upload(args) => upload::run(args),
     }
 }
