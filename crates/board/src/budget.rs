@@ -2,7 +2,7 @@
 //!
 //! Nothing here was measured on a board: `docs/boards/` says how to.
 
-use hysteron_firmware::ad5683r::WORD_BITS;
+use hysteron_converters::ad5683r::WORD_BITS;
 use hysteron_firmware::chips::{self, Chip};
 use hysteron_firmware::telemetry::About;
 

@@ -1,8 +1,8 @@
 //! What the real boards' registers are set to, against the reference manuals' figures: RM0433 for the STM32H743, RM0440 for the
 //! STM32G474, by the titles of their sections.
 
+use hysteron_converters::ad5683r::{CLOCK_PHASE, CLOCK_POLARITY, MOST_HZ, Update, WORD_BITS, word};
 use hysteron_core::codes::DacCode;
-use hysteron_firmware::ad5683r::{CLOCK_PHASE, CLOCK_POLARITY, MOST_HZ, Update, WORD_BITS, word};
 use hysteron_firmware::chips::{
     ALL, Chip, G474, H743, TIM3_TRIGGER, WATCHDOG_START_US, WATCHDOG_US, smp_place, watchdog,
 };

@@ -1,7 +1,7 @@
 //! What the real boards' registers are set to, as constants and the reference manuals' formulas: `firmware/nucleo` writes them, the
 //! host tests them. RM0433 is the STM32H743's manual, RM0440 the STM32G474's.
 
-use crate::ad5683r::LDAC_LOW_NS;
+use hysteron_converters::ad5683r::LDAC_LOW_NS;
 
 /// Clock tree, sample clock, converter and bus of one board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

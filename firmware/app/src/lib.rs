@@ -5,7 +5,6 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
-pub mod ad5683r;
 pub mod axes;
 pub mod button;
 pub mod chips;

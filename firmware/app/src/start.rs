@@ -1,9 +1,9 @@
 //! From a reset to outputs at their safe levels, whatever the reset came from: nothing here waits for ever, or believes memory before
 //! it knows that power was on.
 
-use crate::ad5683r;
 use crate::kept;
 use crate::monitor::Fault;
+use hysteron_converters::ad5683r;
 use hysteron_core::codes::DacCode;
 
 /// What the last reset came from.

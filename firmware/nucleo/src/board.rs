@@ -1,7 +1,6 @@
 //! What both boards have of clocks, bus and watchdog, from the figures of [`hysteron_firmware::chips`].
 
 use crate::Dac;
-use crate::ad5683r::{self, Ad5683r};
 #[cfg(not(feature = "two-axes"))]
 use crate::flash::Memory;
 use crate::image::AXES;
@@ -15,8 +14,9 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::Timer;
 use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::{Config, Peri, pac, peripherals, timer};
+use hysteron_converters::ad5683r::{self, Ad5683r};
+use hysteron_converters::ad5683r::{CLOCK_PHASE, CLOCK_POLARITY};
 use hysteron_core::codes::DacCode;
-use hysteron_firmware::ad5683r::{CLOCK_PHASE, CLOCK_POLARITY};
 #[cfg(not(feature = "two-axes"))]
 use hysteron_firmware::chips::WATCHDOG_FLASH_US;
 use hysteron_firmware::chips::{Chip, WATCHDOG_START_US, WATCHDOG_US, smp_place, watchdog};

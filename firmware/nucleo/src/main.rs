@@ -7,7 +7,6 @@
 #![no_std]
 #![no_main]
 
-mod ad5683r;
 mod board;
 mod converter;
 mod critical;
@@ -20,7 +19,6 @@ mod hosts;
 #[cfg(not(feature = "two-axes"))]
 mod stored;
 
-use ad5683r::Ad5683r;
 use board::Outputs;
 use converter::Times;
 use core::cell::UnsafeCell;
@@ -34,8 +32,8 @@ use embassy_stm32::mode::Blocking;
 use embassy_stm32::spi::{Spi, mode::Master};
 use heapless::spsc::{Producer, Queue};
 use hosts::Hosts;
+use hysteron_converters::ad5683r::{Ad5683r, Update};
 use hysteron_core::codes::DacCode;
-use hysteron_firmware::ad5683r::Update;
 use hysteron_firmware::axes::Axes;
 #[cfg(not(feature = "two-axes"))]
 use hysteron_firmware::axes::one as image;

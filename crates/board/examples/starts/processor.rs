@@ -1,6 +1,6 @@
 //! The processor model as a process of its own: lines there, lines back.
 
-use hysteron_firmware::ad5683r::WORD_BITS;
+use hysteron_converters::ad5683r::WORD_BITS;
 use hysteron_firmware::wire::{Input, Order};
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;

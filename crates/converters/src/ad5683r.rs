@@ -1,5 +1,7 @@
-//! Analog Devices AD5683R, a 16-bit DAC on SPI (data sheet rev. D): what goes over the bus.
+//! Analog Devices AD5683R, a 16-bit DAC on SPI (data sheet rev. D).
 
+use embedded_hal::digital::OutputPin;
+use embedded_hal::spi::SpiBus;
 use hysteron_core::codes::DacCode;
 
 /// Bits of a word, "Serial Interface".
@@ -56,4 +58,55 @@ pub const fn answered(answer: [u8; 3]) -> DacCode {
 pub const fn word(code: DacCode, update: Update) -> [u8; 3] {
     let [high, low] = code.0.to_be_bytes();
     [update.command() << 4 | high >> 4, high << 4 | low >> 4, low << 4]
+}
+
+/// The converters of `N` axes on one bus: mode 1, at most [`MOST_HZ`].
+pub struct Ad5683r<B, P, const N: usize> {
+    bus: B,
+    syncs: [P; N],
+}
+
+impl<B: SpiBus, P: OutputPin, const N: usize> Ad5683r<B, P, N> {
+    /// Takes the bus and each converter's SYNC, which is low while a word is written to it.
+    pub fn new(bus: B, syncs: [P; N]) -> Self {
+        Self { bus, syncs }
+    }
+
+    /// Writes the outputs' codes, one after the other.
+    ///
+    /// # Errors
+    /// What the bus says.
+    #[inline(always)]
+    pub fn set(&mut self, codes: [DacCode; N], update: Update) -> Result<(), B::Error> {
+        for (sync, code) in self.syncs.iter_mut().zip(codes) {
+            // Pins of these chips do not fail.
+            let _ = sync.set_low();
+            let written = self.bus.write(&word(code, update)).and_then(|()| self.bus.flush());
+            let _ = sync.set_high();
+            written?;
+        }
+        Ok(())
+    }
+}
+
+/// The codes that converters hold, by a bus that reads their SDO, one after the other.
+///
+/// # Errors
+/// What the bus says.
+pub fn held<B: SpiBus, P: OutputPin, const N: usize>(
+    bus: &mut B,
+    syncs: &mut [P; N],
+) -> Result<[DacCode; N], B::Error> {
+    let mut codes = [DacCode(0); N];
+    for (sync, code) in syncs.iter_mut().zip(&mut codes) {
+        let mut answer = [0; 3];
+        for word in [ASK, WHILE_IT_ANSWERS] {
+            let _ = sync.set_low();
+            let read = bus.transfer(&mut answer, &word).and_then(|()| bus.flush());
+            let _ = sync.set_high();
+            read?;
+        }
+        *code = answered(answer);
+    }
+    Ok(codes)
 }

@@ -1,0 +1,16 @@
+//! Drivers of the converters around a stage, for any bus and pins by embedded-hal 1.
+//!
+//! | converter | bits | range | on |
+//! |---|---|---|---|
+//! | [`ad5683r`] | DAC, 16 | 0 to 2.5 V, its own reference | the Nucleo boards' images |
+//! | [`ad5791`] | DAC, 20 | what the references are, to +-10 V | a board of one's own |
+//! | [`ad7608`] | ADC, 18, eight channels at one instant | +-10 V or +-5 V | a board of one's own |
+//!
+//! Pins of a chip do not fail, and what they say is not looked at. A bus that fails leaves the select line high.
+#![no_std]
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod ad5683r;
+pub mod ad5791;
+pub mod ad7608;
