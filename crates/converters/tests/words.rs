@@ -1,5 +1,4 @@
 //! What each driver sends and does to its pins, on a bus that expects it; buses that fail.
-#![expect(clippy::unwrap_used, reason = "a test that cannot run fails")]
 
 use embedded_hal::spi::{ErrorKind, ErrorType, SpiBus};
 use embedded_hal_mock::eh1::digital::{Mock as Pin, State, Transaction as Level};
