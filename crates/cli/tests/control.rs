@@ -695,10 +695,10 @@ fn val_a_campaign_by_a_board_shows_what_is_hidden() {
     let [records, slow, model_file] = ["records", "slow", "model.toml"].map(|name| folder.path().join(name));
     let campaign = ["campaign", "--board", &from, "--rest-s", "0", "-o"];
     let said = hysteron(&[&campaign[..], &[records.to_str().unwrap()]].concat());
-    assert!(said.contains("known delay 17.0 us, computed"), "{said}");
+    assert!(said.contains("known delay 17.5 us, computed"), "{said}");
     let dataset = read_dataset(&records).unwrap();
     assert_eq!(dataset.records.len(), 15);
-    assert!((dataset.known.delay_s.unwrap() - 17.0e-6).abs() < 1e-7);
+    assert!((dataset.known.delay_s.unwrap() - 17.5e-6).abs() < 1e-7);
     let of = |name: &str| dataset.records.iter().find(|record| record.file == name).unwrap();
     assert!(of("rest.csv").voltage_v.iter().all(|v| v.abs() < 1e-2));
     let fast = of("sine-503hz.csv");

@@ -168,7 +168,7 @@ fn val_a_recording_with_losses() {
         "44 bytes that belong to no packet",
         "the stream ended before 10 s",
         "fault at tick 1500: SensorStuck",
-        "known delay 21.8 us, computed",
+        "known delay 22.2 us, computed",
     ] {
         assert!(said.contains(wanted), "{said}");
     }
