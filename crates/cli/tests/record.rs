@@ -369,7 +369,7 @@ fn refuse_what_is_no_recording() {
         (
             closed.as_str(),
             "1",
-            "give a file or device that is there, or HOST:PORT",
+            "give a file or device that is there, HOST:PORT",
         ),
         ("no-such-file", "1", "no-such-file: "),
         ("/dev/null", "-1", "seconds = -1 must lie in 0.001 to 600"),
