@@ -27,7 +27,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn write(target: &str, seeds: Vec<Vec<u8>>) -> Result<(), Box<dyn std::error::Error>> {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target);
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("corpus")
+        .join(target);
     std::fs::create_dir_all(&folder)?;
     for (index, seed) in seeds.into_iter().enumerate() {
         std::fs::write(folder.join(format!("seed-{index}")), seed)?;

@@ -366,11 +366,7 @@ fn refuse_what_is_no_recording() {
         .unwrap()
         .to_string();
     for (from, seconds, wanted) in [
-        (
-            closed.as_str(),
-            "1",
-            "give a file or device that is there, HOST:PORT",
-        ),
+        (closed.as_str(), "1", "give a file or device that is there, HOST:PORT"),
         ("no-such-file", "1", "no-such-file: "),
         ("/dev/null", "-1", "seconds = -1 must lie in 0.001 to 600"),
     ] {
