@@ -147,7 +147,7 @@ pub fn capture(
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<Capture>, BoardError> {
     crate::within("seconds", seconds, 1e-3, 600.0)?;
-    let (source, board) = open(from)?;
+    let (chunks, board) = open(from)?;
     let (run, asked) = match (start, &board) {
         (Start::Nobody, _) => (Run::Recording, None),
         (_, None) => return Err(BoardError::NotAsked(from.to_owned())),
@@ -155,7 +155,7 @@ pub fn capture(
         (Start::Playing(wishes), board) => (Run::Waiting(wishes.to_vec()), board.as_ref()),
     };
     let mut taking = Taking::new(seconds, run);
-    let listened = listen(from, source, &mut taking, progress, &mut |order| match asked {
+    let listened = listen(from, &chunks, &mut taking, progress, &mut |order| match asked {
         Some(mut board) => board.write_all(&order_packet(order)).map_err(failed(from)),
         None => Ok(()),
     });
@@ -289,12 +289,11 @@ impl Taking {
 /// Listens until the recording has its length, or the stream ends, is silent or is none.
 fn listen(
     from: &str,
-    source: Box<dyn Read + Send>,
+    chunks: &Receiver<Chunk>,
     taking: &mut Taking,
     progress: &mut dyn FnMut(f64),
     ask: &mut dyn FnMut(Order) -> Result<(), BoardError>,
 ) -> Result<(), BoardError> {
-    let chunks = chunks(source);
     loop {
         let [first, _] = &taking.both;
         let share = match chunks.recv_timeout(PATIENCE) {
@@ -328,19 +327,22 @@ pub(crate) fn failed(from: &str) -> impl Fn(std::io::Error) -> BoardError {
     }
 }
 
-/// What sends, and who can be asked, where it is a server.
-pub(crate) type Opened = (Box<dyn Read + Send>, Option<TcpStream>);
+/// A piece of a stream.
+pub(crate) type Chunk = std::io::Result<Vec<u8>>;
+
+/// What comes, until the stream ends, and who can be asked, where it is a server.
+pub(crate) type Opened = (Receiver<Chunk>, Option<TcpStream>);
 
 pub(crate) fn open(from: &str) -> Result<Opened, BoardError> {
     if from.starts_with(datagrams::SCHEME) {
         return datagrams::open(from);
     }
     if Path::new(from).exists() || !from.contains(':') {
-        return Ok((Box::new(File::open(from).map_err(failed(from))?), None));
+        return Ok((chunks(File::open(from).map_err(failed(from))?), None));
     }
     let stream = connect(from)?;
     let asked = stream.try_clone().map_err(failed(from))?;
-    Ok((Box::new(stream), Some(asked)))
+    Ok((chunks(stream), Some(asked)))
 }
 
 /// To the first address of a `HOST:PORT` that answers.
@@ -356,7 +358,7 @@ pub(crate) fn connect(to: &str) -> Result<TcpStream, BoardError> {
 }
 
 /// Reads in a thread of its own: a device that is silent can be waited for, but not for ever.
-pub(crate) fn chunks(mut source: Box<dyn Read + Send>) -> Receiver<std::io::Result<Vec<u8>>> {
+fn chunks(mut source: impl Read + Send + 'static) -> Receiver<Chunk> {
     let (sender, receiver) = sync_channel(64);
     std::thread::spawn(move || {
         let mut buffer = vec![0; 1 << 16];

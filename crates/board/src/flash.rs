@@ -11,11 +11,8 @@ const FOR: &[u8] = b"hysteron image for ";
 /// The program that writes flash, and its package.
 const WRITER: &str = "probe-rs";
 
-/// The board that an image is for.
-///
-/// # Errors
-/// A file that cannot be read, one that is no image of a board.
-pub fn board_of(image: &Path) -> Result<Board, BoardError> {
+/// The board that an image is for, and its chip.
+fn board_of(image: &Path) -> Result<(Board, &'static str), BoardError> {
     let bytes = std::fs::read(image)?;
     let places = bytes
         .windows(FOR.len())
@@ -24,9 +21,10 @@ pub fn board_of(image: &Path) -> Result<Board, BoardError> {
     let named = places.filter_map(|(place, _)| {
         let name = bytes.get(place + FOR.len()..)?;
         let end = name.iter().position(|&byte| byte == 0)?;
-        Board::find(str::from_utf8(name.get(..end)?).ok()?)
+        let board = Board::find(str::from_utf8(name.get(..end)?).ok()?)?;
+        Some((board, board.chip()?))
     });
-    let mut boards: Vec<Board> = named.filter(|board| board.chip().is_some()).collect();
+    let mut boards: Vec<(Board, &str)> = named.collect();
     boards.dedup();
     match boards.as_slice() {
         [board] if bytes.starts_with(b"\x7fELF") => Ok(*board),
@@ -38,12 +36,9 @@ pub fn board_of(image: &Path) -> Result<Board, BoardError> {
 /// its progress among it, goes to standard error.
 ///
 /// # Errors
-/// As [`board_of`]; no probe-rs, one that fails.
+/// A file that cannot be read or is no image of a board, no probe-rs, one that fails.
 pub fn flash(image: &Path, probe: Option<&str>) -> Result<Board, BoardError> {
-    let board = board_of(image)?;
-    let chip = board
-        .chip()
-        .ok_or_else(|| BoardError::NoBoardsImage(image.to_owned()))?;
+    let (board, chip) = board_of(image)?;
     let image = image.display().to_string();
     for words in [&["download", "--chip", chip, &image][..], &["reset", "--chip", chip]] {
         let mut writer = Command::new(WRITER);

@@ -1,6 +1,6 @@
 //! A board that is watched, asked and recorded over one connection, for as long as that lasts.
 
-use crate::capture::{Addressed, LONGEST_ANSWER_S, PATIENCE, Run, Taking, Wish, changes, chunks, failed, open, orders};
+use crate::capture::{Addressed, LONGEST_ANSWER_S, PATIENCE, Run, Taking, Wish, changes, failed, open, orders};
 use crate::scope::{Kept, Scope, Window};
 use crate::telemetry::{Answer, Capture, Packets};
 use crate::{BoardError, Fault, Hello, Mode};
@@ -138,7 +138,7 @@ impl Live {
     /// # Errors
     /// Nobody there; a file, which takes no orders.
     pub fn open(from: &str) -> Result<Self, BoardError> {
-        let (source, stream) = open(from)?;
+        let (chunks, stream) = open(from)?;
         let stream = stream.ok_or_else(|| BoardError::NotAsked(from.to_owned()))?;
         // A board that reads nothing must not hold up whoever asks it to stop.
         stream.set_write_timeout(Some(PATIENCE)).map_err(failed(from))?;
@@ -149,7 +149,6 @@ impl Live {
             stream,
         });
         let listening = Arc::clone(&board);
-        let chunks = chunks(source);
         std::thread::spawn(move || {
             loop {
                 let came = chunks.recv_timeout(LOOK);

@@ -1,12 +1,12 @@
 //! Tables for the slots of a board's flash: packed, sent in pieces, and what the board says.
 
 use crate::BoardError;
-use crate::capture::{chunks, failed, open};
+use crate::capture::{Chunk, failed, open};
 use hysteron_firmware::telemetry::{Found, find};
 use hysteron_firmware::upload::{Answer, Message, PIECE_BYTES, Said};
 use hysteron_slot::{MOST_BYTES, MOST_PLAYS, encode, sum};
 use hysteron_table::{Table, TableError, hash};
-use std::io::{Read, Write};
+use std::io::Write;
 use std::net::TcpStream;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -60,9 +60,9 @@ pub struct Refused {
 /// # Errors
 /// Nobody there, somebody who takes no orders, a board that does not answer. Whatever fails, the board keeps the table that it has.
 pub fn upload(to: &str, table: &[u8], restart: bool, progress: &mut dyn FnMut(f64)) -> Result<Verdict, BoardError> {
-    let (source, asked) = open(to)?;
+    let (chunks, asked) = open(to)?;
     let asked = asked.ok_or_else(|| BoardError::NotAsked(to.to_owned()))?;
-    let mut link = Link::new(to, source, asked);
+    let mut link = Link::new(to, chunks, asked);
     let slots = link.slots()?;
     let taken = send(&mut link, table, progress)?;
     let runs = match (&taken, restart) {
@@ -140,7 +140,7 @@ impl Heard {
 /// A connection to a board that sends all the time.
 struct Link {
     to: String,
-    chunks: Receiver<std::io::Result<Vec<u8>>>,
+    chunks: Receiver<Chunk>,
     asked: TcpStream,
     rest: Vec<u8>,
 }
@@ -153,10 +153,10 @@ enum Packet {
 }
 
 impl Link {
-    fn new(to: &str, source: Box<dyn Read + Send>, asked: TcpStream) -> Self {
+    fn new(to: &str, chunks: Receiver<Chunk>, asked: TcpStream) -> Self {
         Self {
             to: to.to_owned(),
-            chunks: chunks(source),
+            chunks,
             asked,
             rest: Vec::new(),
         }

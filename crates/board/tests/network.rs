@@ -7,10 +7,11 @@ mod bench;
 #[path = "../examples/link/cable.rs"]
 mod cable;
 
-use bench::{Bench, Heard};
+use bench::Bench;
+use cable::Heard;
 use hysteron_board::telemetry::{About, Collector, Counts};
 use hysteron_firmware::network::PORT;
-use hysteron_firmware::telemetry::{DATAGRAM_BYTES, Found, SAMPLE_BYTES, find};
+use hysteron_firmware::telemetry::{DATAGRAM_BYTES, Found, SAMPLE_BYTES, all};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -31,18 +32,13 @@ fn val_nothing_is_lost_on_a_cable_that_loses_nothing() {
     assert!(abouts.len() > 10 && abouts.len().is_multiple_of(2), "{}", abouts.len());
 }
 
-/// Every packet of a description in what was said.
+/// Every description in what was said.
 fn abouts(said: &[u8]) -> Vec<About> {
-    let mut abouts = Vec::new();
-    let mut at = 0;
-    while let Some(left) = said.get(at..).filter(|left| !left.is_empty()) {
-        let found = find(left);
-        if let Found::About(about) = found {
-            abouts.push(about);
-        }
-        at += found.length().max(1);
-    }
-    abouts
+    let about = |found| match found {
+        Found::About(about) => Some(about),
+        _ => None,
+    };
+    all(said).filter_map(about).collect()
 }
 
 /// One datagram of a hundred is lost: its ticks are counted as missing, and each piece between is a record without a gap.

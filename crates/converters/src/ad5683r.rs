@@ -1,5 +1,6 @@
 //! Analog Devices AD5683R, a 16-bit DAC on SPI (data sheet rev. D).
 
+use crate::selected;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiBus;
 use hysteron_core::codes::DacCode;
@@ -79,11 +80,9 @@ impl<B: SpiBus, P: OutputPin, const N: usize> Ad5683r<B, P, N> {
     #[inline(always)]
     pub fn set(&mut self, codes: [DacCode; N], update: Update) -> Result<(), B::Error> {
         for (sync, code) in self.syncs.iter_mut().zip(codes) {
-            // Pins of these chips do not fail.
-            let _ = sync.set_low();
-            let written = self.bus.write(&word(code, update)).and_then(|()| self.bus.flush());
-            let _ = sync.set_high();
-            written?;
+            selected(sync, || {
+                self.bus.write(&word(code, update)).and_then(|()| self.bus.flush())
+            })?;
         }
         Ok(())
     }
@@ -101,10 +100,7 @@ pub fn held<B: SpiBus, P: OutputPin, const N: usize>(
     for (sync, code) in syncs.iter_mut().zip(&mut codes) {
         let mut answer = [0; 3];
         for word in [ASK, WHILE_IT_ANSWERS] {
-            let _ = sync.set_low();
-            let read = bus.transfer(&mut answer, &word).and_then(|()| bus.flush());
-            let _ = sync.set_high();
-            read?;
+            selected(sync, || bus.transfer(&mut answer, &word).and_then(|()| bus.flush()))?;
         }
         *code = answered(answer);
     }

@@ -1,5 +1,6 @@
 //! Analog Devices AD5791, a 20-bit DAC on SPI (data sheet rev. E): 24 bits a word, mode 1.
 
+use crate::selected;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiBus;
 use hysteron_core::codes::DacCode;
@@ -119,14 +120,8 @@ impl<B: SpiBus, P: OutputPin> Ad5791<B, P> {
     }
 
     fn word(&mut self, word: &mut [u8; 3]) -> Result<(), B::Error> {
-        let _ = self.sync.set_low();
-        let done = self.bus.transfer_in_place(word).and_then(|()| self.bus.flush());
-        let _ = self.sync.set_high();
-        done
-    }
-
-    /// The bus and the pin again.
-    pub fn release(self) -> (B, P) {
-        (self.bus, self.sync)
+        selected(&mut self.sync, || {
+            self.bus.transfer_in_place(word).and_then(|()| self.bus.flush())
+        })
     }
 }

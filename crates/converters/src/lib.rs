@@ -14,3 +14,14 @@
 pub mod ad5683r;
 pub mod ad5791;
 pub mod ad7608;
+
+use embedded_hal::digital::OutputPin;
+
+/// A transfer with a converter's select line low, and high again however it ends.
+#[inline(always)]
+fn selected<R>(line: &mut impl OutputPin, transfer: impl FnOnce() -> R) -> R {
+    let _ = line.set_low();
+    let done = transfer();
+    let _ = line.set_high();
+    done
+}

@@ -4,7 +4,7 @@
 //! and counted by its host, which misses the frames' numbers. By UDP nothing is sent twice; by TCP what was sent arrives, and a
 //! connection that stands still loses whole ticks.
 
-use crate::telemetry::{DATAGRAM_BYTES, SAMPLE_BYTES};
+use crate::telemetry::DATAGRAM_BYTES;
 use smoltcp::iface::{Config, Interface, PollIngressSingleResult, SocketHandle, SocketSet, SocketStorage};
 use smoltcp::phy::Device;
 use smoltcp::socket::{tcp, udp};
@@ -185,14 +185,12 @@ impl Network {
             self.say(packets);
             return;
         }
-        if self.length + packets.len() > DATAGRAM_BYTES {
-            self.send_datagram();
-        }
         if let Some(room) = self.datagram.get_mut(self.length..self.length + packets.len()) {
             room.copy_from_slice(packets);
             self.length += packets.len();
         }
-        if self.length + SAMPLE_BYTES > DATAGRAM_BYTES {
+        // The next tick has as many.
+        if self.length + packets.len() > DATAGRAM_BYTES {
             self.send_datagram();
         }
     }

@@ -231,6 +231,18 @@ pub fn find(bytes: &[u8]) -> Found {
     }
 }
 
+/// What is in some bytes, one after the other, up to the first that has not ended, which is the last.
+pub fn all(bytes: &[u8]) -> impl Iterator<Item = Found> {
+    let mut left = Some(bytes).filter(|bytes| !bytes.is_empty());
+    core::iter::from_fn(move || {
+        let bytes = left?;
+        let found = find(bytes);
+        let rest = bytes.get(found.length()..).unwrap_or_default();
+        left = Some(rest).filter(|rest| found != Found::Incomplete && !rest.is_empty());
+        Some(found)
+    })
+}
+
 /// The packet of an order.
 pub fn order_packet(order: Order) -> [u8; ORDER_BYTES] {
     let [_, _, number, value] = Input { adc: 0, order }.to_bytes();

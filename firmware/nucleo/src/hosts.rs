@@ -5,11 +5,21 @@ use crate::board::CHIP;
 use crate::ethernet::Link;
 use crate::image::{self, AXES};
 use crate::{ORDERS, Tick};
+#[cfg(feature = "h743zi")]
+use hysteron_firmware::table;
 use hysteron_firmware::telemetry::{Requested, Requests, SAMPLE_BYTES, SAMPLES_AN_ABOUT, Sample};
 #[cfg(not(feature = "two-axes"))]
 use hysteron_firmware::upload::{Message, Messages};
 use hysteron_firmware::wire::{Hello, Order};
 use rtt_target::{DownChannel, UpChannel};
+
+/// Of an image of both axes, which has no slots.
+#[cfg(feature = "two-axes")]
+pub type Message = core::convert::Infallible;
+
+/// Microseconds of a tick.
+#[cfg(feature = "h743zi")]
+const TICK_US: i64 = (1e6 / table::SAMPLE_RATE_HZ) as i64;
 
 /// What one way brings.
 #[derive(Default)]
@@ -54,8 +64,10 @@ pub struct Hosts {
     #[cfg(feature = "h743zi")]
     by_link: Asking,
     abouts: image::Abouts,
-    ticks: u32,
-    /// Nothing is sent to the probe until its buffer is empty: what gets through is in one piece of the buffer's size, not in shreds.
+    /// Ticks so far, and those that went to the probe.
+    ticks: u64,
+    sent: u32,
+    /// No tick is sent to the probe until its buffer is empty: what gets through is in one piece of the buffer's size, not in shreds.
     waiting: bool,
 }
 
@@ -80,28 +92,38 @@ impl Hosts {
             by_link: Asking::default(),
             abouts,
             ticks: 0,
+            sent: 0,
             waiting: false,
         }
     }
 
     /// Sends a tick, all axes or none: a gap is one of both.
     pub fn send(&mut self, tick: &Tick) {
-        let due = self.ticks.is_multiple_of(SAMPLES_AN_ABOUT);
-        self.ticks = self.ticks.wrapping_add(1);
-        if due {
-            for about in self.abouts {
-                self.say(&about.to_packet());
-            }
-        }
         let packets: [[u8; SAMPLE_BYTES]; AXES] = tick.map(|sample: Sample| sample.to_packet());
         #[cfg(feature = "h743zi")]
         if let Some(link) = &mut self.link {
-            link.network().sample(packets.as_flattened());
+            let network = link.network();
+            if self.ticks.is_multiple_of(SAMPLES_AN_ABOUT.into()) {
+                self.abouts.iter().for_each(|about| network.say(&about.to_packet()));
+            }
+            network.sample(packets.as_flattened());
+        }
+        self.ticks += 1;
+        if self.waiting && !self.to_probe.is_empty() {
+            return;
+        }
+        self.waiting = false;
+        if self.sent.is_multiple_of(SAMPLES_AN_ABOUT) {
+            for about in self.abouts {
+                self.write(&about.to_packet());
+            }
         }
         self.write(packets.as_flattened());
+        self.sent = self.sent.wrapping_add(1);
     }
 
     /// Says a packet to all.
+    #[cfg(not(feature = "two-axes"))]
     pub fn say(&mut self, packet: &[u8]) {
         #[cfg(feature = "h743zi")]
         if let Some(link) = &mut self.link {
@@ -110,59 +132,38 @@ impl Hosts {
         self.write(packet);
     }
 
-    /// To the probe: packets as a whole, or nothing of them and no other until there is room.
+    /// To the probe: packets as a whole, or nothing of them and no tick until there is room.
     fn write(&mut self, packets: &[u8]) {
-        if self.waiting && !self.to_probe.is_empty() {
-            return;
-        }
-        self.waiting = self.to_probe.write(packets) < packets.len();
+        self.waiting |= self.to_probe.write(packets) < packets.len();
     }
 
-    /// Frames of the cable to and fro.
+    /// Frames of the cable to and fro, in the time that the ticks tell.
     #[cfg(feature = "h743zi")]
-    pub fn poll(&mut self, now_us: i64) {
+    pub fn poll(&mut self) {
         if let Some(link) = &mut self.link {
-            link.poll(now_us);
+            link.poll(self.ticks as i64 * TICK_US);
         }
     }
 
-    /// Hears orders, one a tick at most, and comes back with the first message about slots.
-    #[cfg(not(feature = "two-axes"))]
+    /// Does what is asked of loop and network, an order a tick at most, and comes back with the first message about slots.
     pub fn hear(&mut self) -> Option<Message> {
         while ORDERS.is_empty() {
             match self.asked()? {
+                Asked::Order(order) => {
+                    // The slot is empty.
+                    ORDERS.offer(order);
+                }
+                #[cfg(feature = "h743zi")]
+                Asked::SamplesTo(port) => {
+                    if let Some(link) = &mut self.link {
+                        link.network().samples_to(port);
+                    }
+                }
+                #[cfg(not(feature = "two-axes"))]
                 Asked::Message(message) => return Some(message),
-                other => self.take(other),
             }
         }
         None
-    }
-
-    /// Hears orders, one a tick at most.
-    #[cfg(feature = "two-axes")]
-    pub fn hear(&mut self) {
-        while ORDERS.is_empty()
-            && let Some(asked) = self.asked()
-        {
-            self.take(asked);
-        }
-    }
-
-    fn take(&mut self, asked: Asked) {
-        match asked {
-            Asked::Order(order) => {
-                // The slot is empty.
-                ORDERS.offer(order);
-            }
-            #[cfg(feature = "h743zi")]
-            Asked::SamplesTo(port) => {
-                if let Some(link) = &mut self.link {
-                    link.network().samples_to(port);
-                }
-            }
-            #[cfg(not(feature = "two-axes"))]
-            Asked::Message(_) => {}
-        }
     }
 
     /// The next that somebody asks for, in the bytes that have come.

@@ -297,8 +297,6 @@ fn main() -> ! {
     let mut button = Button::default();
     #[cfg(not(feature = "two-axes"))]
     let mut restart = None;
-    #[cfg(feature = "h743zi")]
-    let mut ticks_us = Elapsed::default();
     loop {
         ROUNDS.fetch_add(1, Ordering::Relaxed);
         for tick in core::iter::from_fn(|| ticks.dequeue()).take(SAMPLES_A_ROUND) {
@@ -311,7 +309,7 @@ fn main() -> ! {
             button.look(board.button.is_high(), last.number, at, &ORDERS);
         }
         #[cfg(feature = "h743zi")]
-        hosts.poll(ticks_us.until(log.seen));
+        hosts.poll();
         #[cfg(feature = "two-axes")]
         hosts.hear();
         #[cfg(not(feature = "two-axes"))]
@@ -467,24 +465,6 @@ fn answer(
         }
     }
     false
-}
-
-/// Time by the ticks that main has seen, which its counter does not hold for ever.
-#[cfg(feature = "h743zi")]
-#[derive(Default)]
-struct Elapsed {
-    seen: u32,
-    ticks: i64,
-}
-
-#[cfg(feature = "h743zi")]
-impl Elapsed {
-    /// Microseconds until a tick.
-    fn until(&mut self, seen: u32) -> i64 {
-        self.ticks += i64::from(seen.wrapping_sub(self.seen));
-        self.seen = seen;
-        self.ticks * (1e6 / table::SAMPLE_RATE_HZ) as i64
-    }
 }
 
 /// Faults as they come, figures once a second.

@@ -1,13 +1,15 @@
 //! The application of both axes at its stage, its end of a cable, and a host that holds each sample against what was sent.
 
-use crate::cable::{BOARD, End, Host, PREFIX, SAMPLES_PORT};
-use hysteron_board::host::complete;
+use crate::cable::{BOARD, End, Heard, Host, PREFIX, SAMPLES_PORT};
+use hysteron_board::host::{complete, hello};
 use hysteron_board::two_axes::coupled;
+use hysteron_board::{Request, Shape};
 use hysteron_firmware::controller::Controller;
 use hysteron_firmware::law::Complete;
 use hysteron_firmware::network::{Buffers, Network, Place, Places};
-use hysteron_firmware::telemetry::{About, Found, Requested, Requests, Sample, find, order_packet, samples_to_packet};
-use hysteron_firmware::trajectory::Shape;
+use hysteron_firmware::telemetry::{
+    About, Requested, Requests, SAMPLES_AN_ABOUT, Sample, order_packet, samples_to_packet,
+};
 use hysteron_firmware::two_axes::TwoAxes;
 use hysteron_firmware::wire::{Frame, Input, Order, Setup};
 use hysteron_plant::{Stage, preset};
@@ -24,8 +26,6 @@ const SEED: u64 = 7;
 const HARDWARE: [u8; 6] = [2, 0, 0, 0, 0, 2];
 /// Ticks of a round of main's.
 const TICKS_A_ROUND: u32 = 32;
-/// Samples of either axis from a description to the next.
-const TICKS_AN_ABOUT: u32 = 8192;
 
 /// Whatever stops a run.
 pub(crate) type Failure = Box<dyn std::error::Error + Send + Sync>;
@@ -54,20 +54,20 @@ const KEPT: usize = 16_384;
 impl Board {
     fn new(mut end: End) -> Result<Self, Failure> {
         let [x, y] = [Table::parse(TABLES[0])?, Table::parse(TABLES[1])?];
-        let controller = |table: &Table| {
-            let (min_um, max_um) = (table.input_min_um as f32, table.input_max_um as f32);
-            let inset_um = 0.02 * (max_um - min_um);
-            let setup = Setup {
-                ticks: u32::MAX,
+        let controller = |table: &Table, text| -> Result<_, Failure> {
+            let request = Request {
                 shape: Shape::Sine,
-                phase_step: (10.0 / table.sample_rate_hz as f32 * 4_294_967_296.0) as u32,
-                low_um: min_um + inset_um,
-                high_um: max_um - inset_um,
+                frequency_hz: 10.0,
+                range_um: None,
+                seconds: 1.0,
                 feedforward: true,
                 feedback: true,
-                clocked: true,
             };
-            complete(table).map(|parameters| Controller::new(parameters, &setup))
+            let setup = Setup {
+                ticks: u32::MAX,
+                ..request.setup(&hello(table, text))?
+            };
+            Ok(Controller::new(complete(table)?, &setup))
         };
         let configs = [preset::tracking_8k(), preset::tracking_739()];
         let place = Place {
@@ -77,7 +77,7 @@ impl Board {
         };
         let room = (Box::leak(Box::new(Buffers::new())), Box::leak(Box::new(Places::new())));
         Ok(Self {
-            axes: TwoAxes::new(controller(&x)?, controller(&y)?),
+            axes: TwoAxes::new(controller(&x, TABLES[0])?, controller(&y, TABLES[1])?),
             abouts: About::of_both("simulated").to_vec(),
             stages: coupled([&configs[0], &configs[1]], SHARES, SEED)?,
             network: Network::new(&mut end, room, place, SEED),
@@ -110,7 +110,7 @@ impl Board {
                 .wrapping_add(u64::from(frame.dac));
         }
         let samples = [of_axis(0, x), of_axis(1, y)];
-        if self.ticks.is_multiple_of(TICKS_AN_ABOUT) {
+        if self.ticks.is_multiple_of(SAMPLES_AN_ABOUT) {
             self.abouts
                 .iter()
                 .for_each(|about| self.network.say(&about.to_packet()));
@@ -146,19 +146,6 @@ impl Board {
         let mine = self.sent.get(place).and_then(|both| both.get(usize::from(sample.axis)));
         mine.is_some_and(|mine| mine.to_packet() == sample.to_packet())
     }
-}
-
-/// What came to the host.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(crate) struct Heard {
-    /// Samples, and those that the board has not sent.
-    pub(crate) samples: u64,
-    pub(crate) wrong: u64,
-    /// Ticks of the first axis that are missing, by the numbers of its frames.
-    pub(crate) missing: u64,
-    /// Times that some are.
-    pub(crate) gaps: u64,
-    last: Option<u32>,
 }
 
 /// Both ends, and the time.
@@ -221,30 +208,8 @@ impl Bench {
             self.round();
             while let Some(datagram) = self.host.datagram() {
                 each(&datagram);
-                self.hear(&datagram, heard);
+                heard.hear(&datagram, |sample| self.board.has_sent(sample));
             }
-        }
-    }
-
-    fn hear(&self, datagram: &[u8], heard: &mut Heard) {
-        let mut at = 0;
-        while let Some(left) = datagram.get(at..).filter(|left| !left.is_empty()) {
-            let found = find(left);
-            if let Found::Sample(sample) = found {
-                heard.samples += 1;
-                heard.wrong += u64::from(!self.board.has_sent(&sample));
-                if sample.axis == 0 {
-                    let step = heard.last.map_or(1, |last| sample.frame.number.wrapping_sub(last));
-                    heard.missing += u64::from(step) - 1;
-                    heard.gaps += u64::from(step > 1);
-                    heard.last = Some(sample.frame.number);
-                }
-            } else {
-                // A datagram holds samples and nothing else.
-                heard.wrong += 1;
-            }
-            // One that has not ended is no packet either.
-            at += found.length().max(1);
         }
     }
 }

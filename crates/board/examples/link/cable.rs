@@ -1,6 +1,7 @@
 //! Both ends of a cable in this process, and the host that listens at one of them by the board's own network stack.
 
 use hysteron_firmware::network::PORT;
+use hysteron_firmware::telemetry::{Found, Sample, all};
 use smoltcp::iface::{Config, Interface, SocketHandle, SocketSet};
 use smoltcp::phy::{Device, DeviceCapabilities, Medium, RxToken, TxToken};
 use smoltcp::socket::{tcp, udp};
@@ -195,5 +196,40 @@ impl Host {
     pub(crate) fn datagram(&mut self) -> Option<Vec<u8>> {
         let samples = self.sockets.get_mut::<udp::Socket<'_>>(self.samples);
         samples.recv().ok().map(|(bytes, _)| bytes.to_vec())
+    }
+}
+
+/// What came to the host by UDP.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Heard {
+    /// Samples.
+    pub(crate) samples: u64,
+    /// Of them, those that the board has not sent, and what is no sample.
+    pub(crate) wrong: u64,
+    /// Ticks of the first axis that are missing, by the numbers of its frames.
+    pub(crate) missing: u64,
+    /// Times that some are.
+    pub(crate) gaps: u64,
+    last: Option<u32>,
+}
+
+impl Heard {
+    /// Takes a datagram, which holds whole samples and nothing else.
+    pub(crate) fn hear(&mut self, datagram: &[u8], is_sent: impl Fn(&Sample) -> bool) {
+        for found in all(datagram) {
+            let Found::Sample(sample) = found else {
+                self.wrong += 1;
+                continue;
+            };
+            self.samples += 1;
+            self.wrong += u64::from(!is_sent(&sample));
+            if sample.axis == 0 {
+                let number = sample.frame.number;
+                let between = self.last.map_or(0, |last| number.wrapping_sub(last).wrapping_sub(1));
+                self.missing += u64::from(between);
+                self.gaps += u64::from(between > 0);
+                self.last = Some(number);
+            }
+        }
     }
 }

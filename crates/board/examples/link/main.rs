@@ -8,7 +8,8 @@ mod bench;
 #[allow(dead_code, reason = "some of it is the tests' alone")]
 mod cable;
 
-use bench::{Bench, Failure, Heard};
+use bench::{Bench, Failure};
+use cable::Heard;
 
 fn main() -> Result<(), Failure> {
     let seconds: f64 = match std::env::args().nth(1) {

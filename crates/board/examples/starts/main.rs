@@ -234,8 +234,8 @@ fn long_run(rig: &mut Rig, label: &str) -> Result<(String, bool), Failure> {
         && rig.fault().is_none()
         && high - low > 20_000
         && counts.telemetry > 9 * counts.ticks / 10 * rig.axes.len() as u32
-        && (counts.by_cable > 9 * counts.ticks / 10 * rig.axes.len() as u32) == on_a_cable
-        && counts.by_cable_different + counts.by_cable_missing == 0;
+        && (counts.by_cable.samples > u64::from(9 * counts.ticks / 10 * rig.axes.len() as u32)) == on_a_cable
+        && counts.by_cable.wrong + counts.by_cable.missing == 0;
     let wrong = format!(", WRONG ({:?}, {:?})", rig.mode(), rig.fault());
     let row = format!(
         "| {label}{} | {} | {} | {:.2} us | {} | {} | {} | {} | {}, {} | {low}, {high} |",
@@ -246,9 +246,9 @@ fn long_run(rig: &mut Rig, label: &str) -> Result<(String, bool), Failure> {
         counts.beside_latch,
         counts.telemetry,
         counts.telemetry_different,
-        counts.by_cable,
-        counts.by_cable_different,
-        counts.by_cable_missing,
+        counts.by_cable.samples,
+        counts.by_cable.wrong,
+        counts.by_cable.missing,
     );
     Ok((row, right))
 }

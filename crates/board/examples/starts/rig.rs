@@ -1,11 +1,11 @@
 //! A board on the bench: the image in the processor model, its converters, the simulated stage behind them, and the host's law beside it.
 
-use crate::cable::{End, Host as Listener, SAMPLES_PORT};
+use crate::cable::{End, Heard, Host as Listener, SAMPLES_PORT};
 use crate::host::{Around, Axis, Host, started};
 use crate::processor::{Failure, Line, Processor, Reset, Seen, State, Word};
 use hysteron_board::Fault;
 use hysteron_firmware::chips::Chip;
-use hysteron_firmware::telemetry::{Found, Sample, find, samples_to_packet};
+use hysteron_firmware::telemetry::{Found, Sample, all, samples_to_packet};
 use hysteron_firmware::wire::{Frame, Mode, Order};
 use hysteron_plant::Stage;
 
@@ -60,12 +60,8 @@ pub(crate) struct Counts {
     pub(crate) telemetry: u32,
     /// Of them, those that are not the host's.
     pub(crate) telemetry_different: u32,
-    /// Samples that came by the cable.
-    pub(crate) by_cable: u32,
-    /// Of them, those that are not the host's, and what is no sample.
-    pub(crate) by_cable_different: u32,
-    /// Ticks that are missing among them, by the frames' numbers.
-    pub(crate) by_cable_missing: u32,
+    /// What came by the cable.
+    pub(crate) by_cable: Heard,
     /// Resets by the watchdog.
     pub(crate) bites: u32,
 }
@@ -97,8 +93,8 @@ pub(crate) struct Rig {
     frames: Vec<(Vec<Frame>, Vec<u16>)>,
     /// Telemetry that is no packet yet.
     sent: Vec<u8>,
-    /// Whoever listens on the cable, the board's end of it, and the last tick that came.
-    cable: Option<(Listener, End, Option<u32>)>,
+    /// Whoever listens on the cable, and the board's end of it.
+    cable: Option<(Listener, End)>,
     /// Orders that ticks have taken, with the ticks' numbers.
     pub(crate) taken: Vec<(u32, Order)>,
     /// How the outputs have moved.
@@ -370,10 +366,10 @@ impl Rig {
         let [of_board, of_host] = End::pair();
         let mut host = Listener::new(of_host);
         host.call()?;
-        self.cable = Some((host, of_board, None));
+        self.cable = Some((host, of_board));
         for _ in 0..500 {
             self.go(u64::from(CABLE_TICKS))?;
-            if let Some((host, ..)) = &mut self.cable
+            if let Some((host, _)) = &mut self.cable
                 && host.is_connected()
             {
                 return host.say(&samples_to_packet(SAMPLES_PORT));
@@ -389,7 +385,7 @@ impl Rig {
 
     /// Frames to and fro, and what came by UDP against the host's.
     fn exchange(&mut self) -> Result<(), Failure> {
-        let Some((mut host, end, mut last)) = self.cable.take() else {
+        let Some((mut host, end)) = self.cable.take() else {
             return Ok(());
         };
         end.there.borrow_mut().extend(self.processor.frames()?);
@@ -399,26 +395,12 @@ impl Rig {
             let Some(frame) = frame else { break };
             self.processor.frame(&frame)?;
         }
+        let mut heard = self.counts.by_cable;
         while let Some(datagram) = host.datagram() {
-            let mut at = 0;
-            while let Some(left) = datagram.get(at..).filter(|left| !left.is_empty()) {
-                let found = find(left);
-                match found {
-                    Found::Sample(sample) => {
-                        self.counts.by_cable += 1;
-                        self.counts.by_cable_different += u32::from(!self.is_mine(&sample));
-                        if sample.axis == 0 {
-                            let step = last.map_or(1, |last| sample.frame.number.wrapping_sub(last));
-                            self.counts.by_cable_missing += step.wrapping_sub(1);
-                            last = Some(sample.frame.number);
-                        }
-                    }
-                    _ => self.counts.by_cable_different += 1,
-                }
-                at += found.length().max(1);
-            }
+            heard.hear(&datagram, |sample| self.is_mine(sample));
         }
-        self.cable = Some((host, end, last));
+        self.counts.by_cable = heard;
+        self.cable = Some((host, end));
         Ok(())
     }
 
@@ -503,15 +485,13 @@ impl Rig {
     fn read_telemetry(&mut self) -> Result<(), Failure> {
         self.sent.extend(self.processor.telemetry()?);
         let mut at = 0;
-        loop {
-            let found = find(self.sent.get(at..).unwrap_or_default());
+        for found in all(&self.sent) {
             match found {
-                Found::Incomplete => break,
                 Found::Sample(sample) => {
                     self.counts.telemetry += 1;
                     self.counts.telemetry_different += u32::from(!self.is_mine(&sample));
                 }
-                Found::About(_) | Found::Answer => {}
+                Found::About(_) | Found::Answer | Found::Incomplete => {}
                 Found::Order(_) | Found::SamplesTo(_) | Found::Nothing => {
                     return Err("the telemetry holds what is no packet of a board's".into());
                 }
