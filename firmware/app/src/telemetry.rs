@@ -271,7 +271,8 @@ pub struct Requests {
 }
 
 impl Requests {
-    /// One more byte; the request that it completes.
+    /// One more byte; the request that it completes. Main's alone, and seldom: it stays out of the interrupt's memory.
+    #[cold]
     pub fn push(&mut self, byte: u8) -> Option<Requested> {
         self.last.rotate_left(1);
         self.last[ORDER_BYTES - 1] = byte;
