@@ -1,6 +1,6 @@
 //! Analog Devices AD5683R, a 16-bit DAC on SPI (data sheet rev. D).
 
-use crate::selected;
+use crate::Selected;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiBus;
 use hysteron_core::codes::DacCode;
@@ -80,9 +80,9 @@ impl<B: SpiBus, P: OutputPin, const N: usize> Ad5683r<B, P, N> {
     #[inline(always)]
     pub fn set(&mut self, codes: [DacCode; N], update: Update) -> Result<(), B::Error> {
         for (sync, code) in self.syncs.iter_mut().zip(codes) {
-            selected(sync, || {
-                self.bus.write(&word(code, update)).and_then(|()| self.bus.flush())
-            })?;
+            let _selected = Selected::new(sync);
+            self.bus.write(&word(code, update))?;
+            self.bus.flush()?;
         }
         Ok(())
     }
@@ -100,7 +100,9 @@ pub fn held<B: SpiBus, P: OutputPin, const N: usize>(
     for (sync, code) in syncs.iter_mut().zip(&mut codes) {
         let mut answer = [0; 3];
         for word in [ASK, WHILE_IT_ANSWERS] {
-            selected(sync, || bus.transfer(&mut answer, &word).and_then(|()| bus.flush()))?;
+            let _selected = Selected::new(sync);
+            bus.transfer(&mut answer, &word)?;
+            bus.flush()?;
         }
         *code = answered(answer);
     }

@@ -1,6 +1,6 @@
 //! Analog Devices AD5791, a 20-bit DAC on SPI (data sheet rev. E): 24 bits a word, mode 1.
 
-use crate::selected;
+use crate::Selected;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiBus;
 use hysteron_core::codes::DacCode;
@@ -120,8 +120,8 @@ impl<B: SpiBus, P: OutputPin> Ad5791<B, P> {
     }
 
     fn word(&mut self, word: &mut [u8; 3]) -> Result<(), B::Error> {
-        selected(&mut self.sync, || {
-            self.bus.transfer_in_place(word).and_then(|()| self.bus.flush())
-        })
+        let _selected = Selected::new(&mut self.sync);
+        self.bus.transfer_in_place(word)?;
+        self.bus.flush()
     }
 }

@@ -3,7 +3,7 @@
 //! Its inputs take +-10 V or +-5 V by a pin, and have a filter of second order before them: 23 kHz or 15 kHz ("Analog Antialiasing
 //! Filter"). That is the sensor's delay of some 10 us, which belongs to what is known of a rig.
 
-use crate::selected;
+use crate::Selected;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiBus;
 use hysteron_core::codes::AdcCode;
@@ -61,9 +61,9 @@ impl<B: SpiBus, S: OutputPin, C: OutputPin> Ad7608<B, S, C> {
         const { assert!(N > 0 && N <= CHANNELS, "an AD7608 has eight channels") };
         let mut bytes = [0; BYTES];
         let (wanted, _) = bytes.split_at_mut((BITS * N).div_ceil(8));
-        selected(&mut self.select, || {
-            self.bus.read(wanted).and_then(|()| self.bus.flush())
-        })?;
+        let _selected = Selected::new(&mut self.select);
+        self.bus.read(wanted)?;
+        self.bus.flush()?;
         Ok(core::array::from_fn(|channel| unpacked(&bytes, channel)))
     }
 }

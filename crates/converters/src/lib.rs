@@ -17,11 +17,20 @@ pub mod ad7608;
 
 use embedded_hal::digital::OutputPin;
 
-/// A transfer with a converter's select line low, and high again however it ends.
-#[inline(always)]
-fn selected<R>(line: &mut impl OutputPin, transfer: impl FnOnce() -> R) -> R {
-    let _ = line.set_low();
-    let done = transfer();
-    let _ = line.set_high();
-    done
+/// A converter's select line, low until this is dropped, however a transfer ends.
+struct Selected<'l, P: OutputPin>(&'l mut P);
+
+impl<'l, P: OutputPin> Selected<'l, P> {
+    #[inline(always)]
+    fn new(line: &'l mut P) -> Self {
+        let _ = line.set_low();
+        Self(line)
+    }
+}
+
+impl<P: OutputPin> Drop for Selected<'_, P> {
+    #[inline(always)]
+    fn drop(&mut self) {
+        let _ = self.0.set_high();
+    }
 }
